@@ -50,9 +50,9 @@ def fit(chosen: argparse.Namespace) -> None:
         if given and len(given) != len(chosen.images):
             raise ValueError(f"{len(chosen.images)} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
-        raise ValueError("--estimate-focal searches for the focal length of unknown cameras, and --pose gives them")
+        raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
-        raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
+        raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
     if chosen.explain:
         chosen.explain.mkdir(parents=True, exist_ok=True)
     for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):

@@ -76,7 +76,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
     views = _with_objects((entry.read() for entry in entries), protocol)
     _collected(scored(model, views, protocol), len(entries), keep)
     if not scores:
-        raise ValueError("no object of the dataset shows anything")
+        raise ValueError("all objects of the dataset are blank")
     print(format_table(scores, protocol), flush=True)
     if chosen.report and is_stream(chosen.report):
         write_report(chosen.report, scores, protocol, about)
@@ -281,7 +281,7 @@ def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry,
     """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
     category, entries = index_objects(datasets)
     if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, and the model is of {model.category}")
+        raise ValueError(f"the dataset shows {category}, but the model {model.category}")
     return entries
 
 

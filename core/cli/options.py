@@ -31,7 +31,7 @@ def add_device(command: argparse.ArgumentParser) -> None:
 
 def add_seed(command: argparse.ArgumentParser) -> None:
     """Add ``--seed``."""
-    command.add_argument("--seed", type=int, default=0, help="of all random numbers")
+    command.add_argument("--seed", type=int, default=0, help="random seed")
 
 
 def add_no_photo_detail(command: argparse.ArgumentParser, about: str) -> None:

@@ -49,7 +49,7 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
 def dataset_recombined(chosen: argparse.Namespace) -> None:
     """Run ``dataset recombined``: render chairs made of the legs of one mesh and the seat of another."""
     if chosen.category != "chairs":
-        raise ValueError(f"only chairs are recombined, not {chosen.category}")
+        raise ValueError(f"only chairs can be recombined, not {chosen.category}")
     _render(chosen, recombined_tasks(chosen.folder, chosen.count), "train")
 
 
@@ -109,7 +109,7 @@ def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
     require_writable(chosen.out)
     model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
     if model.category not in ("", dataset.category):
-        raise ValueError(f"the dataset shows {dataset.category}, and the model is one of {model.category}")
+        raise ValueError(f"the dataset shows {dataset.category}, but the model {model.category}")
     _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
 
 
@@ -123,7 +123,7 @@ def train_part_head(chosen: argparse.Namespace) -> None:
     features, part = (torch.cat(values) for values in zip(*tested, strict=True))
     share = 100 * float((trial(features).argmax(1) == part).float().mean())
     replace(model, part_head=fit_part_head(model, places)).save(chosen.out)
-    print(f"{', '.join(trial.names)}: {share:.1f} % of the surface of {len(tested)} objects that were left out")
+    print(f"{', '.join(trial.names)}: {share:.1f} % of the surface of {len(tested)} held-out objects")
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
@@ -149,7 +149,7 @@ def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Mod
     """Return the network's sizes from the options, or from the initial model."""
     if initial:
         if chosen.width or chosen.latent or chosen.recipe != "default":
-            raise ValueError("--init has the sizes and the architecture of its model: no --width, --latent or --recipe")
+            raise ValueError("--init keeps its model's sizes and architecture: omit --width, --latent and --recipe")
         return initial.field.config
     shape, texture = chosen.latent or (default.shape_latent, default.texture_latent)
     return replace(default, width=chosen.width or default.width, shape_latent=shape, texture_latent=texture)
@@ -159,8 +159,8 @@ def convert(chosen: argparse.Namespace) -> None:
     """Run ``convert``: write a checkpoint of the authors' trainer as a model file."""
     require_writable(chosen.out)
     if chosen.out.suffix != ".safetensors":
-        raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
+        raise ValueError(f"{chosen.out.name}: a model file must end in .safetensors")
     model = load_authors(chosen.checkpoint, chosen.config)
     model.save(chosen.out)
     lost = ", ".join(str(index) for index in sorted(model.codes.collapsed))
-    print(f"{len(model.codes)} {model.category}" + (f"; nearly empty, so left out of the mean: {lost}" if lost else ""))
+    print(f"{len(model.codes)} {model.category}" + (f"; excluded as nearly empty: {lost}" if lost else ""))

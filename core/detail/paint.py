@@ -135,7 +135,7 @@ def _part_share(
     head = model.part_head
     if head is None:
         if part:
-            raise ValueError(f"this model knows no parts, so none is called {part}")
+            raise ValueError(f"this model has no parts, so it cannot paint {part}")
         return torch.ones_like(points[:, 0])
     folded = FoldedField(model, codes)
     features = folded.density(folded.first_layer(pad_rows(points)))[1][: len(points)]
@@ -146,7 +146,7 @@ def _part_share(
     if part in shares:
         return shares[part]
     if part not in materials:
-        raise ValueError(f"a {model.noun or 'object'} has {', '.join(known)}, and nothing called {part}")
+        raise ValueError(f"a {model.noun or 'object'} has {', '.join(known)}, but no {part}")
     own, other = (
         _mean(colours, shares[seed]) for seed in (materials[part], *(materials[m] for m in materials if m != part))
     )

@@ -67,7 +67,7 @@ class MeshSettings:
 
     def __post_init__(self) -> None:
         if self.metres is not None and not 0 < self.metres < 1e6:
-            raise ValueError(f"an object is more than 0 m long, got {self.metres:g}")
+            raise ValueError(f"an object must be more than 0 m long, got {self.metres:g}")
         if self.texture and not 16 <= self.texture <= 8192:
             raise ValueError(f"a texture has 16 to 8192 px, got {self.texture}")
         if self.triangles and self.triangles < MIN_TRIANGLES:
@@ -85,7 +85,7 @@ def export_mesh(
     """
     settings, suffix = settings or MeshSettings(), path.suffix.lower()
     if suffix not in FORMATS:
-        raise ValueError(f"{path.name}: a mesh is called {', '.join(FORMATS)}")
+        raise ValueError(f"{path.name}: a mesh file must end in {', '.join(FORMATS)}")
     if settings.texture and suffix not in TEXTURED:
         raise ValueError(f"{path.name}: only {', '.join(TEXTURED)} holds a texture")
     with atomic_file(path) as unfinished:
@@ -177,7 +177,7 @@ def extract_mesh(
         ):
             break
     if found is None:
-        raise ValueError("the object has no surface: it is nowhere dense enough")
+        raise ValueError("the object has no surface: its density is too low everywhere")
     if 0 < triangles < len(faces):
         vertices, faces = yield from subprogress(simplify(vertices, faces, triangles), end, end)
         of_faces = face_normals(vertices, faces)

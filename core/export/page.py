@@ -57,7 +57,7 @@ def write_page(model: Model, codes: Codes, camera: Camera, path: Path, name: str
         name: of the object, shown below it and in the browser's title.
     """
     if path.suffix.lower() != SUFFIX:
-        raise ValueError(f"{path.name}: a page is called *{SUFFIX}")
+        raise ValueError(f"{path.name}: a page must end in {SUFFIX}")
     with atomic_file(path) as unfinished:
         baked: BakedField | None = None
         for finer in bake(model, codes):

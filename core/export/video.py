@@ -59,7 +59,7 @@ def write_video(
     """
     settings, suffix = settings or VideoSettings(), path.suffix.lower()
     if suffix not in FORMATS:
-        raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
+        raise ValueError(f"{path.name}: a video must end in {', '.join(FORMATS)}")
     chosen = FORMATS[suffix]
     if settings.background is None and not chosen.transparent:
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)

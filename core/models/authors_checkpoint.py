@@ -116,7 +116,7 @@ def _tensors(state: Any, part: str) -> dict[str, Tensor]:
     """Return the tensors of one part of a checkpoint by name, without the prefix of DataParallel."""
     found = state.get(part) if isinstance(state, dict) else None
     if not isinstance(found, dict) or not all(isinstance(one, Tensor) for one in found.values()):
-        raise ValueError(f"it holds no {part}, which are tensors by their names")
+        raise ValueError(f"it has no table {part} of tensors")
     return {str(name).removeprefix(_PARALLEL): tensor for name, tensor in found.items()}
 
 

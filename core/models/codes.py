@@ -61,7 +61,7 @@ class Codes:
 
     def _require_same_model(self, other: "Codes") -> None:
         if self.model and other.model and self.model != other.model:
-            raise ValueError("codes of different models cannot be mixed")
+            raise ValueError("codes of different models cannot be combined")
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ class FieldConfig:
 
     def __post_init__(self) -> None:
         if self.architecture not in ("codenerf", "M1", "M2"):
-            raise ValueError(f"no field has this architecture: {self.architecture}")
+            raise ValueError(f"unknown architecture: {self.architecture}")
         for name, (low, high) in _SIZES.items():
             if not low <= whole(getattr(self, name), name) <= high:
                 raise ValueError(f"{name} of a field is {low} to {high}, got {getattr(self, name)}")

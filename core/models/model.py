@@ -63,16 +63,14 @@ class Model:
             raise ValueError(f"image_size of a model is 1 to {MAX_SIDE} px, got {self.image_size}")
         latent = self.field.config.shape_latent, self.field.config.texture_latent
         if (self.codes.shapes.shape[-1], self.codes.textures.shape[-1]) != latent:
-            raise ValueError(
-                f"the codes of a model do not fit its field, which takes {latent[0]} and {latent[1]} numbers"
-            )
+            raise ValueError(f"the codes do not fit the field, which needs {latent[0]} and {latent[1]} numbers")
         if self.codes.objects and not self.codes.valid:
             raise ValueError("all objects of the model collapsed in training")
         for name, weights in self.field.state_dict().items():
             if not bool(torch.isfinite(weights).all()):
                 raise ValueError(f"the weights {name} of a model must be finite")
         if self.part_head and self.part_head.weight.shape[1] != self.field.config.width:
-            raise ValueError("the part head of a model does not fit its field")
+            raise ValueError("the part head does not fit the field")
         self.field.requires_grad_(False).eval()
         object.__setattr__(self, "codes", replace(self.codes, model=self.fingerprint))
         if self.viewpoint_classifier:

@@ -44,7 +44,7 @@ class OpenModels:
             return found
         if extending := next((one for one in self if one.shares_codes_with(fingerprint)), None):
             return extending
-        raise ValueError("it was made with a model that is not open: drop the model's file on the window first")
+        raise ValueError("it belongs to a model that is not open: drop the model's file on the window first")
 
     def of_category(self, category: str) -> Model | None:
         """Return the first open model of a category ("cars"), if any."""

@@ -19,7 +19,7 @@ class PartHead:
     def __post_init__(self) -> None:
         count = len(self.names)
         if count < 2 or len(set(self.names)) < count or not all(self.names):
-            raise ValueError(f"an object has two parts or more, each of its own name, got {self.names}")
+            raise ValueError(f"a part head needs at least two parts with distinct names, got {self.names}")
         if self.weight.shape[:1] != (count,) or self.bias.shape != (count,):
             raise ValueError(f"{count} parts need as many rows of weights, got {tuple(self.weight.shape)}")
         if not bool(torch.isfinite(self.weight).all() and torch.isfinite(self.bias).all()):

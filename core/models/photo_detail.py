@@ -48,7 +48,7 @@ class PhotoView:
             )
         numbers = [number for one in self.erased for number in (one.radius, *itertools.chain(*one.points))]
         if not all(math.isfinite(number) for number in numbers):
-            raise ValueError("what is erased of a photo must be finite")
+            raise ValueError("erasures of a photo must be finite")
 
     @classmethod
     def of(cls, rgba: UInt8[np.ndarray, "height width 4"], camera: Camera) -> "PhotoView":
@@ -60,7 +60,7 @@ class PhotoView:
         """Decode colours on white and opacity. Raises ``ValueError`` if damaged or of another size than the camera."""
         pixels = decompressed(self.image)
         if pixels.shape[1::-1] != (self.camera.width, self.camera.height):
-            raise ValueError("the photo has another size than its camera")
+            raise ValueError("the photo's size differs from its camera's")
         return pixels
 
     def kept(self, width: int, height: int) -> Bool[np.ndarray, "height width"]:

@@ -71,7 +71,7 @@ class Scene:
         pairs = [(one.shape.shape, one.texture.shape) for one in (codes, codes.detail) if one]
         if not model.shares_codes_with(about.model) or any(pair != sizes for pair in pairs):
             raise ValueError(
-                f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
+                f"the scene belongs to another model, not to this one of {model.category or 'unnamed objects'}"
             )
         return cls(codes, about.camera)
 
@@ -123,7 +123,7 @@ def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, sc
     Raises ``ValueError`` for an unknown ending, opacity in a format without it, or a path that cannot be written.
     """
     if path.suffix.lower() not in Image.registered_extensions():
-        raise ValueError(f"cannot write {path}: an image's name ends in {', '.join(IMAGE_FORMATS)} or the like")
+        raise ValueError(f"cannot write {path}: an image must end in {', '.join(IMAGE_FORMATS)} or similar")
     if image.shape[2] == 4 and path.suffix.lower() in OPAQUE_FORMATS:
         raise ValueError(f"{path.name}: a jpg cannot have a transparent background")
     about = PngImagePlugin.PngInfo()

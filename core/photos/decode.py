@@ -83,7 +83,7 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     mask = alpha if (np.asarray(alpha) < 255).any() else image.convert("L")
     object_there = np.asarray(mask) > 127
     if object_there.all() or not object_there.any():
-        raise ValueError(f"{path}: a mask is white on the object and black elsewhere; this has one of both only")
+        raise ValueError(f"{path}: the mask is all black or all white; it must be white on the object only")
     mask = mask.resize(size, Image.Resampling.BILINEAR)
     mask.info = {NOTE: note}
     return mask

@@ -85,7 +85,7 @@ def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) ->
             if word:
                 known |= {word: (kind, number, 1), opposite[word]: (kind, number, -1)}
     if name not in known:
-        raise ValueError(f"no direction is called {name!r}; there are {', '.join(known)}")
+        raise ValueError(f"no direction {name!r}; choose one of {', '.join(known)}")
     kind, number, sign = known[name]
     return _moved(codes, kind, sign * amount * getattr(model.codes, f"{kind}_space").basis[number])
 

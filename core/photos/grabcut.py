@@ -32,9 +32,9 @@ def grabcut(
     whole = np.ascontiguousarray(labels[top:bottom, left:right])
     marks = cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST)
     if not np.isin(marks, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
-        raise ValueError("no object found: nothing is left of it")
+        raise ValueError("no object found: the strokes removed all of it")
     if not np.isin(marks, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
-        raise NoBackgroundError("the box holds the whole image: leave some of the background outside")
+        raise NoBackgroundError("the box covers the whole image: leave some background outside")
     cv2.setRNGSeed(0)
     memory = np.zeros((1, 65)), np.zeros((1, 65))
     decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _ROUNDS, cv2.GC_INIT_WITH_MASK)

@@ -56,7 +56,7 @@ class Photo:
     def __post_init__(self) -> None:
         height, width = self.mask.shape
         if self.unseen is not None and (self.unseen.shape != self.mask.shape or bool((self.unseen & self.mask).any())):
-            raise ValueError("the unseen pixels of an image must fit its mask and leave out the object")
+            raise ValueError("the unseen pixels must fit the mask and exclude the object")
         if self.opacity is not None and self.opacity.shape != self.mask.shape:
             raise ValueError("the opacity of an image must fit its mask")
         if self.pixels.shape != (height, width, 3):
@@ -77,7 +77,7 @@ class Crop:
 
     def __post_init__(self) -> None:
         if not (0 < self.scale < math.inf and math.isfinite(self.right) and math.isfinite(self.down)):
-            raise ValueError(f"an image cannot be cropped like this: {self}")
+            raise ValueError(f"invalid crop: {self}")
 
 
 def load_photo(
@@ -166,7 +166,7 @@ def prepare_photo(
     square = _square(cut, half, crop)
     photo = _resampled(cut, square, (size, size))
     if not bool(photo.mask.any()):
-        raise ValueError("the object is moved out of its image")
+        raise ValueError("the crop moves the object out of the image")
     focal = cut.focal and cut.focal * size / (2 * half)
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 

@@ -82,7 +82,7 @@ class Hints:
         if self.box is not None:
             left, top, right, bottom = self.box
             if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
-                raise ValueError("the box around the object has no inside within the image")
+                raise ValueError("the box around the object is empty or outside the image")
 
     def __bool__(self) -> bool:
         return self != Hints()
@@ -98,10 +98,10 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     Raises ``ValueError`` if nothing is found: an image of one colour, or hints that leave nothing.
     """
     if min(image.size) < MIN_SIDE:
-        raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
+        raise ValueError(f"an image of {image.width}x{image.height} px is too small; each side needs {MIN_SIDE} px")
     hints, found = hints or Hints(), detect(image)
     if hints.object >= max(1, len(found or ())):
-        raise ValueError(f"there is no object {hints.object + 1}: {len(found or ())} chairs and cars are found")
+        raise ValueError(f"there is no object {hints.object + 1}: only {len(found or ())} chairs and cars were found")
     cut = _cut_out(image, hints, found or ())
     if hints.strokes:
         cut = _stroked(cut, image, hints.strokes)

@@ -199,7 +199,7 @@ def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     field: Field = model.field
     if model.is_ablation:
         raise ValueError(
-            f"a model of architecture {field.config.architecture} is rendered by render --exact only, and not fitted"
+            f"a model of architecture {field.config.architecture} needs render --exact and cannot be fitted"
         )
     width, features = field.config.width, field.feature_layer
     entry = field.direction_layer

@@ -46,7 +46,7 @@ def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     partial, former = _beside(target), _beside(target)
     if target.exists() and not replace:
-        raise ValueError(f"cannot write {path}: it is there already")
+        raise ValueError(f"cannot write {path}: it exists already")
     with _naming(path):
         try:
             partial.mkdir()
@@ -201,7 +201,7 @@ def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:
         if check:
             check(partial)
     except ValueError as error:
-        raise ValueError(f"what was written cannot be read back, and was not kept ({error})") from error
+        raise ValueError(f"the new file cannot be read back and was discarded ({error})") from error
 
 
 def _without_nan(value: object) -> object:

@@ -143,7 +143,7 @@ def read_numbers(path: Path, count: int) -> tuple[float, ...]:
     """Read a text file of ``count`` finite numbers."""
     words = read_text(path).split()
     if len(words) != count:
-        raise ValueError(f"{count} numbers were expected, got {len(words)}")
+        raise ValueError(f"expected {count} numbers, got {len(words)}")
     return tuple(number(float(word)) for word in words)
 
 

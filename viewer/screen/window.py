@@ -28,7 +28,7 @@ def prepare(headless: bool) -> None:
             glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
         if not glfw.init():
             raise NoDisplayError(
-                "no display to open a window on: run it on a desktop (or under ssh -X), or take an image of the "
+                "no display for a window: run on a desktop (or with ssh -X), or save an image of the "
                 "window with --screenshot out.png"
             )
         if headless:
@@ -49,7 +49,7 @@ def _try_opengl() -> None:
     probe = glfw.create_window(64, 64, NAME, None, None)
     glfw.window_hint(glfw.VISIBLE, glfw.TRUE)
     if not probe:
-        raise NoDisplayError("OpenGL 3.3 is not to be had: install a graphics driver (Debian, Ubuntu: libegl1 libgl1)")
+        raise NoDisplayError("OpenGL 3.3 is missing: install a graphics driver (Debian, Ubuntu: libegl1 libgl1)")
     glfw.destroy_window(probe)
 
 

@@ -155,7 +155,7 @@ def _first_format(about: _About, parts: Parts) -> Project:
         one = replace(one, fit=_of_model(one.fit, model), pending=pending, path=about.path)
         found = one.after(found) if found else one
     if found is None:
-        raise ValueError("nothing was made in it")
+        raise ValueError("the project is empty")
     return found
 
 

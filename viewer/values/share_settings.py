@@ -51,7 +51,7 @@ class ShareSettings:
             if chosen not in among:
                 raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
         if not all(0 <= part <= 255 for part in (self.red, self.green, self.blue)) or self.frames < 1:
-            raise ValueError(f"a colour has parts of 0 to 255, a turn has frames; got {self}")
+            raise ValueError(f"colour channels must be 0 to 255 and frames positive, got {self}")
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
         VideoSettings(self.size, self.rate, self.quality)

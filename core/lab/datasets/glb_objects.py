@@ -52,7 +52,7 @@ def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[Mesh
     split_of = {name: held for held, names in held_out_meshes(category).items() for name in names}
     selected = tuple(e for e in entries if e.category == category and split_of.get(e.name, "train") == split)
     if not selected:
-        raise ValueError(f"{index}: no {category} for the {split} split")
+        raise ValueError(f"{index}: no {category} in the {split} split")
     return selected
 
 
@@ -63,7 +63,7 @@ def mesh_tasks(folder: Path | str, category: str, split: Split, variants: int = 
     ``ValueError`` for a negative number of variants.
     """
     if variants < 0:
-        raise ValueError(f"a mesh has no {variants} variants")
+        raise ValueError(f"the number of variants must not be negative, got {variants}")
     meshes = select_meshes(folder, category, split)
     return tuple(_render_task(entry, *pair) for entry in meshes for pair in pairs(variants))
 

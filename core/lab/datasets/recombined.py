@@ -56,7 +56,7 @@ def recombined_tasks(folder: Path | str, count: int) -> tuple[RenderTask, ...]:
         if recombine(halves[base], halves[top], name):
             tasks.append(RenderTask(name, name, name, partial(_recombined, halves[base], halves[top], name)))
     if len(tasks) < count:
-        raise ValueError(f"{folder}: its chairs give {len(tasks)} recombined ones, not {count}")
+        raise ValueError(f"{folder}: its chairs give only {len(tasks)} of {count} recombinations")
     return tuple(tasks)
 
 

@@ -103,7 +103,7 @@ def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry
     names = [entry.name for entry in entries]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
-        raise ValueError(f"{twice}: two folders hold an object of this name")
+        raise ValueError(f"{twice}: two dataset folders contain an object of this name")
     return "".join(categories), tuple(entries)
 
 

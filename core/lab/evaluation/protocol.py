@@ -33,9 +33,9 @@ class EvaluationProtocol:
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
-            raise ValueError(f"no fit preset is called {self.preset}; there are {', '.join(PRESETS)}")
+            raise ValueError(f"no preset {self.preset!r}; choose one of {', '.join(PRESETS)}")
         if not self.inputs or min(self.inputs) < 0 or len(set(self.inputs)) < len(self.inputs):
-            raise ValueError(f"input views are different views, counted from 0, got {self.inputs}")
+            raise ValueError(f"input views must be distinct numbers from 0, got {self.inputs}")
         if self.every < 1:
             raise ValueError(f"the stride over views must be at least 1, got {self.every}")
 
@@ -127,16 +127,16 @@ def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> tu
 def _require_views(views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:
     count, wanted = len(views.cameras), ",".join(map(str, protocol.inputs))
     if max(protocol.inputs) >= count:
-        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, and the input views are {wanted}")
+        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, but the input views are {wanted}")
     if not rest:
-        raise ValueError(f"{views.name}: {count} views, all of them input views ({wanted}): none to compare")
+        raise ValueError(f"{views.name}: {count} views, all used as input ({wanted}): none left to compare")
 
 
 def _require_focal_length(model: Model, views: ObjectViews) -> None:
     camera = views.cameras[0]
     theirs, ours = camera.focal / camera.height, model.focal / model.image_size
     if abs(theirs - ours) > 0.01 * ours:
-        raise ValueError(f"{views.name}: focal length {theirs:.3f} image heights, and the model's is {ours:.3f}")
+        raise ValueError(f"{views.name}: focal length {theirs:.3f} image heights, but the model's is {ours:.3f}")
 
 
 def _pose_score(view: int, truth: Camera, estimated: Camera, initial: Camera) -> PoseScore:

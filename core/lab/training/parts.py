@@ -41,11 +41,13 @@ def labelled_places(model: Model, count: int) -> Iterator[Places]:
     Raises ``ValueError`` if there are none, or if the category has no parts.
     """
     if model.category not in PARTS:
-        raise ValueError(f"only the parts of {' and '.join(PARTS)} are known, not of {model.category or 'anything'}")
+        raise ValueError(
+            f"parts can be learned for {' and '.join(PARTS)} only, not for {model.category or 'this model'}"
+        )
     named = {index: ProceduralObject.named(model.codes.objects[index].name) for index in model.codes.valid}
     shapes = {item.shape: index for index, item in named.items() if item and item.category == model.category}
     if not shapes:
-        raise ValueError("the model was trained on no generated object, whose parts would be known")
+        raise ValueError("the model was not trained on generated objects, which have labelled parts")
     generator = np.random.default_rng(0)
     for seed in sorted(shapes)[:: max(1, len(shapes) // count)]:
         yield _places(model, model.codes[shapes[seed]], shape_of(model.category, seed), generator)

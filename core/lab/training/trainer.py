@@ -162,7 +162,7 @@ class Trainer:
         try:
             state = torch.load(path, map_location=self.device, weights_only=True)
             if state["objects"] != [entry.name for entry in self.entries]:
-                raise ValueError("it is of other objects, or of the same in another order")
+                raise ValueError("it belongs to other objects, or to another order")
             self.field.load_state_dict(state["field"])
             with torch.no_grad():
                 for parameter, value in zip((self.shapes, self.textures), state["codes"], strict=True):
@@ -275,7 +275,7 @@ def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
         return replace(views, images=views.images[kept], masks=views.masks[kept], cameras=views.cameras[kept])
 
     if min(len(views.cameras) for views in dataset.objects) < 2:
-        raise ValueError("training needs at least two views of every object: one is held out to measure by")
+        raise ValueError("training needs at least two views of every object: one is held out for validation")
     rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
     some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
     held = tuple(part(views, slice(-1, None)) for views in some)

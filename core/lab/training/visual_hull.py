@@ -55,6 +55,6 @@ def shared_extent(objects: Sequence[ObjectViews], resolution: int = 32) -> Exten
         occupied |= visual_hull(views, (0.5, 0.5, 0.5), resolution)
     centres = grid_centres((0.5, 0.5, 0.5), resolution)[occupied.reshape(-1)]
     if not len(centres):
-        raise ValueError("the masks leave no room for an object: poses and masks do not belong together")
+        raise ValueError("the masks rule out all space: poses and masks do not match")
     reach = (centres.abs().amax(0) + 1.5 / resolution).clamp_max(0.5)
     return (float(reach[0]), float(reach[1]), float(reach[2]))
