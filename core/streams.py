@@ -1,4 +1,4 @@
-"""Generators that end with a result: run to the end, or as a part of a longer one."""
+"""Helpers for generators that end with a result: run to the end, or as part of a longer stream."""
 
 from collections.abc import Callable, Generator
 from typing import Any, TypeVar
@@ -7,7 +7,7 @@ _Result = TypeVar("_Result")
 
 
 def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], object] = lambda value: None) -> _Result:
-    """Return the result of a generator; ``each`` is called with every value before.
+    """Run a generator to its end and return its result; ``each`` is called with every value before.
 
     Example:
         >>> def job():
@@ -26,7 +26,7 @@ def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], obje
 def subprogress(
     stream: Generator[float | None, None, _Result], begin: float, end: float
 ) -> Generator[float, None, _Result]:
-    """A stream of shares that are done as a part of a longer one, from ``begin`` to ``end``; None counts as 0.
+    """Map a stream of fractions from 0..1 to ``begin``..``end`` of a longer one; None counts as 0.
 
     Example:
         >>> def job():

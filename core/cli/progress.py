@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
-    """Run a stream to its end under a progress bar, which appears with the first value."""
+    """Run a stream to its end under a progress bar that appears with the first value."""
     next(stream, None)
     with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
         for _ in stream:
@@ -21,8 +21,8 @@ def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
 
 
 def wait_for_view_bank(model: Model) -> "ViewBank":
-    """Compute the model's view bank under a progress bar, or read it from the cache folder."""
-    from core.photos.view_bank import build_view_bank  # with what photos need: films do not
+    """Build the model's view bank under a progress bar, or read it from the cache folder."""
+    from core.photos.view_bank import build_view_bank  # imported late: videos do not need it
 
     with tqdm(desc="view bank", total=1.0, bar_format="{desc} {percentage:.0f} %", leave=False, disable=None) as bar:
         return run_to_end(build_view_bank(model), lambda share: bar.update(share - bar.n))
