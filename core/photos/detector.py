@@ -70,9 +70,7 @@ def detect(image: Image.Image) -> tuple[Detection, ...] | None:
 
 def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detection]) -> Detection | None:
     """Return the detection whose box fits a mask best; None if none overlaps it by half."""
-    height, width = mask.shape
-    left, top, right, bottom = bounding_box(mask)
-    box = left / width, top / height, right / width, bottom / height
+    box = share_box(mask)
     best = max(found, key=lambda one: box_overlap(one.box, box), default=None)
     return best if best and box_overlap(best.box, box) >= _SAME else None
 
@@ -80,6 +78,13 @@ def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detecti
 def missed() -> dict[str, float]:
     """Return the category probabilities of a photograph without detections."""
     return dict.fromkeys(_CLASSES, _MISSED)
+
+
+def share_box(mask: Bool[np.ndarray, "height width"]) -> Box:
+    """Return the bounding box of a mask."""
+    height, width = mask.shape
+    left, top, right, bottom = bounding_box(mask)
+    return left / width, top / height, right / width, bottom / height
 
 
 def box_overlap(one: Box, other: Box) -> float:

@@ -9,14 +9,13 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
 
-from core.geometry.pixels import bounding_box, to_bytes
-from core.photos.borders import fill, find_frame, is_sliver
+from core.geometry.pixels import bounding_box
 from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
 from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import NOTE, lens_focal
-from core.photos.detector import Box, Detection, detect, detection_of, missed
+from core.photos.detector import Box, Detection, box_overlap, detect, detection_of, missed, share_box
 from core.photos.grabcut import grabcut
-from core.photos.plain_background import NoBackgroundError, find_background
+from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
 
 MIN_SIDE = 8  # px: images with a shorter side are not fitted
 _MIN_OBJECT_PIXELS = 12  # px: smaller objects are not fitted
@@ -24,6 +23,10 @@ _PIECE, _SPECK = 0.2, 0.01  # relative to the largest piece: pieces always kept,
 _NEAR = 0.1  # distance of kept specks, relative to the largest piece's size
 _FAINT = 0.1  # opacities further than this from 0 and 1 are undecided
 _SAME = 0.97  # intersection over union from which two masks count as equal
+_CORNERS = 0.03  # largest fraction of an image cut off by rounded corners
+_FILLED = 0.98  # an object that fills so much of its box may be a photo in a frame
+_RINGING = 3  # px beside a frame in which JPEG mixes colours
+_SAME_BOX = 0.5  # overlap with the detected box below which a frame was taken for a plain background
 _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
@@ -127,31 +130,43 @@ def _cut_out(image: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> 
     rgb = _rgb(image)
     if boxes := _pointed_out(rgb, hints, found):
         return _in_boxes(rgb, boxes, hints)
-    values = np.asarray(image, dtype=np.float32) / 255
-    colours, alpha = values[..., :3], values[..., 3]
-    clear = alpha < 0.5
-    if clear.any() and is_sliver(clear):
-        rgb = Image.fromarray(to_bytes(fill(colours, clear)))
-    elif clear.mean() > 0.001:
-        opaque = Candidate("alpha channel", alpha, white=True, certain=True)
-        return _on_white(np.asarray(rgb, np.float32) / 255, opaque, hints.threshold)
-    return _automatically(rgb, hints, found)
-
-
-def _automatically(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
-    """Cut out by a plain background within the frame, else in the box of the most prominent object."""
-    colours = np.asarray(rgb, np.float32) / 255
-    frame = find_frame(colours)
-    left, top, right, bottom = inside = frame or (0, 0, *rgb.size)
-    plain = find_background(colours[top:bottom, left:right])
+    colours, alpha = np.asarray(rgb, np.float32) / 255, np.asarray(image.getchannel("A"), np.float32) / 255
+    if _is_cut_out(alpha < 0.5):
+        return _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True), hints.threshold)
+    plain = _plain_background(colours, found)
     if plain is None:
-        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb, inside)], hints)
+        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints)
     if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
-    opacity = np.zeros(colours.shape[:2], np.float32)
-    opacity[top:bottom, left:right] = ~plain.mask
-    white = plain.white and frame is None
-    return _on_white(colours, Candidate("plain background", opacity, white=white, certain=True))
+    opacity = (~plain.mask).astype(np.float32)
+    return _on_white(colours, Candidate("plain background", opacity, white=plain.white, certain=True))
+
+
+def _is_cut_out(clear: Bool[np.ndarray, "height width"]) -> bool:
+    """True if an image is transparent around an object, not only at rounded corners."""
+    border = np.concatenate((clear[0], clear[-1], clear[:, 0], clear[:, -1]))
+    return bool(clear.mean() > (_CORNERS if border.mean() < 0.5 else 0.001))
+
+
+def _plain_background(
+    colours: Float[np.ndarray, "height width 3"], found: tuple[Detection, ...]
+) -> PlainBackground | None:
+    """Find a plain background, also within a frame; None if it is only the frame of a photo."""
+    plain = find_background(colours)
+    if plain is None or plain.mask.all():
+        return plain
+    if found and not plain.white and box_overlap(share_box(~plain.mask), found[0].box) < _SAME_BOX:
+        return None
+    left, top, right, bottom = bounding_box(~plain.mask)
+    rows, columns = (slice(first + _RINGING, last - _RINGING) for first, last in ((top, bottom), (left, right)))
+    if min(right - left, bottom - top) < 4 * _RINGING or (~plain.mask[rows, columns]).mean() < _FILLED:
+        return plain
+    inner = find_background(colours[rows, columns])
+    if inner is None or inner.mask.all():
+        return inner and plain  # a photo, or a block of one colour
+    mask = np.ones_like(plain.mask)
+    mask[rows, columns] = inner.mask
+    return PlainBackground(mask, white=False)
 
 
 def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:

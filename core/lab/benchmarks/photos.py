@@ -19,9 +19,8 @@ from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera, camera_rotation
 from core.lab.benchmarks.csv_files import from_row, read_csv
 from core.models.library import load_model
-from core.photos.candidates import share_box
 from core.photos.decode import read_rgba
-from core.photos.detector import Box, box_overlap
+from core.photos.detector import Box, box_overlap, share_box
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import CutOut, cut_out
 from core.photos.view_bank import build_view_bank
