@@ -24,7 +24,7 @@ from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails
-from viewer.services.messages import Messages
+from viewer.services.messages import MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
@@ -34,7 +34,7 @@ from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.objects import EditableObject
 from viewer.values.part import Part
 from viewer.values.printable import printable
-from viewer.values.project import Project
+from viewer.values.project import Project, left_out
 from viewer.values.view_request import ViewSettings
 
 
@@ -303,14 +303,16 @@ class Session:
         self.fitting.restore(project.fit, project.pending)
 
     def save_project(self, path: Path) -> bool:
-        """Write all that was made into one file, which names no folder of this machine; whether that could be done."""
+        """Write everything into one file that names no folder of this machine; return whether that succeeded."""
         try:
-            self.project().shared().save(path, self.models)
+            dropped = self.project().shared().save(path, self.models)
         except Exception as error:
             self.messages.report("Cannot save the project", error)
             return False
         self.project_path = path
         self.messages.notify(f"Saved {path.name}")
+        if dropped:
+            self.messages.notify(left_out("project", dropped), MessageKind.NOTE)
         return True
 
     def open_project(self, path: Path, keep_path: bool = True) -> None:

@@ -129,9 +129,11 @@ class History:
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
 
-    def newer(self, steps: int) -> History:
-        """Without the oldest steps before the state of now; so many stay."""
-        return replace(self, past=self.past[max(0, len(self.past) - steps) :])
+    def shortened(self) -> History:
+        """Drop the older half of undo; where there is no undo, the later half of redo."""
+        if self.past:
+            return replace(self, past=self.past[(len(self.past) + 1) // 2 :])
+        return replace(self, future=self.future[: len(self.future) // 2])
 
     def after(self, earlier: History) -> History:
         """With all states of another history before these."""

@@ -1,10 +1,8 @@
-import io
 import json
 import math
 import random
 import shutil
 import zipfile
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from core.models.library import load_model
 from core.models.model import Model
@@ -20,6 +17,7 @@ from core.models.open_models import OpenModels
 from core.models.photo_detail import compressed
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints, Stroke
+from core.runtime import reading
 from tests.conftest import random_model
 from tests.viewer.driver import finish
 from viewer.editor import Editor
@@ -206,54 +204,24 @@ def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backen
     assert "sportier chairs" in [one.name for one in session.editor.state.directions]
 
 
-def rewritten(path: Path, change: Callable[[dict], None], **photos: bytes) -> Path:
-    """The project with other JSON and photos."""
-    with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist()}
-    about = json.loads(parts["project.json"])
-    change(about)
-    parts |= {"project.json": json.dumps(about).encode()} | {f"photos/{name}.png": one for name, one in photos.items()}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
-        for name, content in parts.items():
-            file.writestr(name, content)
-    return path
-
-
-def png(side: int) -> bytes:
-    file = io.BytesIO()
-    Image.new("L", (side, side), 255).save(file, "PNG")
-    return file.getvalue()
-
-
-def test_a_small_file_that_would_take_gigabytes_is_refused_at_once(
-    models: OpenModels, saved: Project, tmp_path: Path
+@pytest.mark.parametrize("at", [0, 40])
+def test_a_project_that_is_too_large_is_saved_without_its_oldest_undo(
+    models: OpenModels, editor: Editor, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: int
 ) -> None:
-    path = tmp_path / "a.codenerf"
-
-    def enlarge(about: dict) -> None:
-        for camera in about["project"]["fit"]["steps"][-1]["cameras"]:
-            camera["width"] = camera["height"] = 9_000
-
-    def repeat(about: dict) -> None:
-        fit = about["project"]["fit"]
-        fit["photos"], fit["sources"] = fit["photos"] * 99, fit["sources"] * 99
-
-    harms = (
-        (lambda about: None, {"0": png(5_000)}, "the image is too large"),
-        (repeat, {"0": png(1_900)}, "the image is too large"),
-        (enlarge, {}, "the cameras have another size than the photos"),
-        (lambda about: about.update(more="a" * 17_000_000), {}, "JSON has at most 16 MB"),
-    )
-    for change, photos, said in harms:
-        saved.save(path, models)
-        rewritten(path, change, **photos)
-        assert path.stat().st_size < 200_000
-        with pytest.raises(ValueError, match=rf"a\.codenerf: .*{said}"):
-            Project.load(path, models)
-    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
-        file.writestr("more", bytes(120_000_000))
-    with pytest.raises(ValueError, match=r"a\.codenerf: it unpacks to more than"):
-        Project.load(path, models)
+    for step in range(40):
+        editor.mix("texture", (step % 7 + 1) / 10)
+    editor.go_to(at)  # 0: all of it is redo, whose end goes
+    history = editor.history
+    monkeypatch.setattr(reading, "MAX_TEXT", 12_000)
+    dropped = session.project().save(tmp_path / "a.codenerf", models)
+    found = Project.load(tmp_path / "a.codenerf", models).history
+    assert 0 < dropped == len(history.states) - len(found.states) < 40
+    assert found.now == history.now
+    assert found.states == (history.states[dropped:] if at else history.states[:-dropped])
+    assert session.save_project(tmp_path / "a.codenerf")
+    assert f"lacks the {dropped} most distant steps" in session.messages.shown[-1].text
+    monkeypatch.setattr(reading, "MAX_TEXT", 10)
+    assert not session.save_project(tmp_path / "a.codenerf")  # of one state alone there is nothing to leave out
 
 
 @pytest.mark.parametrize("kind", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
