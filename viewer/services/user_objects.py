@@ -16,7 +16,7 @@ import torch
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.models.scene import Scene
+from core.models.scene import Scene, scene_model
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 from viewer.values import orbit
@@ -36,6 +36,10 @@ class UserObjects:
         """``folder`` None keeps nothing."""
         self._folder = folder
         self._stored: dict[str, _Stored] = {}  # by name, those of the models that were opened
+
+    def fingerprints(self) -> frozenset[str]:
+        """Return the fingerprints of the models of all kept objects."""
+        return frozenset(filter(None, map(scene_model, self._folder.glob("*.json") if self._folder else ())))
 
     def open(self, model: Model) -> tuple[EditableObject, ...]:
         """The objects of a model, the oldest first. What cannot be read, or is of another model, is left alone."""

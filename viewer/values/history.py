@@ -141,12 +141,13 @@ class History:
 
     def renamed(self, names: Mapping[str, str]) -> History:
         """With other names for some objects, in every state."""
-        return self._everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
+        return self.everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
 
     def with_directions(self, directions: tuple[Direction, ...]) -> History:
         """With these named directions too, in every state, where the state of now lacks them."""
         more = tuple(one for one in directions if one not in self.now.directions)
-        return self._everywhere(lambda state: replace(state, directions=(*state.directions, *more))) if more else self
+        return self.everywhere(lambda state: replace(state, directions=(*state.directions, *more))) if more else self
 
-    def _everywhere(self, change: Callable[[State], State]) -> History:
+    def everywhere(self, change: Callable[[State], State]) -> History:
+        """Change every state in the same way."""
         return History(change(self.now), tuple(map(change, self.past)), tuple(map(change, self.future)), self.gesture)
