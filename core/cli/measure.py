@@ -1,4 +1,4 @@
-"""``evaluate`` and ``bench``: how good, how fast, and where it fails."""
+"""``evaluate`` and ``bench``: accuracy, speed and failures."""
 
 import argparse
 import sys
@@ -46,7 +46,7 @@ _Item = TypeVar("_Item")
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
-    """``evaluate``: the paper's table on a test set, or how well shape and texture are separated."""
+    """Run ``evaluate``: the paper's table on a test set, or the disentanglement of shape and texture."""
     protocol = EvaluationProtocol(
         chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride
     )
@@ -69,20 +69,20 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
     def keep(score: ObjectScore) -> None:
         scores.append(score)
-        if chosen.report and not is_stream(chosen.report):  # after each, so that whatever ends the next loses none
+        if chosen.report and not is_stream(chosen.report):  # after each, so that nothing is lost if the next one fails
             write_report(chosen.report, scores, protocol, about)
 
     views = _with_objects((entry.read() for entry in entries), protocol)
     _collected(scored(model, views, protocol), len(entries), keep)
     if not scores:
-        raise ValueError("no object of the dataset shows anything")
+        raise ValueError("all objects of the dataset are blank")
     print(format_table(scores, protocol), flush=True)
     if chosen.report and is_stream(chosen.report):
         write_report(chosen.report, scores, protocol, about)
 
 
 def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:
-    """Those whose input views show something; the others are named. Real ShapeNet has a few that are all white."""
+    """Yield objects whose input views show something; report the others. Real ShapeNet has a few all-white ones."""
     for views in objects:
         blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
         if blank:
@@ -92,7 +92,7 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 
 
 def figures(chosen: argparse.Namespace) -> None:
-    """``figures``: photos are fitted, one after another, and the paper's figures made of them; prints each path."""
+    """Run ``figures``: fit photos one by one, make the paper's figures of them, and print each path."""
     model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
     wait_for_view_bank(model)
     shown = [load_photo(image, model) for image in chosen.images]
@@ -103,7 +103,7 @@ def figures(chosen: argparse.Namespace) -> None:
 
 
 def bench_render(chosen: argparse.Namespace) -> None:
-    """``bench render``: speed and accuracy of the renderer; goes on where an earlier run stopped."""
+    """Run ``bench render``: speed and accuracy of the renderer; resumes an earlier run."""
     drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
@@ -114,7 +114,7 @@ def bench_render(chosen: argparse.Namespace) -> None:
 
 
 def bench_films(chosen: argparse.Namespace) -> None:
-    """``bench films``: speed and accuracy of videos, exact and baked."""
+    """Run ``bench films``: speed and accuracy of videos, exact and baked."""
     drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
@@ -124,7 +124,7 @@ def bench_films(chosen: argparse.Namespace) -> None:
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
-    """``bench gate``: ends with status 1 and one line where something is twice as slow as the baseline has it."""
+    """Run ``bench gate``: exit with status 1 if anything takes twice as long as the baseline."""
     path = chosen.out / "gate.csv"
     baseline = () if chosen.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
@@ -137,7 +137,7 @@ def bench_gate(chosen: argparse.Namespace) -> None:
 
 
 def bench_fit(chosen: argparse.Namespace) -> None:
-    """``bench fit``: speed and accuracy of blind fits."""
+    """Run ``bench fit``: speed and accuracy of blind fits."""
     drawing.prepare(chosen.out)
     model, views = _held_out_views(chosen)
     methods = {name: fits.FitMethod(preset) for name, preset in PRESETS.items()}
@@ -146,7 +146,7 @@ def bench_fit(chosen: argparse.Namespace) -> None:
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
-    """``bench ablations``: blind fits without each component of the method."""
+    """Run ``bench ablations``: blind fits without each component of the method."""
     drawing.prepare(chosen.out)
     model, views = _held_out_views(chosen)
     trials = list(_said(fits.fit_views(model, views, ablations.ABLATIONS)))
@@ -155,7 +155,7 @@ def bench_ablations(chosen: argparse.Namespace) -> None:
 
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
-    """``bench robustness``: where blind fits fail."""
+    """Run ``bench robustness``: failures of blind fits."""
     drawing.prepare(chosen.out)
     model, views = _held_out_views(chosen)
     about, wanted = {"machine": describe_machine(model.device)}, (chosen.stressors, chosen.presets, chosen.part)
@@ -164,7 +164,7 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
 
 
 def bench_detail(chosen: argparse.Namespace) -> None:
-    """``bench detail``: what photos add to other views."""
+    """Run ``bench detail``: effect of photo detail on other views."""
     drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
@@ -175,7 +175,7 @@ def bench_detail(chosen: argparse.Namespace) -> None:
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
-    """``bench photos``: photographs against what an eye says of them."""
+    """Run ``bench photos``: photographs against judgement by eye."""
     drawing.prepare(chosen.out)
     seen = photos.read_seen(chosen.by_eye)
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
@@ -190,14 +190,14 @@ def bench_photos(chosen: argparse.Namespace) -> None:
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
-    """``bench redraw``: tables and charts again from the CSV files."""
+    """Run ``bench redraw``: write tables and charts again from the CSV files."""
     drawing.prepare(chosen.out)
     for path in charts.redraw(chosen.out):
         print(path, flush=True)
 
 
 def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:
-    """The model, its view bank made, and what it is measured on."""
+    """Return the model, with its view bank built, and the views to measure."""
     model = load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
     generator = torch.Generator().manual_seed(chosen.seed)
@@ -210,7 +210,7 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
 def _bench(
     chosen: argparse.Namespace, name: str, kind: type[Any], about: Row, measure: Callable[[set[Any]], Iterator[Any]]
 ) -> None:
-    """Append to a benchmark's CSV file what an earlier run has not measured; then write and print its table and chart.
+    """Append the rows that an earlier run has not measured to a benchmark's CSV file; write its table and chart.
 
     Args:
         kind: of the rows, which have a ``key``.
@@ -224,7 +224,7 @@ def _bench(
 
 
 def _said(rows: Iterator[_Item]) -> Iterator[_Item]:
-    """Each row as it is measured; it goes to stderr too, as a line."""
+    """Yield each row and print it to stderr."""
     for row in rows:
         tqdm.write(str(row), file=sys.stderr)
         yield row
@@ -243,17 +243,17 @@ def _evaluate_disentanglement(
 
 
 def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
-    """The objects of datasets, which must be of the model's category."""
+    """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
     category, entries = index_objects(datasets)
     if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, and the model is of {model.category}")
+        raise ValueError(f"the dataset shows {category}, but the model {model.category}")
     return entries
 
 
 def _collected(
     scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None
 ) -> list[_Score]:
-    """All scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
+    """Return all scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
     found = []
     with tqdm(total=total, unit="object", disable=None) as bar:
         for score in scores:
