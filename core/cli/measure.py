@@ -177,7 +177,7 @@ def bench_detail(chosen: argparse.Namespace) -> None:
 def bench_photos(chosen: argparse.Namespace) -> None:
     """Run ``bench photos``: photographs against judgement by eye."""
     drawing.prepare(chosen.out)
-    seen = photos.read_seen(chosen.by_eye)
+    seen = photos.read_judgements(chosen.by_eye)
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
     files = [file for folder in chosen.folders for file in sorted(folder.iterdir()) if file.stem in seen]
     if not files:

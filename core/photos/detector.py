@@ -55,14 +55,12 @@ class Detection(NamedTuple):
 
 
 def detect(image: Image.Image) -> tuple[Detection, ...] | None:
-    """Find chairs and cars in an RGBA image, the most prominent first.
+    """Find chairs and cars in an RGB image, the most prominent first.
 
     None, with a warning, if the network's files are missing or damaged.
     """
-    white = Image.new("RGBA", image.size, "white")
-    small = Image.alpha_composite(white, image.convert("RGBA")).convert("RGB")
     try:
-        return _detect(small.resize((_SIDE, _SIDE), Image.Resampling.BICUBIC).tobytes())
+        return _detect(image.resize((_SIDE, _SIDE), Image.Resampling.BICUBIC).tobytes())
     except ValueError as error:
         logging.getLogger(__name__).warning("objects are found without the detector: %s", error)
         return None
