@@ -74,7 +74,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
             write_report(chosen.report, scores, protocol, about)
 
     views = _with_objects((entry.read() for entry in entries), protocol)
-    _collected(scored(model, views, protocol), len(entries), keep)
+    _gather(scored(model, views, protocol), len(entries), keep)
     if not scores:
         raise ValueError("all objects of the dataset are blank")
     print(format_table(scores, protocol), flush=True)
@@ -109,7 +109,7 @@ def bench_render(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
     done = {row.key for row in rendering_charts.read_rows(chosen.out, about)}
-    for row in _said(rendering.measure_rendering(model, chosen.views, done)):
+    for row in _reported(rendering.measure_rendering(model, chosen.views, done)):
         rendering_charts.add_row(chosen.out, about, row)
     print(charts.draw(chosen.out, "render"), flush=True)
 
@@ -122,7 +122,7 @@ def bench_films(chosen: argparse.Namespace) -> None:
     about |= {"frames": str(films.FRAMES), "size": str(films.SIZE), "picture": str(films.PICTURE)}
     about |= {"model": model.fingerprint}
     done = {row.key for row in read_records(path, films.Film, about)}
-    for row in _said(films.measure_films(model, chosen.objects, done)):
+    for row in _reported(films.measure_films(model, chosen.objects, done)):
         append_record(path, about, row)
     print(charts.draw(chosen.out, "films"), flush=True)
 
@@ -133,7 +133,7 @@ def bench_gate(chosen: argparse.Namespace) -> None:
     baseline = () if chosen.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
     wait_for_view_bank(model)
-    found = list(_said(gate.measure_ratios(model)))
+    found = list(_reported(gate.measure_ratios(model)))
     if chosen.write:
         write_csv(path, list(map(to_row, found)))
     elif lines := gate.compare(found, baseline):
@@ -176,7 +176,7 @@ def bench_detail(chosen: argparse.Namespace) -> None:
     about = {"machine": describe_machine(model.device)}
     done = {row.key for row in read_records(path, photo_detail.DetailView)}
     rows = photo_detail.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
-    for view in _said(rows):
+    for view in _reported(rows):
         append_record(path, about, view)
     print(charts.draw(chosen.out, "photo_detail"), flush=True)
 
@@ -240,7 +240,7 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
     return model, tuple(dataset_views(model, entries, generator))
 
 
-def _said(rows: Iterator[_Item]) -> Iterator[_Item]:
+def _reported(rows: Iterator[_Item]) -> Iterator[_Item]:
     """Yield each row and print it to stderr."""
     for row in rows:
         tqdm.write(str(row), file=sys.stderr)
@@ -271,7 +271,7 @@ def _evaluate_disentanglement(
     found = pairs(model, entries)
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
     some = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
-    scores = _collected(score_pairs(model, some, chosen.seed), len(some))
+    scores = _gather(score_pairs(model, some, chosen.seed), len(some))
     print(format_disentanglement(scores), flush=True)
     if chosen.report:
         write_disentanglement_report(chosen.report, scores, about)
@@ -285,9 +285,7 @@ def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry,
     return entries
 
 
-def _collected(
-    scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None
-) -> list[_Score]:
+def _gather(scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None) -> list[_Score]:
     """Return all scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
     found = []
     with tqdm(total=total, unit="object", disable=None) as bar:

@@ -11,7 +11,7 @@ from core.export.frames import BakedViews, bake_views, baked_frames, exact_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.metrics import psnr, psnr_from_mse
 from core.models.model import Model
-from core.rendering.offscreen import OffscreenPictures
+from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.reference import render_exact
 from tests.conftest import unchecked_shapes
 from tests.core.tiny import tiny_model
@@ -64,7 +64,7 @@ def test_without_opengl_frames_are_exact(monkeypatch: pytest.MonkeyPatch) -> Non
     def refuse(*_: object) -> NoReturn:
         raise RuntimeError("no OpenGL")
 
-    monkeypatch.setattr(frames, "OffscreenPictures", refuse)
+    monkeypatch.setattr(frames, "OffscreenRenderer", refuse)
     model = tiny_model()
     views = turn(model, 2)
     drawn, exact = (images(make(model, views, 32, None)) for make in (baked_frames, exact_frames))
@@ -81,7 +81,7 @@ def test_haze_is_as_near_on_a_finer_grid(cells: int) -> None:
     with pytest.raises(StopIteration) as ended, unchecked_shapes():
         while True:
             next(stream)
-    with OffscreenPictures(SIZE) as pictures:
+    with OffscreenRenderer(SIZE) as pictures:
         drawn = pictures.draw(ended.value.value, camera) / 255
     assert psnr(drawn, render_exact(model, model.codes[0], camera).colour) > 44
 
