@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from core.export.frames import (
+from core.export.keyframes import View, turntable
+from core.export.video import FORMATS, Coding, VideoSettings, coding_of
+from core.export.video_frames import (
     STILL_STEPS,
     are_few,
     bake_views,
@@ -18,8 +20,6 @@ from core.export.frames import (
     over,
     supersampling,
 )
-from core.export.keyframes import View, turntable
-from core.export.video import FORMATS, Coding, VideoSettings, coding_of
 from core.models.model import Model
 from core.rendering.baked_field import MAX_STEPS
 from core.rendering.baking import mixed

@@ -14,9 +14,9 @@ from statistics import mean, median
 from typing import NamedTuple
 
 from core.detail.frames import render_progressively
-from core.export.frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
+from core.export.video_frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
 from core.models.model import Model

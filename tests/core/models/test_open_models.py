@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.export.frames import render_frames
 from core.export.keyframes import View
+from core.export.video_frames import render_frames
 from core.models.model import Model
 from core.models.open_models import OpenModels, model_of
 from tests.conftest import open_models, random_model
