@@ -73,7 +73,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
             write_report(chosen.report, scores, protocol, about)
 
     views = _with_objects((entry.read() for entry in entries), protocol)
-    _collected(scored(model, views, protocol), len(entries), keep)
+    _gather(scored(model, views, protocol), len(entries), keep)
     if not scores:
         raise ValueError("all objects of the dataset are blank")
     print(format_table(scores, protocol), flush=True)
@@ -108,7 +108,7 @@ def bench_render(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
     done = {row.key for row in rendering_charts.read_rows(chosen.out, about)}
-    for row in _said(rendering.measure_rendering(model, chosen.views, done)):
+    for row in _reported(rendering.measure_rendering(model, chosen.views, done)):
         rendering_charts.add_row(chosen.out, about, row)
     print(charts.draw(chosen.out, "render"), flush=True)
 
@@ -129,7 +129,7 @@ def bench_gate(chosen: argparse.Namespace) -> None:
     baseline = () if chosen.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
     wait_for_view_bank(model)
-    found = list(_said(gate.measure_ratios(model)))
+    found = list(_reported(gate.measure_ratios(model)))
     if chosen.write:
         write_results(path, Results({}, tuple(found)))
     elif lines := gate.compare(found, baseline):
@@ -149,7 +149,7 @@ def bench_ablations(chosen: argparse.Namespace) -> None:
     """Run ``bench ablations``: blind fits without each component of the method."""
     drawing.prepare(chosen.out)
     model, views = _held_out_views(chosen)
-    trials = list(_said(fits.fit_views(model, views, ablations.ABLATIONS)))
+    trials = list(_reported(fits.fit_views(model, views, ablations.ABLATIONS)))
     found = Results({"machine": describe_machine(model.device)}, ablations.summarise_ablations(trials))
     print(charts.write(chosen.out, "ablations", found), flush=True)
 
@@ -218,12 +218,12 @@ def _bench(
     """
     path = chosen.out / f"{name}.csv"
     done = {row.key for row in read_records(path, kind, about)}
-    for row in _said(measure(done)):
+    for row in _reported(measure(done)):
         append_record(path, about, row)
     print(charts.draw(chosen.out, name), flush=True)
 
 
-def _said(rows: Iterator[_Item]) -> Iterator[_Item]:
+def _reported(rows: Iterator[_Item]) -> Iterator[_Item]:
     """Yield each row and print it to stderr."""
     for row in rows:
         tqdm.write(str(row), file=sys.stderr)
@@ -236,7 +236,7 @@ def _evaluate_disentanglement(
     found = pairs(model, entries)
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
     some = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
-    scores = _collected(score_pairs(model, some, chosen.seed), len(some))
+    scores = _gather(score_pairs(model, some, chosen.seed), len(some))
     print(format_disentanglement(scores), flush=True)
     if chosen.report:
         write_disentanglement_report(chosen.report, scores, about)
@@ -250,9 +250,7 @@ def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry,
     return entries
 
 
-def _collected(
-    scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None
-) -> list[_Score]:
+def _gather(scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None) -> list[_Score]:
     """Return all scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
     found = []
     with tqdm(total=total, unit="object", disable=None) as bar:

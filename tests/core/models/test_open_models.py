@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.export.frames import render_frames
 from core.export.keyframes import View
+from core.export.video_frames import render_frames
 from core.models import library
 from core.models.library import load_model
 from core.models.model import Model
