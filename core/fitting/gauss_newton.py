@@ -32,11 +32,12 @@ from core.fitting.objective import (
     term_value,
 )
 from core.fitting.observations import PixelBatch
+from core.fitting.pieces import cells_of, map_rays
 from core.fitting.schedule import Stage
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
 from core.models.model import Model
-from core.rendering.jacobian import BiasJacobians, render_with_jacobian
+from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 from core.runtime.precision import matmul_dtype
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
@@ -174,10 +175,23 @@ def _render(
         model.field.shape_bias_jacobian(shape, shapes.basis).to(dtype),
         model.field.texture_bias_jacobian(texture, textures.basis).to(dtype),
     )
-    rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     kept = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
     biases, cells = model.field.biases(shape, texture), known_cells(model, cells)
-    seen = render_with_jacobian(model, rays, stage.samples, kept, *biases, entries, cells, with_depth)
+
+    def render(some: slice, rays: Rays) -> tuple[Tensor, Tensor]:
+        shape_bias, texture_bias, *along = (part[some] for part in (*biases, *entries))
+        moves, own = BiasJacobians(*along), cells_of(cells, some)
+        seen = render_with_jacobian(model, rays, stage.samples, kept, shape_bias, texture_bias, moves, own, with_depth)
+        return seen.channels.cpu(), _along_parameters(seen, Parameters(*(part[some] for part in parameters)), rays)
+
+    channels, jacobian = map_rays(render, hypothesis_rays(model, parameters, pixels, stage.samples, jitter))
+    return RenderedPixels(pixels.mean_of_rays(channels)), pixels.mean_of_rays(jacobian)
+
+
+def _along_parameters(
+    seen: RenderedJacobian, parameters: Parameters, rays: Rays
+) -> Float[Tensor, "hypotheses views rays channels parameters"]:
+    """The Jacobian of rays' channels along all parameters that may move."""
     codes, views = seen.codes.cpu(), rays.near.shape[1]
     jacobian = torch.zeros(*codes.shape[:-1], views * CAMERA_PARAMETERS + codes.shape[-1])
     for index, (origins, directions) in enumerate(camera_jacobian(parameters, rays)):
@@ -185,7 +199,7 @@ def _render(
         for view in range(views):  # a ray moves with its own camera only
             jacobian[:, view, ..., view * CAMERA_PARAMETERS + index] = along[:, view]
     jacobian[..., views * CAMERA_PARAMETERS :] = codes
-    return RenderedPixels(pixels.mean_of_rays(seen.channels.cpu())), pixels.mean_of_rays(jacobian)
+    return jacobian
 
 
 def camera_jacobian(
