@@ -7,6 +7,7 @@ bounded by a slab. Slabs are cut into triangles by marching cubes and welded at 
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from core.rendering.detail_maps import DetailMaps
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy
 from core.runtime.files import atomic_file
+from core.runtime.pool import map_pieces
 from core.streams import run_to_end, subprogress
 
 MAX_RESOLUTION = 1024  # cells along the longest side: a cell is then a thousandth of the object
@@ -48,7 +50,7 @@ _LOGIT_CLAMP = 8.0  # The cut's logit is kept within this, so that one wild corn
 _MIN_PIECE = 0.05
 """scene units (an object's diagonal is 1): pieces whose bounding box has a shorter diagonal are dropped"""
 _SLAB = 16  # planes of the grid evaluated at a time
-_BLOCK = 16384  # points evaluated at a time: few enough that activations stay in cache
+_BLOCK = 4096  # points that a thread evaluates at a time: few enough that activations stay in cache
 _COLOUR_SAMPLES = 8  # samples of the short ray that colours a vertex
 _MESH_SHARE = 0.3  # of the time that a mesh with a texture takes; the rest is the texture's
 _GRID_SHARE = 0.6  # of the time that the grid takes; the rest is the colours'
@@ -232,10 +234,14 @@ def _off_surface_fraction(
     middles = vertices[faces[chosen]].mean(1)
     outward = of_faces[chosen] / areas[chosen, None]
     sides = torch.from_numpy(np.concatenate((middles - TOLERANCE * outward, middles + TOLERANCE * outward))).float()
-    with torch.inference_mode():
-        thickness = folded.density(folded.first_layer(sides.to(folded.device)))[0] * grid.interval
-    below, above = (thickness.cpu() > math.log(2)).chunk(2)
+    below, above = (_thickness(folded, grid, sides.to(folded.device)).cpu() > math.log(2)).chunk(2)
     return 1 - float((below & ~above).float().mean())
+
+
+@torch.inference_mode()
+def _thickness(folded: FoldedField, grid: _Grid, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points"]:
+    """The optical depth of an interval at these points."""
+    return folded.density(folded.first_layer(points))[0] * grid.interval
 
 
 def _pieces(
@@ -268,10 +274,8 @@ def _logits(
     points = grid.points(inner_first, inner_end).to(occupancy.extent.device)
     within = occupancy.contains(points)
     found = []
-    for part in points[within].split(_BLOCK):
-        with torch.inference_mode():
-            thickness = folded.density(folded.first_layer(part))[0] * grid.interval
-            found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP))
+    for thickness in map_pieces(partial(_thickness, folded, grid), points[within].split(_BLOCK)):
+        found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP))
         yield first / (grid.counts[0] - 1)
     if found:
         values = torch.cat(found)
@@ -319,28 +323,23 @@ def _vertex_colours(
     """The paper's vertex colours: what a ray sees that meets the surface against its normal, from just outside."""
     edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
     colours = []
-    parts = [torch.from_numpy(array).split(_BLOCK // _COLOUR_SAMPLES) for array in (vertices, normals)]
-    for done, (positions, outward) in enumerate(zip(*parts, strict=True)):
-        yield done / len(parts[0])
-        with torch.inference_mode():
-            device = folded.device
-            colours.append(
-                _surface_colours(folded, positions.to(device), outward.to(device), edges.to(device)).cpu().numpy()
-            )
+    parts = torch.from_numpy(np.stack((vertices, normals))).split(_BLOCK // _COLOUR_SAMPLES, 1)
+    for part in map_pieces(partial(_surface_colours, folded, edges.to(folded.device)), parts):
+        colours.append(part)
+        yield len(colours) / len(parts)
     return np.concatenate(colours)
 
 
+@torch.inference_mode()
 def _surface_colours(
-    folded: FoldedField,
-    positions: Float[Tensor, "rays 3"],
-    outward: Float[Tensor, "rays 3"],
-    edges: Float[Tensor, "edges"],
-) -> Float[Tensor, "rays 3"]:
-    """The mean colour that short rays through these places see of the object."""
+    folded: FoldedField, edges: Float[Tensor, "edges"], rays: Float[Tensor, "2 rays 3"]
+) -> Float[np.ndarray, "rays 3"]:
+    """The mean colour that short rays see of the object, inwards through places, given their normals too."""
+    positions, outward = rays.to(folded.device)
     middles = (edges[1:] + edges[:-1]) / 2
     points = positions[:, None] - middles[:, None] * outward[:, None]
     density, y = folded.density(folded.first_layer(points.flatten(0, 1)))
     weights, _ = compositing_weights(density.reshape(points.shape[:2]), edges.expand(len(points), -1))
     towards = folded.direction_bias(-outward).repeat_interleave(len(middles), 0)
     colours = folded.colour(y, towards).reshape(points.shape).clamp(0, 1)
-    return (weights[..., None] * colours).sum(1) / weights.sum(1, keepdim=True).clamp_min(1e-9)
+    return ((weights[..., None] * colours).sum(1) / weights.sum(1, keepdim=True).clamp_min(1e-9)).cpu().numpy()

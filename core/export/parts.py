@@ -16,6 +16,7 @@ from core.export.normals import face_normals
 from core.models.model import Model
 from core.models.part_head import PartHead
 from core.rendering.folded_field import FoldedField
+from core.runtime.pool import map_pieces
 
 Pairs = Int[np.ndarray, "2 pairs"]  # triangles that share an edge
 _DEPTH = 0.004  # scene units below the surface, where the field is surest of what it is
@@ -23,7 +24,7 @@ _TRIANGLES_PER_PASS, _MOST_PASSES = 2500, 60
 """of a mesh: averaging over neighbours so often reaches equally far in coarse and in fine ones; of very fine ones"""
 _TEETH = 4  # times that borders are straightened: two triangles might take each other's part for ever
 _PATCH = 0.01  # of the surface: smaller patches are no part
-_BLOCK = 16384  # points evaluated at a time
+_BLOCK = 4096  # points that a thread evaluates at a time
 _WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
 """of a car's height: wheels lie below the first and begin below the second; glass lies above the third, and every
 pane reaches the fourth, which a dark bumper does not"""
@@ -75,8 +76,8 @@ def _probability(
 ) -> Float[np.ndarray, "faces parts"]:
     with torch.inference_mode():
         blocks = torch.from_numpy(points).float().to(folded.device).split(_BLOCK)
-        found = [head(folded.density(folded.first_layer(block))[1]) for block in blocks]
-    return torch.cat(found).cpu().numpy()
+        found = map_pieces(lambda block: head(folded.density(folded.first_layer(block))[1]), blocks)
+        return torch.cat(list(found)).cpu().numpy()
 
 
 def _weighted_median(values: Float[np.ndarray, "faces"], weights: Float[np.ndarray, "faces"]) -> float:

@@ -16,8 +16,7 @@ from torch import Tensor
 from core.classifiers.viewpoint import direction_weights, viewpoint_nll
 from core.fitting.hypotheses import Parameters, hypothesis_rays, known_cells
 from core.fitting.observations import PixelBatch
-from core.fitting.pieces import cells_of, map_rays
-from core.geometry.rays import Rays
+from core.fitting.pieces import Piece, cells_of, map_rays
 from core.models.model import Model
 from core.rendering.importance import render_top_samples
 from core.runtime.precision import autocast
@@ -263,10 +262,11 @@ def _render(
     biases = model.field.biases(*codes)
     kept, cells = max(2, samples // 6), known_cells(model, cells)
 
-    def render(some: slice, part: Rays) -> tuple[Tensor]:
-        own = (bias[some] for bias in biases)
+    def render(piece: Piece) -> tuple[Tensor]:
+        (shape, texture), own = (bias[piece[0]] for bias in biases), cells_of(cells, piece[0])
         with autocast(model.device):
-            return (render_top_samples(model, part, samples, kept, *own, cells_of(cells, some)).cpu(),)
+            return (render_top_samples(model, rays[piece], samples, kept, shape, texture, own).cpu(),)
 
-    (channels,) = render(slice(None), rays) if torch.is_grad_enabled() else map_rays(render, rays)
+    everything = (slice(None),) * 3
+    (channels,) = render(everything) if torch.is_grad_enabled() else map_rays(render, rays.near.shape, samples)
     return RenderedPixels(pixels.mean_of_rays(channels))

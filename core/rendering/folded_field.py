@@ -26,7 +26,8 @@ from core.runtime.layers import linear_relu, pad_rows, relu_
 from core.runtime.pool import map_pieces
 from core.runtime.precision import matmul_dtype
 
-_CHUNK_POINTS = 16384  # Points evaluated in one go: with fewer, calls cost more than leaving the cache does.
+_CHUNK_POINTS = 4096
+"""Points that a thread evaluates at a time: with fewer, threads wait for Python's lock; more leave the cache."""
 _RESOLUTION = 8192  # entries along each axis
 _MARGIN = 1.1
 """half sizes of the scene's box that the table of positions covers: samples may lie a little outside the box"""

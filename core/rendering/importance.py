@@ -16,7 +16,7 @@ from core.rendering.reference import sample_intervals
 
 MIN_WEIGHT = 1e-3
 """Share of a ray's light: samples that give less, which are most of them, are neither coloured nor differentiated."""
-_STEP = 256
+_STEP = 64
 """Samples of an object are chosen in multiples of this. Every count of rows costs oneDNN a kernel of its own, which
 takes longer to compile than to run, and up to half a megabyte that it keeps."""
 

@@ -84,7 +84,8 @@ def _started(count: int) -> ThreadPoolExecutor:
 
 
 def _begin() -> None:
-    torch.set_num_threads(1)  # of this thread
+    torch.get_num_threads()  # A thread's number is that of the program when it is first asked for,
+    torch.set_num_threads(1)  # and only then its own.
     _caller.helps = True
 
 

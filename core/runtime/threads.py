@@ -12,12 +12,18 @@ _LIMITS = ("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")
 """Files of control groups, version 2 and 1: microseconds of processor time that a period has, and the period."""
 
 
-def use_one_thread() -> None:
+def use_one_torch_thread() -> None:
     """Let libraries that are loaded from now on, and child processes, use one thread: the first line of a program.
 
     To import :mod:`core` changes nothing: a library leaves the threads of torch to its caller.
     """
     os.environ.update(dict.fromkeys(_LIBRARIES, "1"))
+
+
+def use_threads(count: int | None) -> None:
+    """Let the pools of this process and its children have so many threads; None: as the environment says."""
+    if count is not None:
+        os.environ[VARIABLE] = str(count)
 
 
 def thread_count() -> int:
