@@ -49,7 +49,7 @@ one interval; a lower one would show a fringe that no image shows.
 """
 _LOGIT_CLAMP = 8.0  # bound of logits, so that one outlier does not displace the surface
 _MIN_PIECE = 0.05  # scene units (an object's diagonal is 1): pieces with a smaller bounding box diagonal are dropped
-_SLAB = 16  # planes of the grid evaluated at a time
+_SLAB = 8  # planes of the grid that a thread evaluates at a time
 _BLOCK = 4096  # points that a thread evaluates at a time, so that activations stay in cache
 _COLOUR_SAMPLES = 8  # samples of the short ray that colours a vertex
 _MESH_SHARE = 0.3  # fraction of the time of a textured mesh; the rest is the texture
@@ -250,8 +250,8 @@ def _pieces(
 
     pieces = []
     last = grid.counts[0] - 1
-    for first in range(0, last, _SLAB):
-        logits = yield from _logits(folded, occupancy, grid, first, min(first + _SLAB, last) + 1)
+    starts = range(0, last, _SLAB)
+    for first, logits in zip(starts, map_pieces(partial(_logits, folded, occupancy, grid), starts), strict=True):
         if logits.max() > 0:
             vertices, faces, _, _ = marching_cubes(logits, 0.0, gradient_direction="ascent")
             pieces.append((vertices.astype(np.float64) + np.array([first, 0, 0]), faces))
@@ -259,28 +259,23 @@ def _pieces(
     return pieces
 
 
-def _logits(
-    folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int, end: int
-) -> Generator[float, None, Float[np.ndarray, "planes y z"]]:
-    """Return logits, positive inside: the logit of the opacity of one interval.
+def _logits(folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int) -> Float[np.ndarray, "planes y z"]:
+    """Return the logits of a slab, positive inside: the logit of the opacity of one interval.
 
     Densities jump by orders of magnitude between two corners; their logits are nearly linear, so the surface is smooth.
     """
+    end = min(first + _SLAB + 1, grid.counts[0])
     inner_first, inner_end = max(first, 1), min(end, grid.counts[0] - 1)
     logits = np.full((end - first, *grid.counts[1:]), -_LOGIT_CLAMP, np.float32)
     points = grid.points(inner_first, inner_end).to(occupancy.extent.device)
     within = occupancy.contains(points)
-    found = []
-    for thickness in map_pieces(partial(_thickness, folded, grid), points[within].split(_BLOCK)):
-        found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP))
-        yield first / (grid.counts[0] - 1)
-    if found:
-        values = torch.cat(found)
-        # A corner exactly on the surface would produce empty triangles.
-        values = torch.where(values.abs() < 0.01, values.sign().add(0.5).sign() * 0.01, values)
-        inner = np.full(within.shape, -_LOGIT_CLAMP, np.float32)
-        inner[within.cpu().numpy()] = values.cpu().numpy()
-        logits[inner_first - first : inner_end - first, 1:-1, 1:-1] = inner
+    thickness = torch.cat([_thickness(folded, grid, part) for part in points[within].split(_BLOCK)])
+    values = thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP)
+    # A corner exactly on the surface would produce empty triangles.
+    values = torch.where(values.abs() < 0.01, values.sign().add(0.5).sign() * 0.01, values)
+    inner = np.full(within.shape, -_LOGIT_CLAMP, np.float32)
+    inner[within.cpu().numpy()] = values.cpu().numpy()
+    logits[inner_first - first : inner_end - first, 1:-1, 1:-1] = inner
     return logits
 
 

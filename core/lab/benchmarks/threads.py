@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from statistics import median
 
 from core.detail.frames import bake
 from core.export.mesh import extract_mesh
@@ -20,6 +21,8 @@ from core.streams import run_to_end
 
 _BUSY = "import torch; torch.set_num_threads(2); a = torch.rand(1024, 1024)\nwhile os.getppid() == parent: a @ a"
 
+_RUNS = 3
+
 
 @dataclass(frozen=True)
 class ThreadTiming:
@@ -28,7 +31,7 @@ class ThreadTiming:
     step: str
     busy: int  # programs beside it, of two torch threads each
     threads: int
-    seconds: float
+    seconds: float  # median of some runs
     processor: float  # s, of all threads
 
     def __str__(self) -> str:
@@ -54,10 +57,12 @@ def measure_threads(model: Model, counts: Sequence[int], loads: Sequence[int]) -
     for busy in loads:
         with busy_processes(busy, _BUSY):
             for step, run in steps.items():
-                for count in counts:
+                times: dict[int, list[tuple[float, float]]] = {count: [] for count in counts}
+                for count in tuple(counts) * _RUNS:  # turn about, so that other load falls on all
                     os.environ[VARIABLE] = str(count)
                     fast.clear_cache()
                     began, before = time.perf_counter(), time.process_time()
                     run()
-                    found = time.perf_counter() - began, time.process_time() - before
-                    yield ThreadTiming(step, busy, count, *found)
+                    times[count].append((time.perf_counter() - began, time.process_time() - before))
+                for count, found in times.items():
+                    yield ThreadTiming(step, busy, count, *map(median, zip(*found, strict=True)))
