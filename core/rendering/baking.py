@@ -29,7 +29,7 @@ from core.rendering.baked_field import BakedField, cell_distances, colour_texels
 from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
 
 _DIVISIONS = (1, 2)  # of the edges of an occupied cell, from coarse to fine
@@ -141,11 +141,11 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
         towards = folded.direction_bias(torch.tensor(_DIRECTIONS, device=folded.device))
     for divisions in _DIVISIONS:
         cells, key = CELLS * divisions, (model, shape, divisions)
-        baked: BakedShape | None = CACHE.get(Kind.VIEW, key)
+        baked: BakedShape | None = CACHE.get(CacheKind.VIEW, key)
         if baked is None:
             baked = yield from bake_shape(model, folded, occupancy.cells, cells, box_of(occupancy.cells, cells))
             if baked.size <= CACHE.limit - CACHE.used:
-                CACHE.put(Kind.VIEW, key, baked, baked.size)
+                CACHE.put(CacheKind.VIEW, key, baked, baked.size)
         colours = list[Tensor]()
         for part in map_pieces(partial(_mean_colours, folded, towards), baked.features.split(_BLOCK)):
             colours.append(part)

@@ -18,7 +18,7 @@ from core.photos.view_bank import build_view_bank
 from core.rendering import fast
 from core.rendering.baking import bake
 from core.rendering.reference import render_exact
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
 from core.runtime.threads import VARIABLE
 from core.streams import run_to_end
@@ -143,7 +143,7 @@ def of_fit(model: Model) -> list[Tensor]:
 
 
 def of_view_bank(model: Model) -> list[Tensor]:
-    CACHE.clear(Kind.BANK)
+    CACHE.clear(CacheKind.BANK)
     bank = run_to_end(build_view_bank(model))
     return [bank.silhouettes, bank.luminance, bank.offsets]
 
