@@ -76,7 +76,7 @@ def threads_chart(found: Results[ThreadTiming]) -> "Figure":
             axes.plot([one.threads for one in some], [one.seconds for one in some], "o-", label=f"{busy} busy programs")
         axes.set(title=step, xlabel="threads", ylabel="s", ylim=(0, None), xticks=sorted({one.threads for one in some}))
         axes.grid(alpha=0.3)
-    plots[0].legend()
+    plots[0].legend(loc="lower left")
     figure.suptitle(found.about["machine"], fontsize=9)
     return figure
 
