@@ -35,12 +35,12 @@ def edit(session: Session, photo: Path) -> None:
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
     editor.set_b("object 4")
-    editor.mix("texture", 0.4)
+    editor.mix_both(0.0, 0.4)
     session.player.add_key()
     session.player.seek(1.5)
     editor.show_object("object 2")
     session.player.add_key()
-    session.player.change(turns=-2)
+    session.player.stretch(7.0)
 
 
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
@@ -56,7 +56,7 @@ def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path:
     autosave.finish()
     assert not list(tmp_path.glob("*.codenerf"))  # nothing was made yet
     clock.now = 20.0
-    editor.mix("shape", 0.5, gesture="mix shape")
+    editor.mix_both(0.5, 0.4, gesture="mix pad")
     autosave.tick()
     autosave.finish()
     assert not list(tmp_path.glob("*.codenerf"))
@@ -447,7 +447,7 @@ def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
 ) -> None:
     autosave = Autosave(session, tmp_path, clock)
     for step in range(40):
-        editor.mix("texture", (step % 7 + 1) / 10)
+        editor.mix_both(0.0, (step % 7 + 1) / 10)
     monkeypatch.setattr(reading, "MAX_TEXT", 12_000)
     clock.now += 10.0
     autosave.tick()

@@ -21,7 +21,7 @@ _LOGGED = 500  # lines that the log keeps
 _NO_MEMORY = "can't allocate memory"  # Words of torch in a RuntimeError where the processor's memory does not suffice
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
 """the folders of an absolute path"""
-UNFORESEEN = "an error in the program; the log has it (menu Panels)"
+UNFORESEEN = "an error in the program; it is listed in Developer (menu Panels)"
 
 
 class MessageKind(Enum):

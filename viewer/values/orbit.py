@@ -8,11 +8,10 @@ from core.models.model import Model
 from core.rendering.progressive import Frame
 
 HIGHEST = math.radians(89.0)  # Short of the pole, where the image would spin
-_ZOOM_STEP = 1.1
+_ZOOM_STEP = 1.06
 REACH = 0.4, 3.0  # Nearest and farthest, in shares of the distance the model was trained at
 VIEWS = {"front": (FRONT_AZIMUTH, 0.0), "side": (FRONT_AZIMUTH - math.pi / 2, 0.0), "top": (FRONT_AZIMUTH, HIGHEST)}
 """Azimuth and elevation (rad) of the usual views."""
-_FAR = 30.0  # times as far away as with perspective: the camera of an orthographic view
 _MAX_PAN = 1.0  # How far the object can be panned, in shares of the view's shorter side
 
 
@@ -61,20 +60,6 @@ def seen_from(camera: Camera, view: str) -> Camera:
 def same_direction(one: Camera, other: Camera) -> bool:
     """Both see the object from the same side; from how far away does not matter."""
     return (one.azimuth, one.elevation) == (other.azimuth, other.elevation)
-
-
-def is_orthographic(camera: Camera, model: Model) -> bool:
-    """The camera is so far away that nearly no perspective is left."""
-    return camera.focal / camera.height > _FAR / 2 * model.focal / model.image_size
-
-
-def with_perspective(camera: Camera, model: Model, perspective: bool) -> Camera:
-    """The object as large as before with the perspective of the model's focal length, or with next to none: the camera
-    is then many times as far away and its focal length as many times as long.
-    """
-    wanted = (1.0 if perspective else _FAR) * model.focal / model.image_size
-    ratio = wanted / (camera.focal / camera.height)
-    return replace(camera, distance=ratio * camera.distance, focal=ratio * camera.focal)
 
 
 def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:

@@ -7,13 +7,10 @@ from typing import Any
 
 from core.runtime.files import write_json
 from core.runtime.reading import optional, read_json
-from viewer.values.quality import DEFAULT_QUALITY, QUALITIES
 from viewer.values.share_settings import ShareSettings
 
 _FILE = "preferences.json"
 _RECENT = 8  # files remembered
-TURNING = {"automatic": "Automatic", "on": "On", "off": "Off"}
-"""Whether OpenGL draws a baked object while it is turned, and how that is called; first: where it is fast."""
 SMALLEST, LARGEST = 0.75, 2.0  # of the text, relative to the default
 
 
@@ -22,14 +19,8 @@ class Preferences:
     """Values that a person chose. A new choice is a new one of these."""
 
     dark: bool = True
-    smooth: bool = True  # the finished render without visible pixels; previews show theirs
     text: float = 1.0  # size of the text, relative to the default
-    quality: int = DEFAULT_QUALITY  # which of :data:`viewer.values.quality.QUALITIES`
-    turning: str = "automatic"  # what draws the object while it is turned: one of :data:`TURNING`
-    idle_turn: bool = True  # what was rebuilt turns slowly until something is touched
-    shadow: bool = True  # on the ground below the object, in the view and in what is shared of it
     newcomer: bool = True  # nobody has turned the object yet
-    camera_path: bool = True  # drawn over the view, where the timeline has one
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()  # paths of images and scenes that were opened, the last one first
 
@@ -57,9 +48,7 @@ class Preferences:
         recent = stored.get("recent")
         names = tuple(name for name in recent if isinstance(name, str)) if isinstance(recent, list) else ()
         share = _share(stored.get("share"))
-        found = cls(**kept, share=share, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
-        quality = found.quality if 0 <= found.quality < len(QUALITIES) else default.quality
-        return replace(found, quality=quality, turning=found.turning if found.turning in TURNING else default.turning)
+        return cls(**kept, share=share, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
 
 
 def _share(stored: object) -> ShareSettings:

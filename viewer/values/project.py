@@ -41,7 +41,6 @@ class Project:
     history: History
     objects: tuple[EditableObject, ...] = ()  # those that are no model's own, the oldest first
     removed: tuple[str, ...] = ()  # those of them that are in no list any more
-    grid: tuple[str, ...] = ()  # objects in the grid
     fit: FitHistory = field(default_factory=FitHistory)  # the last one that is over
     tiles: tuple[SavedTile, ...] = ()  # its candidates
     pending: tuple[FitRequest, ...] = ()  # the fit under way, and those that wait
@@ -81,10 +80,9 @@ class Project:
         fitted = self if self.fit.sources else earlier
         return replace(
             self,
-            history=self.history.after(before).with_directions(before.now.directions),
+            history=self.history.after(before),
             objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
             removed=(*(names.get(name, name) for name in earlier.removed), *self.removed),
-            grid=self.grid or tuple(names.get(name, name) for name in earlier.grid),
             fit=fitted.fit,
             tiles=fitted.tiles,
             pending=(*self.pending, *earlier.pending),

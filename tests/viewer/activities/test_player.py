@@ -58,7 +58,7 @@ def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> No
     first, length = player.timeline.keys, player.timeline.length
     player.seek(length)
     for count in range(3, 8):
-        editor.sample_all()
+        editor.sample()
         player.add_key()
         assert len(player.timeline.keys) == count
         assert player.timeline.keys[-1].view.codes == editor.scene.codes

@@ -32,7 +32,7 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
 
 def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
-        window.click("Library/###fit_image")
+        window.click("View/**/###fit_image")
         window.type(str(photo))
         window.wait(lambda: not window.session.fitting.running)
         window.wait()
@@ -91,7 +91,7 @@ def test_chairs_and_cars_are_one_library(drive: Drive, both: Backend) -> None:
         assert editor.model is cars and editor.state.mix.b.startswith("car")
         window.click(f"Library/###{chairs.fingerprint}")
         assert not window.exists("Library/**/show car 2")
-        window.drop("Library/**/show object 3", "Mix/slot texture")
+        window.drop("Library/**/show object 3", "Mix/slot B")
         assert editor.model is cars
         (said,) = session.messages.shown
         assert said.text == "A chair cannot be mixed with a car: show it to begin with it"
