@@ -21,8 +21,8 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.jobs import BACKGROUND_SHARE, Jobs
-from viewer.services.kept_thumbnails import KeptThumbnails
+from viewer.services.jobs import BACKGROUND_SHARE, FIT_SHARE, Jobs
+from viewer.services.kept_thumbnails import KeptThumbnails, Pixels, read_pictures
 from viewer.services.messages import Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.signal import Signal
@@ -34,6 +34,8 @@ from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.project import Project
 from viewer.values.view_request import ViewSettings
+
+PICTURES = "pictures-1.safetensors"  # of the view and of tiles, in the folder of the session
 
 
 class Session:
@@ -64,6 +66,7 @@ class Session:
         self.project_path: Path | None = None  # where the project was saved, or opened from
         self._user_objects = UserObjects(folder and folder / "mine")
         self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
+        self._pictures = read_pictures(folder / PICTURES) if folder else {}  # of the last session
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
         self._words: dict[str, Words | None] = {}  # by fingerprint, of principal directions
@@ -82,7 +85,7 @@ class Session:
         self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()  # to be pointed out next
         self._prompting: tuple[PhotoSource, ...] = ()  # whose object is being pointed out, as it was not found
         self.viewport = Viewport(jobs, self.editor, view)
-        self.thumbnails = Thumbnails(jobs, self._kept_thumbnails)
+        self.thumbnails = Thumbnails(jobs, self._kept_thumbnails, self._pictures)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
@@ -91,8 +94,8 @@ class Session:
         self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
-        """Render the first image, and make the view banks that fits wait for."""
-        self.viewport.render()
+        """Show the scene, and make the view banks that fits wait for."""
+        self.viewport.begin(self._pictures)
         for model in self.models:
             self._build_view_bank(model)
 
@@ -173,7 +176,7 @@ class Session:
         def keep(share: float) -> None:
             self._banks[key] = share
 
-        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=BACKGROUND_SHARE))
+        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=FIT_SHARE))
 
     def rename(self, name: str, to: str) -> None:
         """Give an added object another name, wherever it is mentioned."""
@@ -198,6 +201,11 @@ class Session:
             self._user_objects.sync(self.models, [one for one in objects.added if one.fitted])
         except (ValueError, OSError) as error:
             self.messages.report("Cannot keep what was made", error)
+
+    @property
+    def pictures(self) -> dict[str, Pixels]:
+        """The view and the tiles that were shown last, for the next launch."""
+        return self.thumbnails.newest | self.viewport.picture
 
     @property
     def samples(self) -> tuple[Path, ...]:
@@ -319,4 +327,4 @@ class Session:
         self.close()
         self.project_path = None
         self._begin(self.editor.model, self.viewport.settings)
-        self.viewport.render()
+        self.viewport.begin()

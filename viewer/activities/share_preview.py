@@ -9,13 +9,12 @@ from core.export.pace import Pace
 from core.models.codes import Codes
 from core.rendering.baked_field import BakedField
 from viewer.editor import Editor
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import TILES_SHARE, Jobs
 from viewer.services.worker import Job
 from viewer.values.share_settings import ShareSettings
 
 _SIZE = 256  # px
 _NAME, _PACE = "share preview", "share pace"  # jobs
-_PACE_SHARE = 0.15  # of the worker's time
 
 
 class SharePreview:
@@ -60,12 +59,12 @@ class SharePreview:
         def rendered(found: tuple[Image, tuple[Codes, int] | None]) -> None:
             self.image, self._copied = found
 
-        self._jobs.submit(Job(_NAME, stream, rendered, self._jobs.reporting("Cannot render the preview")))
+        self._jobs.submit(Job(_NAME, stream, rendered, self._jobs.reporting("Cannot render the preview"), urgent=True))
         if self.pace is None and not self._jobs.busy(_PACE):
             view = View(state.scene.codes, state.scene.camera)
             measured, model = self._jobs.backend.pace, self._editor.model
             ended = self._unmeasured
-            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, ended, share=_PACE_SHARE))
+            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, ended, share=TILES_SHARE))
 
     @property
     def stale(self) -> bool:

@@ -84,8 +84,8 @@ class LibraryPanel(Panel):
         """Of objects, by their names, and of photos that wait."""
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
         gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
-        columns = len(tiles) if strip else max(1, int((room.x + gap) / (least + gap)))
-        side = room.y - small_height() if strip else min(room.x, (room.x - gap * (columns - 1)) / columns)
+        columns = len(tiles) if strip else max(2, int((room.x + gap) / (least + gap)))
+        side = room.y - small_height() if strip else (room.x - gap * (columns - 1)) / columns
         size = ImVec2(side, side + small_height())
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
         for number, tile in enumerate(tiles):

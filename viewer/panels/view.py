@@ -125,9 +125,7 @@ class ViewPanel(Panel):
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
                 context.session.viewport.reset_view()
             if io.mouse_wheel:
-                self._nudge(
-                    context, orbit.zoomed(context.session.viewport.camera, io.mouse_wheel, editor.model), "zoom"
-                )
+                self._zoom(context, io.mouse_wheel)
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(context)
         if self._nudged and imgui.is_any_item_active():
@@ -135,6 +133,15 @@ class ViewPanel(Panel):
         if self._nudged and time.monotonic() - self._nudged > _REST:
             editor.end_gesture()
             self._nudged = 0.0
+
+    def _zoom(self, context: PanelContext, steps: float) -> None:
+        """What is under the mouse stays there."""
+        (low, high), viewport = context.view, context.session.viewport
+        nearer = orbit.zoomed(viewport.camera, steps, context.session.editor.model)
+        at = (imgui.get_mouse_pos() - (low + high) * 0.5) / min(high - low)
+        away = at - ImVec2(*viewport.settings.offset)
+        viewport.pan_by(*(away * (1 - viewport.camera.distance / nearer.distance)))
+        self._nudge(context, nearer, "zoom")
 
     def _keys(self, context: PanelContext) -> None:
         camera, step = context.session.viewport.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)

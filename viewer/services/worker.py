@@ -111,7 +111,7 @@ class Worker:
 
     def _run(self) -> None:
         if sys.platform == "linux":  # the window stays at its frame rate beside torch on few cores
-            os.nice(10)  # of this thread alone
+            os.nice(2)  # of this thread alone
         while (entry := self._pick()) is not None:
             began = self._clock()
             self._step(entry)
