@@ -207,9 +207,13 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
 
 
 def _is_allowed(action: Action, context: PanelContext) -> bool:
-    """The segmentation dialog has keys of its own, and would hide the help; a popup is closed first."""
+    """The segmentation dialog has keys of its own, and would hide the help; a popup is closed first; while the keyboard
+    goes from control to control, Tab and Space are for those.
+    """
     if context.session.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
+    if action.id in ("fold_panels", "play") and imgui.get_io().nav_visible:
+        return False
     return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
 
 

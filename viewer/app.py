@@ -252,6 +252,7 @@ class App:
         # A mistake in a panel is logged by imgui, and does not end the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
+        io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         window.on_drop(self._dropped)
         window.limit_size()
         self._frame_started = time.thread_time()

@@ -267,12 +267,13 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
     drive(act)
 
 
-@pytest.mark.parametrize("size", [(900, 600), (1900, 1000)])
-def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
+@pytest.mark.parametrize(("size", "share"), [((900, 600), 0.5), ((1280, 800), 0.62), ((1920, 1080), 0.7)])
+def test_the_view_is_most_of_a_window_of_any_size(drive: Drive, size: tuple[int, int], share: float) -> None:
     def act(window: Driver) -> None:
-        editor = window.session.editor
+        editor, (low, high) = window.session.editor, window.context.view
         viewport = imgui.get_main_viewport().size
         assert (viewport.x, viewport.y) == size
+        assert (high.x - low.x) * (high.y - low.y) > share * size[0] * size[1]
         window.drag("View/orbit", 30)
         window.show("Sliders")
         window.click("Sliders/###sample")

@@ -494,3 +494,28 @@ def test_unfinished_files_of_runs_that_were_killed_are_removed_after_a_day(sessi
         os.utime(tmp_path / f".{name}.partial.codenerf", (time.time() - age, time.time() - age))
     Autosave(session, tmp_path)
     assert [path.name for path in tmp_path.glob(".*.partial*")] == [".new.partial.codenerf"]
+
+
+def test_the_next_launch_shows_the_view_and_tiles_at_once_and_no_other_object(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    session.start()
+    session.editor.show_object("object 3")
+    finish(session, lambda: session.viewport.sharp)
+    codes, camera = session.editor.scene.codes, session.editor.scene.camera.resized(64, 64)
+    session.thumbnails.get(codes, camera)
+    finish(session, lambda: session.thumbnails.get(codes, camera) is not None)
+    shown = session.viewport.frame
+    assert shown is not None
+    autosave.close()
+    session.close()
+    again, second = begun(worker, backend, tmp_path, clock)
+    again.viewport.change(panel=(300, 200))
+    assert again.viewport.frame is None and not again.jobs.busy("view")  # nothing is rendered before it is restored
+    again.start()
+    frame, tile = again.viewport.frame, again.thumbnails.get(codes, camera)
+    assert frame is not None and not again.viewport.sharp
+    np.testing.assert_array_equal(frame.image, shown.image)
+    assert tile is not None and tile.resolution == (64, 64)
+    second.close()

@@ -42,14 +42,15 @@ class LibraryPanel(Panel):
             imgui.get_content_region_avail().y < _STRIP * hello_imgui.em_size(),
         )
         if strip:
-            imgui.begin_child("filter", (_STRIP * hello_imgui.em_size(), 0))
+            imgui.begin_child("filter", (_STRIP * hello_imgui.em_size(), 0), imgui.ChildFlags_.nav_flattened)
         if not Welcome.is_due(context):
             action_button(context, "fit_image", f"{_PHOTO}  Open photo", -1, context.palette.accent)
         self._filter = draw_choice({_ALL: "All", **names, _MINE: "Mine"}, self._filter)
         if strip:
             imgui.end_child()
             imgui.same_line()
-        if imgui.begin_child("objects", window_flags=imgui.WindowFlags_.horizontal_scrollbar if strip else 0):
+        scrolls = imgui.WindowFlags_.horizontal_scrollbar if strip else 0
+        if imgui.begin_child("objects", (0, 0), imgui.ChildFlags_.nav_flattened, scrolls):
             self._draw_objects(context, names, strip)
         imgui.end_child()
         self._user_menu.apply(context)

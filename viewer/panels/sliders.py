@@ -54,7 +54,7 @@ class SlidersPanel(Panel):
         if words is None:
             caption(context, "Measuring what the directions change …")
             return
-        if imgui.begin_child("sliders"):
+        if imgui.begin_child("sliders", (0, 0), imgui.ChildFlags_.nav_flattened):
             for part in PARTS:
                 imgui.spacing()
                 heading(context, part.capitalize())

@@ -1,6 +1,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from imgui_bundle import imgui
 
 from core.models.codes import Entry
@@ -112,3 +113,23 @@ def test_chairs_and_cars_are_one_library(drive: Drive, both: Backend) -> None:
         assert editor.model is chairs and not editor.history.past
 
     drive(act, both)
+
+
+def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor, key = window.session.editor, imgui.Key
+        window.click("Library/**/show object 2")
+        window.press(key.down_arrow)
+        window.press(key.right_arrow)
+        focused = imgui.internal.get_focus_id()
+        (name,) = (
+            name for name in editor.objects.names if window.ctx.item_info(f"//Library/**/show {name}").id_ == focused
+        )
+        box = window.ctx.item_info(f"//Library/**/show {name}").rect_full
+        around = window.capture()[int(box.min.y) - 6 : int(box.max.y) + 6, int(box.min.x) - 6 : int(box.max.x) + 6]
+        ring = np.abs(around / 255 - window.context.palette.accent).max(-1) < 0.02
+        assert ring.sum() > box.max.x - box.min.x
+        window.press(key.enter)
+        assert name != "object 2" and editor.state.mix.a.shape == name
+
+    drive(act)

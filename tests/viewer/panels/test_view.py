@@ -78,6 +78,11 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
             ctx.mouse_wheel_y(1.0)
         window.wait()
         assert editor.scene.camera.distance < home.distance
+        assert max(map(abs, window.session.viewport.settings.pan)) < 0.1
+        low, high = window.context.view
+        ctx.mouse_move_to_pos(low + (high - low) * 0.75)
+        ctx.mouse_wheel_y(1.0)
+        assert max(window.session.viewport.settings.pan) < -0.01  # what is under the mouse stays there
         time.sleep(0.7)
         ctx.yield_(2)
         window.press(imgui.Key.right_arrow)
@@ -87,7 +92,7 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
         io.mouse_single_click_delay, io.mouse_double_click_time = 11.0, 10.0  # s: frames of a busy machine take long
         ctx.item_double_click("//View/orbit")
         ctx.yield_(2)
-        assert editor.scene.camera == home
+        assert (editor.scene.camera, window.session.viewport.settings.pan) == (home, (0.0, 0.0))
         window.drag("View/orbit", 60)
         window.click("View/###reset_view")
         assert editor.scene.camera == home
