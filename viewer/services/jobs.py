@@ -1,4 +1,4 @@
-"""Needed by everything that takes longer than a frame: the worker, the backend, open models, and messages."""
+"""Shared by everything that takes longer than a frame: the worker, the backend, open models, and messages."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,13 +10,12 @@ from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
 FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.3, 0.1, 0.03, 0.01
-"""of the worker's time against that of a file under way, for a fit, tiles, the view's last pixels and what nobody looks
-at; alone each has all of it"""
+"""Shares of the worker's time beside an export (1.0): a fit, tiles, the view's last pixels, and invisible work."""
 
 
 @dataclass(eq=False)
 class Jobs:
-    """Given to every activity in place of the session."""
+    """Passed to every activity instead of the session."""
 
     worker: Worker
     backend: Backend
@@ -28,7 +27,7 @@ class Jobs:
         return self.backend.frames(self.models.of(job.codes), job)
 
     def submit(self, job: Job) -> None:
-        """Start a job, in place of an older one of its name."""
+        """Start a job, replacing an older one of its name."""
         self.worker.submit(job)
 
     def cancel(self, *names: str) -> None:
@@ -37,9 +36,9 @@ class Jobs:
             self.worker.cancel(name)
 
     def busy(self, *names: str) -> bool:
-        """Whether a job (one of these names) is under way or has something to deliver."""
+        """True if a job (one of these names) is running or has results to deliver."""
         return self.worker.busy(*names)
 
     def reporting(self, what: str) -> Callable[[Exception | None], None]:
-        """For the end of a job: reports what went wrong, if anything did."""
+        """Return an end callback that reports an error, if any."""
         return lambda error: self.messages.report(what, error) if error else None

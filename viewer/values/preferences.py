@@ -1,4 +1,4 @@
-"""Preferences, remembered from one launch to the next, in a small file that may be lost or broken."""
+"""Preferences kept between launches in a small file that may be missing or broken."""
 
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -16,31 +16,31 @@ SMALLEST, LARGEST = 0.75, 2.0  # of the text, relative to the default
 
 @dataclass(frozen=True)
 class Preferences:
-    """Values that a person chose. A new choice is a new one of these."""
+    """A person's choices. Changes make a new object."""
 
     dark: bool = True
     text: float = 1.0  # size of the text, relative to the default
     newcomer: bool = True  # nobody has turned the object yet
     share: ShareSettings = field(default_factory=ShareSettings)
-    recent: tuple[str, ...] = ()  # paths of images and scenes that were opened, the last one first
+    recent: tuple[str, ...] = ()  # paths of opened images and scenes, the latest first
 
     def with_text_size(self, text: float) -> "Preferences":
-        """With a larger or smaller text, within reason."""
+        """Change the text size, within limits."""
         return replace(self, text=max(SMALLEST, min(LARGEST, text)))
 
     def with_recent(self, path: Path) -> "Preferences":
-        """With a file at the head of the recent ones."""
+        """Put a file at the head of the recent ones."""
         name = str(path.absolute())
         return replace(self, recent=(name, *(other for other in self.recent if other != name))[:_RECENT])
 
     def save(self, folder: Path) -> None:
-        """Write them into a folder, which is made. Raises ``ValueError`` or ``OSError`` where that cannot be."""
+        """Write to a folder, creating it. Raises ``ValueError`` or ``OSError`` if that fails."""
         folder.mkdir(parents=True, exist_ok=True)
         write_json(folder / _FILE, asdict(self))
 
     @classmethod
     def load(cls, folder: Path) -> "Preferences":
-        """Read them; what is missing or makes no sense is as on the first launch."""
+        """Read preferences; missing or invalid values get their defaults."""
         stored = optional(lambda: read_json(folder / _FILE))
         if not isinstance(stored, dict):
             return cls()
@@ -52,7 +52,7 @@ class Preferences:
 
 
 def _share(stored: object) -> ShareSettings:
-    """The choices of the Share dialog, all of them or none."""
+    """Read the choices of the Share dialog, all of them or none."""
     try:
         return ShareSettings(**_kept(ShareSettings(), stored)) if isinstance(stored, dict) else ShareSettings()
     except ValueError:
@@ -60,7 +60,7 @@ def _share(stored: object) -> ShareSettings:
 
 
 def _kept(default: Any, stored: dict) -> dict[str, Any]:
-    """The stored ones of a dataclass's numbers, texts and choices, where it is of the right type."""
+    """Return the stored numbers, texts and choices of the right type."""
     return {
         one.name: stored[one.name]
         for one in fields(default)
