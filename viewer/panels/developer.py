@@ -129,7 +129,7 @@ def _draw_candidates(context: PanelContext) -> None:
 def _draw_tile(context: PanelContext, tile: Tile, rank: int, side: float) -> None:
     fitting, corner = context.session.fitting, imgui.get_cursor_screen_pos()
     preferable = fitting.can_resume(tile.hypothesis)
-    if imgui.invisible_button(f"candidate {rank + 1}", (side, side)) and preferable:
+    if object_tiles.tile_button(f"candidate {rank + 1}", (side, side)) and preferable:
         fitting.resume(tile.hypothesis)
     tooltip(_label(tile, rank, preferable))
     object_tiles.paint_frame(context, tile.frame, corner, side)

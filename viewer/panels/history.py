@@ -71,7 +71,7 @@ class HistoryStrip:
         now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
-        elif imgui.invisible_button(f"state {number + 1}", (side, side)) and not shown:
+        elif object_tiles.tile_button(f"state {number + 1}", (side, side)) and not shown:
             context.session.editor.go_to(edit.last)
         if shown and self._shown != now:
             imgui.set_scroll_here_x()

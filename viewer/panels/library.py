@@ -120,7 +120,7 @@ class LibraryPanel(Panel):
         size = imgui.calc_text_size(label) + ImVec2(0.5 * em, 0)
         low = corner + ImVec2(side, side) - size
         imgui.set_cursor_screen_pos(low)
-        if imgui.invisible_button(f"variants of {name}", size):
+        if object_tiles.tile_button(f"variants of {name}", size):
             self._unfolded ^= {name}
         colour = mixed(context.palette.panel, context.palette.accent, 0.5 if imgui.is_item_hovered() else 0.0)
         tooltip(
@@ -135,7 +135,7 @@ def _draw_object(
     context: PanelContext, name: str, corner: ImVec2, size: ImVec2, user_menu: user_objects.UserObjectMenu
 ) -> None:
     editor, side = context.session.editor, size.x
-    if imgui.invisible_button(f"show {name}", size):
+    if object_tiles.tile_button(f"show {name}", size):
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
     about = f"{readable(name)}{user_objects.about(editor.objects[name])}"

@@ -63,7 +63,7 @@ class MixPanel(Panel):
         for row in reversed(range(STEPS)):
             for column in range(STEPS):
                 imgui.set_cursor_screen_pos(corner + ImVec2(column, STEPS - 1 - row) * cell)
-                if imgui.invisible_button(f"mix {column} {row}", (cell, cell)):
+                if object_tiles.tile_button(f"mix {column} {row}", (cell, cell)):
                     context.session.editor.mix_both(column / (STEPS - 1), row / (STEPS - 1))
                 if imgui.is_item_focused():
                     focused = column, row

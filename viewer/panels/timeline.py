@@ -98,7 +98,7 @@ def _draw_key(
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
     moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until the release, and in that frame still
-    if imgui.invisible_button(f"key {index + 1}", (side, side)) and not any(moved):
+    if object_tiles.tile_button(f"key {index + 1}", (side, side)) and not any(moved):
         player.go_to_key(index)
     across = imgui.get_io().mouse_delta.x
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):

@@ -44,6 +44,11 @@ def paint_frame(
         draw.add_rect(corner, opposite, packed(context.palette.line), rounding())
 
 
+def tile_button(name: str, size: tuple[float, float] | ImVec2) -> bool:
+    """Draw nothing, but take clicks and the keyboard's focus at the cursor; True if pressed."""
+    return imgui.invisible_button(name, size, imgui.ButtonFlags_.enable_nav)
+
+
 def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) -> None:
     """A photo as it is, or an empty square until it is read."""
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)

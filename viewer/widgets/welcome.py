@@ -86,7 +86,7 @@ def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
         if number % across:
             imgui.same_line(0, gap)
         corner = imgui.get_cursor_screen_pos()
-        if imgui.invisible_button(f"sample {path.stem}", (side, side)):
+        if object_tiles.tile_button(f"sample {path.stem}", (side, side)):
             context.fit(path)
         hovered = imgui.is_item_hovered()
         tooltip(f"Rebuild this photo: {path.stem}")

@@ -67,7 +67,7 @@ def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> No
 
 
 def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> None:
-    player.change(loop=False)
+    player.loop(False)
     player.play()
     clock.now += 9.0
     player.tick()

@@ -31,9 +31,13 @@ def test_the_keyboard_reaches_every_mix(drive: Drive) -> None:
     def act(window: Driver) -> None:
         key, mix = imgui.Key, lambda: window.session.editor.state.mix
         window.click("Mix/slot B")
-        for pressed in (key.down_arrow, key.down_arrow, key.right_arrow, key.space):
-            window.press(pressed)
-        assert (mix().shape, mix().texture) == (0.25, 1.0)
+        for pressed in (key.down_arrow, key.down_arrow, key.up_arrow, key.up_arrow, key.space):
+            window.press(pressed)  # from the button below the pad into its second row
+        shape, texture = mix().shape, mix().texture
+        assert texture == 0.25
+        window.press(key.right_arrow)
+        window.press(key.space)
+        assert (mix().shape, mix().texture) == (shape + 0.25, texture)
 
     drive(act)
 
