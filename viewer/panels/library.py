@@ -37,12 +37,9 @@ class LibraryPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """The button, one's own objects, those of the models; those out of sight are not rendered."""
-        names, strip = (
-            _headings(context.session.models),
-            imgui.get_content_region_avail().y < _STRIP * hello_imgui.em_size(),
-        )
-        if strip:
-            imgui.begin_child("filter", (_STRIP * hello_imgui.em_size(), 0), imgui.ChildFlags_.nav_flattened)
+        names, least = _headings(context.session.models), _STRIP * hello_imgui.em_size()
+        if strip := imgui.get_content_region_avail().y < least:
+            imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
         if not Welcome.is_due(context):
             action_button(context, "fit_image", f"{_PHOTO}  Open photo", -1, context.palette.accent)
         self._filter = draw_choice({_ALL: "All", **names, _MINE: "Mine"}, self._filter)
@@ -85,20 +82,19 @@ class LibraryPanel(Panel):
         """Of objects, by their names, and of photos that wait."""
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
         gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
-        columns = len(tiles) if strip else max(2, int((room.x + gap) / (least + gap)))
+        columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (least + gap)))
         side = room.y - small_height() if strip else (room.x - gap * (columns - 1)) / columns
-        size = ImVec2(side, side + small_height())
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
-        for number, tile in enumerate(tiles):
-            if number % columns:
-                imgui.same_line()
-            after, corner = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos()
-            # Hundreds of objects cost nothing while scrolled away, but the arrow keys go to the ones beside the edge.
-            if imgui.is_rect_visible(corner - size, corner + size * 2):
-                self._draw_tile(context, tile, corner, size)
-                imgui.set_cursor_pos(after)
-            imgui.dummy(size)
-        imgui.pop_style_var()
+        size, start = ImVec2(side, side + small_height()), imgui.get_cursor_screen_pos()
+        low, step, rows = imgui.get_window_pos() - start, size + ImVec2(gap, gap), -(-len(tiles) // columns)
+        high = low + imgui.get_window_size()
+        for row in _range(low.y, high.y, step.y, rows):
+            for column in _range(low.x, high.x, step.x, columns):
+                if (number := row * columns + column) < len(tiles):
+                    corner = start + ImVec2(column * step.x, row * step.y)
+                    imgui.set_cursor_screen_pos(corner)
+                    self._draw_tile(context, tiles[number], corner, size)
+        imgui.set_cursor_screen_pos(start)
+        imgui.dummy((columns * step.x - gap, max(0.0, rows * step.y - gap)))
 
     def _draw_tile(self, context: PanelContext, tile: str | FitRequest, corner: ImVec2, size: ImVec2) -> None:
         imgui.set_next_item_allow_overlap()
@@ -129,6 +125,14 @@ class LibraryPanel(Panel):
         draw = imgui.get_window_draw_list()
         draw.add_rect_filled(low, low + size, packed(colour, 0.85), object_tiles.rounding())
         draw.add_text(low + ImVec2(0.25 * em, 0), packed(context.palette.text), label)
+
+
+def _range(low: float, high: float, step: float, count: int) -> range:
+    """Return the numbers of tiles in sight, and of one more at each end, where the arrow keys go.
+
+    Hundreds of objects cost nothing while scrolled away.
+    """
+    return range(max(0, int(low / step) - 1), min(count, int(high / step) + 2))
 
 
 def _draw_object(
