@@ -41,6 +41,7 @@ def edit(session: Session, photo: Path) -> None:
     editor.show_object("object 2")
     session.player.add_key()
     session.player.stretch(7.0)
+    editor.end_gesture()
 
 
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
