@@ -506,7 +506,9 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once_and_no_other_object(
     finish(session, lambda: session.viewport.sharp)
     codes, camera = session.editor.scene.codes, session.editor.scene.camera.resized(64, 64)
     session.thumbnails.get(codes, camera)
-    finish(session, lambda: session.thumbnails.get(codes, camera) is not None)
+    finish(
+        session, lambda: (found := session.thumbnails.get(codes, camera)) is not None and found.resolution == (64, 64)
+    )
     shown = session.viewport.frame
     assert shown is not None
     autosave.close()
