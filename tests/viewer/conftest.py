@@ -89,7 +89,11 @@ def both(backend: Backend) -> Backend:
 def real_backend(model: Model) -> Backend:
     """Nothing stands in but a tiny model, and its pace. Its view bank is left out: that of a mist takes a minute."""
     return Backend(
-        load_model=lambda name: model, view_bank=lambda _: iter(()), pace=quick_pace, guess_category=no_guess
+        load_model=lambda name: model,
+        view_bank=lambda _: iter(()),
+        pace=quick_pace,
+        guess_category=no_guess,
+        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
 
 
