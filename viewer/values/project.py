@@ -180,8 +180,8 @@ def _completed(value: Any, store: BlobStore) -> Any:
     if not isinstance(value, dict):
         return value
     found = {name: _completed(one, store) for name, one in value.items()}
-    if isinstance(found.get("photo"), dict) and "name" in found:
-        found |= {"photo": "", "fitted": True}  # an object, whose photo is now identified by its digest
+    if {"name", "codes", "photo"} <= found.keys() and not isinstance(found["photo"], str):
+        found |= {"photo": "", "fitted": found["photo"] is not None}  # an object: its photo is now known by its digest
     if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
         found["crop_transform"] = len(store.tensors)
         store.tensors.append(torch.zeros(len(found["cameras"]), 4))

@@ -191,6 +191,22 @@ def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, co
         assert editor.scene == states[16].scene
 
 
+def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -> None:
+    """Scenes that were opened had a photo of null."""
+    with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:
+        parts = {name: file.read(name) for name in file.namelist()}
+    about = json.loads(parts["project.json"])
+    for one in about["sessions"]:
+        for made in one["objects"]:
+            made["photo"] = None
+    parts["project.json"] = json.dumps(about).encode()
+    with zipfile.ZipFile(tmp_path / "a.codenerf", "w") as file:
+        for name, content in parts.items():
+            file.writestr(name, content)
+    found = Project.load(tmp_path / "a.codenerf", OpenModels(load_model))
+    assert [(one.fitted, one.photo) for one in found.objects] == [(False, ""), (False, "")]
+
+
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
 def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
     shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
