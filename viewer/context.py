@@ -48,6 +48,7 @@ class PanelContext:
     images: Images | None = None
     bold: imgui.ImFont | None = None  # the font of headings
     focus: str = "Mix"  # the panel to bring to the front
+    tool: str = "turn"  # what a drag in the view does: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
     dragged: str = ""  # the object that is dragged to a slot
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
     frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
@@ -83,6 +84,12 @@ class PanelContext:
         """Show the next of the view's modes."""
         modes = list(MODES)
         self.session.viewport.change(mode=modes[(modes.index(self.session.viewport.settings.mode) + 1) % len(modes)])
+
+    def see_photo(self) -> None:
+        """See the object from its photo's camera, the photo over it to be wiped away; and without the photo again."""
+        wiped = self.tool == "wipe" and self.session.photo_camera == self.session.editor.scene.camera
+        self.tool = "turn" if wiped else "wipe"
+        self.session.see_from("photo")
 
     def copy_image(self) -> None:
         """The view on white, without its shadow, into the clipboard."""

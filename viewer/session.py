@@ -5,17 +5,21 @@ from pathlib import Path
 
 import torch
 
+from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
 from core.models.open_models import OpenModels
+from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
 from core.photos.direction_words import Words
 from core.runtime.folders import THUMBNAILS, cache_folder
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
+from viewer.activities.grabbing import Grabbing
 from viewer.activities.grid import Grid
 from viewer.activities.idle_turn import IdleTurn
+from viewer.activities.painting import Painting
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.thumbnails import Thumbnails
@@ -91,8 +95,9 @@ class Session:
         self.grid = Grid(jobs, self.editor.objects)
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
-        self.segmenting = Segmenting(jobs, self.editor, self.fitting.fit)
+        self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.fitting.no_background.connect(self._ask_for_box)
+        self.painting, self.grabbing = Painting(jobs, self.editor), Grabbing(jobs, self.editor, self.viewport)
         self.exporting = Exporting(jobs, self.editor, self.grid)
 
     def start(self) -> None:
@@ -119,6 +124,7 @@ class Session:
         """End what is under way."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
+        self.jobs.cancel("paint", "paint colour", "pull")
         self.exporting.cancel()
 
     # Models and their objects
@@ -219,10 +225,23 @@ class Session:
         """One of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
         if view == "home":
             self.viewport.reset_view()
-        elif view == "photo" and self.fitting.history.last:
-            self.editor.set_camera(self.fitting.view.camera)
+        elif view == "photo" and (camera := self.photo_camera):
+            self.viewport.change(pan=(0.0, 0.0))
+            self.editor.set_camera(camera)
         elif view in orbit.VIEWS:
             self.editor.set_camera(orbit.seen_from(self.viewport.camera, view))
+
+    @property
+    def photo_view(self) -> PhotoView | None:
+        """The photo of the object in the view that is shown, as its camera sees it; None where there is none."""
+        detail = self.editor.scene.codes.detail
+        return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
+
+    @property
+    def photo_camera(self) -> Camera | None:
+        """From where that photo was taken."""
+        view = self.photo_view
+        return orbit.photo_camera(view.camera, self.editor.model) if view else None
 
     @property
     def orthographic(self) -> bool:
@@ -236,8 +255,8 @@ class Session:
     # Photos whose object a person points out
 
     def segment_photo(self) -> None:
-        """Point out the object in the photo of the fit that is shown."""
-        history = self.fitting.history
+        """Point out the object in the photo of the object in the view."""
+        history = self.fitting.shown
         self.segmenting.open(history.sources, history.photo_index, history.model)
 
     @property
@@ -285,7 +304,7 @@ class Session:
     def parts(self) -> tuple[object, ...]:
         """Everything :meth:`project` is made of: as long as these are the same, so is that."""
         objects, fitting = self.editor.objects, self.fitting
-        fit = fitting.request, fitting.queue, fitting.results.checking, fitting.history.photos
+        fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
         named = self.editor.history, objects.removed, self.grid.names, self.project_path

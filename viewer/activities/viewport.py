@@ -222,9 +222,9 @@ class Viewport:
         """Keep how far the fit has come, seen from the photo's camera at the model's size."""
         self._live = newest
 
-    def render_turned(self) -> None:
-        """Show how far the fit has come, where a person sees it from elsewhere."""
-        if self.turned and not self._jobs.busy("fit view"):
+    def render_live(self) -> None:
+        """Show how far the fit has come, unless that is under way."""
+        if not self._jobs.busy("fit view"):
             self._render_live()
 
     def _render_live(self) -> None:

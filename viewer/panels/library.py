@@ -54,7 +54,7 @@ class LibraryPanel(Panel):
         self._user_menu.apply(context)
 
     def _draw_mine(self, context: PanelContext) -> None:
-        mine: list[str | FitRequest] = [*context.session.fitting.queue, *context.session.editor.objects.own]
+        mine: list[str | FitRequest] = [*context.session.fitting.pending, *context.session.editor.objects.own]
         if mine:
             self._draw_tiles(context, mine)
         else:

@@ -15,6 +15,7 @@ from viewer.values.quality import QUALITIES
 from viewer.values.view_modes import MODES, in_mode
 from viewer.widgets.camera_path import CameraPath
 from viewer.widgets.controls import action_button, button, choose, end_gesture, tooltip
+from viewer.widgets.over_view import OverView
 from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
@@ -47,7 +48,7 @@ class ViewPanel(Panel):
 
     def __init__(self) -> None:
         self._nudged = 0.0
-        self._welcome, self._path = Welcome(), CameraPath()
+        self._welcome, self._path, self._over = Welcome(), CameraPath(), OverView()
         self._covered = 0  # px at the view's lower edge, by the way in
         self._cached: tuple[Frame, str, Frame] | None = None  # of which frame and mode, the frame that is shown
 
@@ -77,7 +78,8 @@ class ViewPanel(Panel):
         buttons = imgui.ButtonFlags_
         every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
         imgui.invisible_button("orbit", size, every)
-        self._react(context, size)
+        if not self._over.draw(context, corner, size):
+            self._react(context, size)
         _draw_buttons(context, corner, size)
         if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
             self._draw_hint(corner, size)

@@ -1,10 +1,11 @@
 """Where values come from: core's streams, or a test's stand-ins."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from core.detail.frames import bake, render_progressively
+from core.detail.paint import Paint, Rgb, paint, paint_colour
 from core.export.frames import Image, draw_still, render_frames
 from core.export.framing import filling_distance
 from core.export.keyframes import View
@@ -23,6 +24,7 @@ from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
 from core.rendering.baked_field import BakedField
+from core.rendering.grab import Pull, pulls_at
 from core.rendering.progressive import Frame, RenderJob
 from viewer.values.fit_history import PhotoSource
 
@@ -30,7 +32,7 @@ from viewer.values.fit_history import PhotoSource
 def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
     """The object as a model takes it."""
     with naming(source.path):
-        return prepare_photo(cut, model, read_pose(source.pose) if source.pose else None, source.crop)
+        return prepare_photo(cut, model, read_pose(source.pose) if source.pose else None)
 
 
 @dataclass(frozen=True)
@@ -51,4 +53,7 @@ class Backend:
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
+    pulls: Callable[[Model, Codes, Camera, tuple[float, float]], list[Pull]] = pulls_at
+    paint_colour: Callable[[Model, Codes, str], Generator[None, None, Rgb]] = paint_colour
+    paint: Callable[[Model, Codes, Paint], Generator[None, None, Codes]] = paint
     distance: Callable[[Model, Codes, Camera, float], float] = filling_distance

@@ -93,7 +93,7 @@ class Project:
     def save(self, path: Path, models: OpenModels) -> None:
         """Write it, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
         parts = Parts()
-        bare = replace(self, fit=_without_renders(self.fit), pending=tuple(map(_request, self.pending)))
+        bare = replace(self, fit=_shortened(self.fit), pending=tuple(map(_request, self.pending)))
         about = {"format": "codenerf-project-2", "project": encode(bare, parts), "timelines": parts.timelines}
         with atomic_file(path, partial(Project.load, models=models)) as written, zipfile.ZipFile(written, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
@@ -204,11 +204,11 @@ def _check_cameras(fit: FitHistory) -> None:
                 raise ValueError("the cameras have another size than the photos")
 
 
-def _without_renders(fit: FitHistory) -> FitHistory:
-    """Renders are made again. Of each step but the last, the leading hypothesis is enough to resume from."""
+def _shortened(fit: FitHistory) -> FitHistory:
+    """With the leading hypothesis of each step but the last, which is enough to resume from."""
     steps = tuple(replace(step, hypotheses=step.hypotheses[:1]) for step in fit.steps[:-1])
-    return replace(fit, steps=(*steps, *fit.steps[-1:]), frame=None, difference=None)
+    return replace(fit, steps=(*steps, *fit.steps[-1:]))
 
 
 def _request(request: FitRequest) -> FitRequest:
-    return request._replace(history=_without_renders(request.history))
+    return request._replace(history=_shortened(request.history))

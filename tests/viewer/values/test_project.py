@@ -18,7 +18,7 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import compressed
-from core.photos.photo import Crop, Photo
+from core.photos.photo import Photo
 from core.photos.segmentation import Hints, Stroke
 from tests.conftest import random_model
 from tests.viewer.driver import finish
@@ -51,7 +51,7 @@ def saved(session: Session, editor: Editor, photo: Path) -> Project:
     session.grid.add("block", "object 1")
     found = session.project()
     hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
-    source = PhotoSource(photo, photo.with_suffix(".txt"), hints, Crop(1.1, 0.1, -0.1))
+    source = PhotoSource(photo, photo.with_suffix(".txt"), hints)
     return replace(found, pending=(FitRequest(FitHistory((source,))),))
 
 
