@@ -98,8 +98,8 @@ def doubted(path: Path, hints: Hints | None) -> CutOut:
 
 def crowded(path: Path, hints: Hints | None) -> CutOut:
     """Surely cut out, but two objects are nearly as prominent."""
-    found = Detection((0.3, 0.2, 0.7, 0.8), {"chairs": 0.9, "cars": 0.1})
-    other = found._replace(box=(0.2, 0.2, 0.6, 0.8))
+    found = Detection((0.0, 0.2, 0.5, 0.8), {"chairs": 0.9, "cars": 0.1})
+    other = found._replace(box=(0.5, 0.2, 1.0, 0.8))
     return replace(read_cut_out(path, None), detections=(found, other), white=False)
 
 

@@ -52,7 +52,7 @@ class Viewport:
         editor.scene_changed.connect(self._refresh)
         self.framing = Framing(jobs, editor)
         self.result_shown = Signal[[]]()  # emitted when what a fit has found is in the view
-        editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
+        editor.object_chosen.connect(self._show_chosen)
 
     def close(self) -> None:
         """Render no more."""
@@ -241,6 +241,12 @@ class Viewport:
 
         ended = self._jobs.reporting("Cannot show the search")
         self._jobs.submit(Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent=True))
+
+    def _show_chosen(self) -> None:
+        """Show an object that a person has chosen, also if it is the one that the view showed before the fit."""
+        if self.following:
+            self.unfollow()
+        self.framing.keep_size(self.settings.panel)
 
     def _refresh(self) -> None:
         """Show the scene, or the fit, as it is now. An edit of codes ends following a fit."""

@@ -28,7 +28,7 @@ class Welcome:
         editor, fitting = context.session.editor, context.session.fitting
         first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
         edited = timeline.keys or any(state.scene.codes is not first for state in editor.history.states)
-        return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
+        return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Into the bottom of a rectangle (px); at its right the photos alone in a low one, and once the object has been

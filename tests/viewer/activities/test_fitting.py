@@ -288,7 +288,7 @@ def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Sessi
     finish(session)
     (question,) = fitting.questions
     assert question.words.startswith("Which one?")
-    assert question.seen.boxes == ((0.3, 0.2, 0.7, 0.8), (0.2, 0.2, 0.6, 0.8))
+    assert question.seen.boxes == ((0.0, 0.2, 0.5, 0.8), (0.5, 0.2, 1.0, 0.8))
 
     def noted(path: Path, wanted: Hints | None) -> CutOut:
         hints.append(wanted)

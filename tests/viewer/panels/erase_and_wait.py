@@ -38,7 +38,7 @@ def run(folder: Path) -> None:
         editor = driver.session.editor
         editor.add_and_show(fitted(model), editor.scene.camera)
         driver.show("Photo")
-        driver.click("Photo/Erase")
+        driver.click("Photo/###erase")
         driver.drag("View/orbit", 40)
         driver.wait(lambda: False, longest=600)
 

@@ -74,9 +74,9 @@ def test_photo_and_view_are_compared_from_the_photo_s_camera(drive: Drive, backe
         window.press(imgui.Key._4)
         assert context.tool == "turn"
         np.testing.assert_allclose(window.capture()[middle], render[middle], atol=3)
-        window.click("Photo/Wipe")
+        window.click("Photo/###wipe")
         assert context.tool == "wipe"
-        window.click("Photo/Turn")
+        window.click("Photo/###turn")
         window.drag("View/orbit", 100)
         assert editor.scene.camera != session.photo_camera
 
@@ -95,7 +95,7 @@ def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(drive: Drive, m
             assert detail is not None
             return detail.views[0].erased
 
-        window.click("Photo/Erase")
+        window.click("Photo/###erase")
         window.wait()
         assert editor.scene.camera == window.session.photo_camera
         seen = editor.state
@@ -162,7 +162,7 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(
         window.click("Photo/###viewpoint")
         assert editor.scene.camera.azimuth == pytest.approx(1.0)
         window.undo()
-        assert editor.scene.camera == found.scene.camera
+        assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
 
     drive(act, replace(backend, fit=rated))
 
@@ -290,7 +290,7 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, pho
         session, editor = window.session, window.session.editor
         fitting = session.fitting
         window.show("Photo")
-        window.click("Photo/###fit_image")
+        window.click("Library/###fit_image")
         window.type(str(photo))
         window.wait(lambda: len(fitting.history.steps) > 3)
         assert fitting.running
