@@ -1,4 +1,4 @@
-"""The history of a fit: photos, steps, and which of them is shown. All frozen."""
+"""The history of a fit: photos, steps, and the selected step. All frozen."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from core.runtime.reading import optional, read_numbers
 from viewer.values.printable import printable
 from viewer.values.seen_cut_out import SeenCutOut
 
-MAX_STEPS = 800  # kept; of more, every other one is forgotten
+MAX_STEPS = 800  # steps kept; beyond, every other one is dropped
 
 
 class PhotoSource(NamedTuple):
     """The origin of a photo: its file, and hints of a person."""
 
     path: Path
-    pose: Path | None = None  # its camera, where that is known: an SRN pose file
-    hints: Hints | None = None  # where the object is, where a person pointed it out
+    pose: Path | None = None  # its SRN pose file, if the camera is known
+    hints: Hints | None = None  # a person's hints to the object, if any
 
     @property
     def name(self) -> str:
-        """Of its file, as the window can draw it."""
+        """Name of the file, printable."""
         return printable(self.path.name)
 
 
@@ -49,12 +49,12 @@ class FittedPhoto:
 
     @classmethod
     def of(cls, source: PhotoSource, photo: Photo, seen: SeenCutOut | None = None) -> FittedPhoto:
-        """With its pixels as bytes."""
+        """Build from a photo, converting its pixels to bytes."""
         return cls(source, photo, to_bytes(photo.pixels), seen)
 
     @property
     def digest(self) -> str:
-        """By which the photo is known again."""
+        """Hash that identifies the photo."""
         return hashlib.sha256(self.pixels.tobytes()).hexdigest()[:16]
 
 
@@ -63,19 +63,19 @@ class FitHistory:
     """The photos and steps of a fit so far."""
 
     sources: tuple[PhotoSource, ...] = ()
-    photos: tuple[FittedPhoto, ...] = ()  # as many of the sources as have been read
+    photos: tuple[FittedPhoto, ...] = ()  # of the sources read so far
     steps: tuple[FitStep, ...] = ()
-    photo_index: int = 0  # the photo that is shown
-    model: str = ""  # fingerprint of the model that is fitted; empty until the first photo's category is known
+    photo_index: int = 0  # the selected photo
+    model: str = ""  # fingerprint of the fitted model; empty until the first photo's category is known
 
     @property
     def name(self) -> str:
-        """Of the object: that of its first photo."""
+        """Name of the object: its first photo's."""
         return printable(self.sources[0].path.stem) if self.sources else ""
 
     @property
     def photo(self) -> FittedPhoto | None:
-        """The photo that is shown, once it has been read."""
+        """The selected photo, once it has been read."""
         return self.photos[self.photo_index] if self.photo_index < len(self.photos) else None
 
     @property
@@ -85,11 +85,11 @@ class FitHistory:
 
     @property
     def progress(self) -> float:
-        """0..1"""
+        """Progress, 0..1."""
         return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
 
     def with_step(self, step: FitStep) -> FitHistory:
-        """With a step more; where there are too many, only every other one is kept, and the newest."""
+        """Add a step; beyond :data:`MAX_STEPS` keep only every other step and the newest."""
         steps = (*self.steps, step)
         return replace(self, steps=steps if len(steps) <= MAX_STEPS else (*steps[:-1:2], step))
 
@@ -99,8 +99,8 @@ class FitRequest(NamedTuple):
 
     history: FitHistory
     resume_from: Hypothesis | None = None
-    restored: bool = False  # of a run that ended in it, maybe after its result had joined the objects
-    answered: int = 0  # photos, the first ones, about which a person was asked
+    restored: bool = False  # from a run that ended during this fit, maybe after its result had joined the objects
+    answered: int = 0  # number of photos, from the first, about which a person was asked
 
 
 class Question(NamedTuple):
@@ -124,10 +124,10 @@ class Question(NamedTuple):
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
-    """Sort files into images, with the poses that have their names, and files that are neither.
+    """Sort files into images with the poses of the same names, and other files.
 
-    A pose is a text of 16 numbers. Without an image, all files but texts count as images: reading them says why they
-    are none. Raises ``ValueError`` where there are only texts.
+    A pose is a text of 16 numbers. Without an image, all other files count as images, so that reading them reports why
+    they are not. Raises ``ValueError`` if there are only texts.
     """
     texts = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
     no_texts = [path for path in paths if path not in texts.values()]
@@ -141,13 +141,13 @@ def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[P
 
 
 def _is_image(path: Path) -> bool:
-    """By its name, or by its content."""
+    """Recognise an image by name or content."""
     return path.suffix.lower() in IMAGE_SUFFIXES or optional(lambda: upright_size(path)) is not None
 
 
 @dataclass(frozen=True)
 class Ready:
-    """A fitted object that can be shown."""
+    """A fitted object that is ready to be shown."""
 
     name: str
-    camera: Camera  # from where its photo was taken, at the size of the model's images
+    camera: Camera  # its photo's camera, at the size of the model's images
