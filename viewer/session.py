@@ -34,7 +34,7 @@ from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
 from viewer.values import orbit
-from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
+from viewer.values.fit_history import FitHistory
 from viewer.values.objects import EditableObject
 from viewer.values.part import Part
 from viewer.values.printable import printable
@@ -87,8 +87,6 @@ class Session:
         self._initially_there = frozenset[str]()  # names of objects that were there from the beginning
         for model in self.models:
             self._add_user_objects(model)
-        self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()  # to be pointed out next
-        self._prompting: tuple[PhotoSource, ...] = ()  # whose object is being pointed out, as it was not found
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._kept_thumbnails)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
@@ -96,7 +94,6 @@ class Session:
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
-        self.fitting.no_background.connect(self._ask_for_box)
         self.painting, self.grabbing = Painting(jobs, self.editor), Grabbing(jobs, self.editor, self.viewport)
         self.exporting = Exporting(jobs, self.editor, self.grid)
 
@@ -113,10 +110,6 @@ class Session:
         self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
-        if self._awaiting_box and not self.segmenting.active:
-            first, *others = self._awaiting_box
-            self._awaiting_box, self._prompting = tuple(others), first[0]
-            self.segmenting.open(*first)
         if (self._kept, self._kept_directions) != (self.editor.objects.version, self.editor.state.directions):
             self._keep_user_objects()
 
@@ -252,23 +245,6 @@ class Session:
         """See the object without perspective, or with the model's own."""
         self.editor.set_camera(orbit.with_perspective(self.viewport.camera, self.editor.model, not orthographic))
 
-    # Photos whose object a person points out
-
-    def segment_photo(self) -> None:
-        """Point out the object in the photo of the object in the view."""
-        history = self.fitting.shown
-        self.segmenting.open(history.sources, history.photo_index, history.model)
-
-    @property
-    def _not_found(self) -> tuple[tuple[PhotoSource, ...], ...]:
-        """Photos whose object is still to be pointed out."""
-        asked = self.segmenting.active and self._prompting and self.segmenting.sources == self._prompting
-        return (*((self._prompting,) if asked else ()), *(sources for sources, _ in self._awaiting_box))
-
-    def _ask_for_box(self, sources: tuple[PhotoSource, ...], index: int) -> None:
-        """In this photo the object was not found: a person is asked, for one photo at a time."""
-        self._awaiting_box = (*self._awaiting_box, (sources, index))
-
     # Scenes and projects
 
     def open_scene(self, path: Path) -> None:
@@ -295,7 +271,7 @@ class Session:
             self.grid.names,
             FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
             fitting.candidates.saved(),
-            (*fitting.pending, *(FitRequest(FitHistory(sources)) for sources in self._not_found)),
+            fitting.pending,
             self.models.names,
             self.project_path,
         )
@@ -308,7 +284,7 @@ class Session:
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
         named = self.editor.history, objects.removed, self.grid.names, self.project_path
-        return (*named, *fit, steps, *self._not_found, *added)
+        return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
         """Go on with a project: its states come before those of now, its objects join the others. Raises ``ValueError``

@@ -345,7 +345,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         look()
         window.session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
         look()
-        window.session.segment_photo()
+        window.session.segmenting.open(window.session.fitting.history.sources, 0)
         window.wait(lambda: window.session.segmenting.plain is not None)
         look()
 

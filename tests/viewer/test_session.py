@@ -147,7 +147,8 @@ def test_a_person_may_fit_a_photo_as_another_category(worker: Worker, both: Back
     session.fitting.refit(cars)
     finish(session, lambda: not session.fitting.pending)
     assert [session.models.of(one.codes) for one in session.editor.objects.added] == [chairs, cars]
-    session.segment_photo()
+    shown = session.fitting.shown
+    session.segmenting.open(shown.sources, 0, shown.model)
     session.segmenting.fit()  # cut out again, it is a car still
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.model is cars

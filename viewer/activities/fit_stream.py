@@ -10,10 +10,11 @@ from core.fitting.settings import PaperSettings
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.photos.decode import read_rgba
+from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut
 from viewer.services.backend import Backend
 from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
-from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful
+from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white
 
 WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
 """Presets to choose from; the paper's own recipe is a baseline for the command line."""
@@ -29,7 +30,7 @@ class Doubt(NamedTuple):
 
     words: str
     model: Model  # would fit the photo
-    cut: CutOut
+    cut: CutOut | None  # None where no object was found
     seen: SeenCutOut
 
 
@@ -64,7 +65,12 @@ def fit_stream(
     model = models[history.model] if history.model else None
     photos, first = [fitted.photo for fitted in history.photos], dict[str, float]()
     for source in history.sources[len(photos) :]:
-        cut = known.get(source) or backend.cut_out(source.path, source.hints)
+        try:
+            cut = known.get(source) or backend.cut_out(source.path, source.hints)
+        except NoBackgroundError:
+            bare = SeenCutOut(on_white(read_rgba(source.path)), ())
+            yield Doubt("The object was not found: point at it", model or here, None, bare)
+            return
         guess = _guess(backend, cut)
         if said := describe_difference(first, guess):
             yield Remark(f"{source.name}: {said}")

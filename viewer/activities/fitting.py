@@ -8,7 +8,6 @@ from pathlib import Path
 from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_detail import with_photo_detail
 from core.models.model import Model
-from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints
 from viewer.activities.candidates import Candidates
 from viewer.activities.fit_results import FitResults
@@ -18,7 +17,6 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.messages import Button, MessageKind
-from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, match_poses
 from viewer.values.objects import EditableObject
@@ -44,7 +42,6 @@ class Fitting:
         self.request: FitRequest | None = None  # what is under way
         self.queue: tuple[FitRequest, ...] = ()  # those that wait
         self.questions: tuple[Question, ...] = ()  # photos that a person looks at first, the oldest first
-        self.no_background = Signal[tuple[PhotoSource, ...], int]()  # photos, and the one whose object was not found
         self._shown_fit, self._fits = "", dict[str, FitHistory]()  # object whose fit is shown; fits by name
         self._before = self.history, self.candidates.tiles  # what was there before the last fit began
 
@@ -123,12 +120,13 @@ class Fitting:
         self.fit(*sources)
 
     def fit(self, *sources: PhotoSource, model: str = "") -> bool:
-        """Fit the object in photos, after those that wait. What cannot be used leaves everything as it was. Whether
-        there is anything to fit.
+        """Fit the object in photos, after those that wait; a question about them is answered. Whether there are any.
 
         Args:
             model: fingerprint; empty: that of the category that the first photo shows.
         """
+        paths = {source.path for source in sources}
+        self.questions = tuple(one for one in self.questions if one.source.path not in paths)
         if sources:
             self._begin(FitRequest(FitHistory(sources, model=model)))
         return bool(sources)
@@ -164,17 +162,8 @@ class Fitting:
         history, model = question.request.history, model or question.model
         photos = history.photos if model == history.model else ()
         request = FitRequest(FitHistory(history.sources, photos, model=model), answered=question.number + 1)
-        self.withdraw_question(question)
-        self._begin(request, {question.source: question.cut})
-
-    def point_out(self, question: Question) -> None:
-        """Let a person point at the object of a photo."""
-        self.withdraw_question(question)
-        self.no_background.emit(question.request.history.sources, question.number)
-
-    def withdraw_question(self, question: Question) -> None:
-        """Ask no more about a photo, and leave it out."""
-        self.questions = tuple(one for one in self.questions if one is not question)
+        self.forget(history.sources)
+        self._begin(request, {question.source: question.cut} if question.cut else {})
 
     def resume(self, hypothesis: Hypothesis | None = None) -> None:
         """Continue from a hypothesis, or from the best one of the newest step."""
@@ -217,21 +206,9 @@ class Fitting:
         self.view.show(history)
         self.candidates.reset(tiles)
 
-    def begin_now(self, sources: tuple[PhotoSource, ...]) -> None:
-        """Fit photos that wait, before all others. A fit under way waits in their place, to begin anew; one that is
-        being checked ends with its result.
-        """
-        request = next((one for one in self.queue if one.history.sources is sources), None)
-        if request is None:
-            return
-        left, self.queue = (*self._unfinished, *_without(self.queue, sources)), ()
-        self.stop() if self.results.checking else self._undo_beginning()
-        self.queue = left
-        self._run(request)
-
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
         """Do not fit photos that wait."""
-        self.queue = _without(self.queue, sources)
+        self.queue = tuple(one for one in self.queue if one.history.sources is not sources)
         self.questions = tuple(one for one in self.questions if one.request.history.sources is not sources)
 
     def follow(self) -> None:
@@ -287,13 +264,10 @@ class Fitting:
         stream = partial(fit_stream, self._jobs.backend, models, here, request, settings, known)
 
         def ended(error: Exception | None) -> None:
-            read = len(self.history.photos)
             if error and len(self.history.steps) == len(history.steps):
                 self.view.show(before)
                 self.candidates.reset(tiles)
             self._ended(error)
-            if isinstance(error, NoBackgroundError):
-                self.no_background.emit(history.sources, read)
             self._next()
 
         self._jobs.submit(Job("fit", stream, self._receive, ended))
@@ -334,8 +308,7 @@ class Fitting:
         self.request = self.results.checking = None
         self.candidates.finish()
         self._viewport.unfollow()
-        if not isinstance(error, NoBackgroundError):  # for which there is a dialog
-            self._jobs.messages.report("Cannot fit this image", error)
+        self._jobs.messages.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:
         self.candidates.finish()
@@ -379,7 +352,3 @@ class Fitting:
     def _fitted(self, step: FitStep) -> EditableObject:
         photo = self.history.photo
         return EditableObject(self.history.name, step.codes, True, step.confidence, photo.digest if photo else "")
-
-
-def _without(queue: tuple[FitRequest, ...], sources: tuple[PhotoSource, ...]) -> tuple[FitRequest, ...]:
-    return tuple(request for request in queue if request.history.sources is not sources)

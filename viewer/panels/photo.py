@@ -35,7 +35,7 @@ _SHARE = icons_fontawesome_4.ICON_FA_SHARE_ALT
 _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _TOOLS = {"turn": "Turn", "wipe": "Wipe", "erase": "Erase"}
 _SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "soft": "Soft", "model": "The model's"}
-_POINT_HELP = "Show where the object is: by a click, a box, or strokes; then it is fitted once more"
+_POINT_HELP = "Show where the object is, by a click, a box, or strokes, and fit it"
 
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
 and from the first one again"""
@@ -73,31 +73,25 @@ class PhotoPanel(Panel):
 
 def _draw_question(context: PanelContext, question: Question) -> None:
     """Draw a photo whose cut-out is in doubt; one click answers."""
-    fitting, session = context.session.fitting, context.session
-    history = question.request.history
-
-    def choose_object(number: int) -> None:
-        fitting.withdraw_question(question)
-        fitting.choose(history.sources, question.number, number, history.model)
-
+    fitting, session, history = context.session.fitting, context.session, question.request.history
+    about = history.sources, question.number
     heading(context, question.source.name)
     imgui.text_colored((*context.palette.warm, 1.0), question.words)
+    choose_object = partial(fitting.choose, *about, model=history.model)
     draw_cut_out(context, question.seen.pixels, question.seen.boxes, choose_object)
-    likely = session.models[question.model]
-    if button("This one###this one", f"Fit what is outlined, as a {likely.noun}", colour=context.palette.accent):
-        fitting.answer(question)
-    flow("Point at it")
-    if button("Point at it###point at it", "Show where the object is: by a click, a box, or strokes"):
-        fitting.point_out(question)
-    for model in session.models:
-        label = f"As a {model.noun}"
-        if model is not likely:
-            flow(label)
-            if button(f"{label}###as {model.category}", f"Fit what is outlined, as a {model.noun}"):
-                fitting.answer(question, model.fingerprint)
+    models = [*session.models] if question.cut else []
+    for model in sorted(models, key=lambda one: one.fingerprint != question.model):
+        likely = model.fingerprint == question.model
+        label = "This one###this one" if likely else f"As a {model.noun}###as {model.category}"
+        colour = context.palette.accent if likely else None
+        if button(label, f"Fit what is outlined, as a {model.noun}", colour=colour):
+            fitting.answer(question, model.fingerprint)
+        flow("Point at it")
+    if button("Point at it###point at it", _POINT_HELP):
+        session.segmenting.open(*about, history.model)
     flow("Leave it")
     if button("Leave it###leave photo", "Do not fit this photo"):
-        fitting.withdraw_question(question)
+        fitting.forget(history.sources)
 
 
 def _draw_object(context: PanelContext, shown: FitHistory) -> None:
@@ -114,7 +108,7 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     elif photo:
         draw_cut_out(context, photo.pixels, (), lambda number: None)
     if button("Point at it###point at it", _POINT_HELP, enabled=photo is not None):
-        session.segment_photo()
+        session.segmenting.open(shown.sources, shown.photo_index, shown.model)
     if fitting.running and session.viewport.following:
         _draw_progress(fitting)
         return

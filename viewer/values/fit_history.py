@@ -108,7 +108,7 @@ class Question(NamedTuple):
 
     request: FitRequest
     words: str
-    cut: CutOut
+    cut: CutOut | None  # None where no object was found
     seen: SeenCutOut
     model: str  # fingerprint of the model that would fit it
 

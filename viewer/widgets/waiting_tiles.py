@@ -13,19 +13,15 @@ _DIMMED = 0.45  # how much of the photo is hidden
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:
-    """The photo with a bar, a clock, or a question mark; a click shows the fit, or asks what to do."""
+    """Draw the photo with a bar, a clock, or a question mark; a click shows the fit or the question."""
     side, fitting, source = size.x, context.session.fitting, waits.history.sources[0]
     name, sources = f"waits {source.name}", waits.history.sources
     running = fitting.running and sources is fitting.history.sources
     asked = any(question.request is waits for question in fitting.questions)
     imgui.push_id(id(sources) & 0x7FFFFFFF)  # the same photo may wait twice
-    if imgui.invisible_button(name, size):
-        if running:
-            fitting.follow()
-        elif not asked:
-            imgui.open_popup(name)
-        if running or asked:
-            context.focus = "Photo"
+    if imgui.invisible_button(name, size) and (running or asked):
+        context.focus = "Photo"
+        fitting.follow()
     hovered = imgui.is_item_hovered()
     object_tiles.paint_photo(context, source.path, corner, side)
     shade = packed(context.palette.panel, 0.0 if hovered or running else _DIMMED)
@@ -37,10 +33,13 @@ def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2)
         tooltip(f"{source.name} waits for an answer\nClick to see the question")
         object_tiles.mark(corner, _QUESTION, context.palette.warm)
     else:
-        tooltip(f"{source.name} waits for {fitting.history.name}\nClick to fit it now, or to remove it")
+        tooltip(f"{source.name} waits for {fitting.history.name}\nRight click to remove it")
         object_tiles.mark(corner, _CLOCK, context.palette.warm)
     if imgui.begin_popup_context_item(name):
-        _draw_menu(context, waits)
+        if running and imgui.menu_item_simple("Stop###stop fit"):
+            fitting.stop()
+        if not running and imgui.menu_item_simple("Remove###remove waiting"):
+            fitting.forget(sources)
         imgui.end_popup()
     imgui.pop_id()
 
@@ -51,17 +50,3 @@ def _draw_bar(context: PanelContext, progress: float, corner: ImVec2, side: floa
     draw.add_rect_filled((corner.x, low - height), (corner.x + side, low), packed(context.palette.raised))
     filled = corner.x + progress * side
     draw.add_rect_filled((corner.x, low - height), (filled, low), packed(context.palette.accent))
-
-
-def _draw_menu(context: PanelContext, waits: FitRequest) -> None:
-    fitting, sources = context.session.fitting, waits.history.sources
-    if waits in fitting.queue:
-        if imgui.menu_item_simple("Do it now###do it now"):
-            fitting.begin_now(sources)
-        stays = "stays as it is" if fitting.results.checking else "waits then, and begins anew"
-        tooltip(f"{fitting.history.name} {stays}")
-    if sources is fitting.history.sources:
-        if imgui.menu_item_simple("Stop###stop fit"):
-            fitting.stop()
-    elif imgui.menu_item_simple("Remove###remove waiting"):
-        fitting.forget(sources)

@@ -9,6 +9,7 @@ import pytest
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo, read_cut_out
+from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import CheckedFit, broken_fit, crowded, doubted, endless_fit, quick_fit, quick_photo
@@ -207,38 +208,6 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, photo: Path) -> No
     assert not fitting.running
 
 
-def test_a_photo_that_waits_may_go_first(session: Session, photo: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    fitting = session.fitting
-    fitting.start(photo)
-    fitting.start(block(photo, "b"))
-    fitting.start(block(photo, "c"))
-    deliver(session, lambda: len(fitting.history.steps) > 3)
-    fitting.begin_now(fitting.queue[1].history.sources)
-    assert fitting.history.name == "block c"
-    assert [request.history.name for request in fitting.queue] == ["block", "block b"]
-    assert not fitting.queue[0].history.steps  # it begins anew
-    deliver(session, lambda: session.viewport.source == "fit")  # it is followed, as a person asked for it
-    session.jobs.backend = replace(session.jobs.backend, fit=quick_fit)
-    fitting.stop()
-    finish(session, lambda: not fitting.pending)
-    assert set(session.editor.objects.own) == {"block", "block b", "block c"}
-    assert session.messages.errors == []
-
-
-def test_what_is_only_checked_ends_with_its_result_where_a_photo_goes_first(session: Session, photo: Path) -> None:
-    fit, fitting = CheckedFit(), session.fitting
-    session.jobs.backend = replace(session.jobs.backend, fit=fit)
-    fitting.start(photo)
-    fitting.start(block(photo, "b"))
-    deliver(session, lambda: fitting.results.checking is not None)
-    fitting.begin_now(fitting.queue[0].history.sources)
-    assert (fitting.history.name, fitting.queue) == ("block b", ())
-    fit.may_end.set()
-    finish(session, lambda: not fitting.pending)
-    assert set(session.editor.objects.own) == {"block", "block b"}
-
-
 def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, cut_out=doubted)
     fitting, before, second = session.fitting, session.editor.history, block(photo, "b")
@@ -295,7 +264,6 @@ def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Sessi
         return crowded(path, wanted)
 
     session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
-    fitting.withdraw_question(question)
     fitting.choose(question.request.history.sources, 0, 1)
     finish(session, lambda: not fitting.pending)
     assert hints == [Hints(object=1)]
@@ -308,16 +276,36 @@ def test_a_question_is_saved_and_asked_again(session: Session, photo: Path, tmp_
     finish(session)
     session.project().save(tmp_path / "a.codenerf", session.models)
     project = Project.load(tmp_path / "a.codenerf", session.models)
-    session.fitting.withdraw_question(session.fitting.questions[0])
+    session.fitting.forget(session.fitting.pending[0].history.sources)
     assert not session.fitting.pending
     session.restore(project)
     finish(session)
     (question,) = session.fitting.questions
-    session.fitting.point_out(question)
-    session.tick()
-    assert session.segmenting.active
-    assert session.segmenting.sources[0].path == photo
+    session.segmenting.open(question.request.history.sources, 0)
+    finish(session, lambda: session.segmenting.settled)
+    assert session.fitting.questions  # until the object is pointed out
+    session.segmenting.fit()
     assert not session.fitting.questions
+    finish(session, lambda: not session.fitting.pending)
+    assert session.editor.objects.own == ["block"]
+
+
+def test_a_photo_without_an_object_waits_until_it_is_pointed_at(session: Session, photo: Path) -> None:
+    def nothing(path: Path, hints: Hints | None) -> CutOut:
+        if hints is None:
+            raise NoBackgroundError
+        return read_cut_out(path, hints)
+
+    session.jobs.backend = replace(session.jobs.backend, cut_out=nothing)
+    session.fitting.start(photo)
+    finish(session)
+    (question,) = session.fitting.questions
+    assert (question.cut, question.seen.boxes) == (None, ())
+    assert question.words.startswith("The object was not found")
+    assert session.messages.errors == []
+    session.fitting.fit(question.source._replace(hints=Hints()))
+    finish(session, lambda: not session.fitting.pending)
+    assert session.editor.objects.own == ["block"]
 
 
 def test_the_fit_of_the_object_in_the_view_is_shown_beside_another_that_runs(session: Session, photo: Path) -> None:
