@@ -337,7 +337,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         window.wait(lambda: window.session.viewport.source == "fit")
         window.press(imgui.Key.r)  # another object: the fit is not followed any more
         look()
-        assert window.exists("###Running fit/###follow")
+        assert window.exists("Library/**/waits block.png")
         window.session.fitting.stop()
         window.wait()
         look()

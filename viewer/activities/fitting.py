@@ -47,20 +47,17 @@ class Fitting:
 
     @property
     def history(self) -> FitHistory:
-        """Of the fit under way, or of the last one."""
+        """The fit under way, or the last one."""
         return self.view.history
 
     @property
     def shown(self) -> FitHistory:
-        """Of the object in the view; empty where that was not fitted in this run."""
+        """The fit of the object in the view; empty if that was not fitted in this run."""
         if self.running and self._viewport.following:
             return self.history
         name = self._editor.state.mix.a.shape
-        return self.history if self._shows(name) else self._fits.get(name, FitHistory())
-
-    def _shows(self, name: str) -> bool:
-        """Return whether :attr:`history` is that of an object."""
-        return name == self._shown_fit and (not self.running or self.results.checking is not None)
+        newest = name == self._shown_fit and (not self.running or self.results.checking is not None)
+        return self.history if newest else self._fits.get(name, FitHistory())
 
     @property
     def running(self) -> bool:
@@ -120,7 +117,7 @@ class Fitting:
         self.fit(*sources)
 
     def fit(self, *sources: PhotoSource, model: str = "") -> bool:
-        """Fit the object in photos, after those that wait; a question about them is answered. Whether there are any.
+        """Fit the object in photos, after those that wait; it answers a question about them. False without photos.
 
         Args:
             model: fingerprint; empty: that of the category that the first photo shows.
@@ -230,7 +227,7 @@ class Fitting:
     # On the way
 
     def _begin(self, request: FitRequest, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
-        """Now, or after those that wait; ``known`` as :func:`fit_stream` takes it."""
+        """Run a request now, or after those that wait; ``known`` is that of :func:`fit_stream`."""
         if not self.running:
             self._run(request, known=known)
             return

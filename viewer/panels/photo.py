@@ -44,8 +44,7 @@ _DETAIL_HELP = """How much of the photo's own detail the object shows, such as l
 A doubtful camera shows none."""
 _SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, with its lettering;
 mirrored and blurred; or the model's own"""
-_TOOLS_HELP = """What a drag in the view does: turn the object, wipe the photo over it away,
-or erase a reflection, say, from it. The wheel sets the size of the brush"""
+_ERASE_HELP = "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush"
 _AGREE = 0.5  # of how far renders explain their photos
 
 
@@ -100,13 +99,11 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     heading(context, shown.name or session.editor.state.mix.a.shape)
     _draw_photos(fitting, shown)
     seen = photo.seen if photo else fitting.view.seen if shown is fitting.history else None
-    if seen:
-        choose_object = partial(fitting.choose, shown.sources, shown.photo_index)
-        draw_cut_out(context, seen.pixels, seen.boxes, choose_object)
-    elif view := session.photo_view:
-        draw_cut_out(context, photo_pixels(view.image), (), lambda number: None)
-    elif photo:
-        draw_cut_out(context, photo.pixels, (), lambda number: None)
+    view = session.photo_view
+    pixels = seen.pixels if seen else photo_pixels(view.image) if view else photo.pixels if photo else None
+    if pixels is not None:
+        boxes = seen.boxes if seen else ()
+        draw_cut_out(context, pixels, boxes, partial(fitting.choose, shown.sources, shown.photo_index))
     if button("Point at it###point at it", _POINT_HELP, enabled=photo is not None):
         session.segmenting.open(shown.sources, shown.photo_index, shown.model)
     if fitting.running and session.viewport.following:
@@ -209,8 +206,9 @@ def _draw_dot_and_words(context: PanelContext, words: str, sure: str) -> None:
 
 def _draw_tools(context: PanelContext, detail: PhotoDetail) -> None:
     """Draw the choice of tools for the view."""
-    session = context.session
-    if (tool := draw_choice(_TOOLS, context.tool)) != context.tool:
+    session, tool = context.session, draw_choice(_TOOLS, context.tool)
+    tooltip(_ERASE_HELP)
+    if tool != context.tool:
         context.tool = tool
         if tool != "turn":
             session.see_from("photo")
