@@ -34,7 +34,7 @@ from viewer.services.backend import Backend
 from viewer.services.single_instance import SingleInstance
 from viewer.services.worker import Worker
 from viewer.session import Session
-from viewer.values.quality import Quality
+from viewer.values.view_request import Quality
 
 
 @pytest.fixture(autouse=True)
@@ -177,8 +177,6 @@ def drive(
         session = Session(Worker(), backend, 0, folder)
         session.viewport.change(quality=Quality(32, 96))
         app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
-        if folder is None:  # else a fast machine would draw other pictures than a slow one
-            app.context.set_preference(turning="off")
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict

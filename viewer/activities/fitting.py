@@ -15,7 +15,7 @@ from viewer.activities.fit_stream import Doubt, FitOptions, Remark, fit_stream
 from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import FIT_SHARE, Jobs
 from viewer.services.messages import Button, MessageKind
 from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, match_poses
@@ -267,7 +267,7 @@ class Fitting:
             self._ended(error)
             self._next()
 
-        self._jobs.submit(Job("fit", stream, self._receive, ended))
+        self._jobs.submit(Job("fit", stream, self._receive, ended, share=FIT_SHARE))
 
     def _receive(self, value: Model | Remark | Doubt | SeenCutOut | FittedPhoto | FitStep) -> None:
         if isinstance(value, Model):

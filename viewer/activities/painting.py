@@ -69,7 +69,7 @@ class Painting:
 
     def restore(self) -> None:
         """Give the object the paint that it had at first."""
-        self._editor.set_code("texture", self._original)
+        self._editor.set_texture(self._original)
 
     def paint(self, colour: Rgb) -> None:
         """Give the part a colour, as soon as it is found; the same drag until :meth:`release`."""
@@ -84,7 +84,7 @@ class Painting:
 
         def keep(found: Codes) -> None:
             if self._editor.scene.codes is self._shown:  # else the person has gone on to something else
-                self._editor.set_code("texture", found.texture, gesture="paint")
+                self._editor.set_texture(found.texture, gesture="paint")
                 self._shown = self._editor.scene.codes
 
         def ended(error: Exception | None) -> None:

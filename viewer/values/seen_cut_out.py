@@ -11,7 +11,7 @@ from core.photos.detector import Box
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.segmentation import CutOut
 
-RIVAL = 0.7  # prominence of the second object over that of the first, from which a person chooses
+_RIVAL, _LEAST = 0.7, 0.25  # prominence over that of the first object: from which a person chooses, and is told of it
 _SURE, _DOUBTFUL = (60, 220, 130), (255, 170, 40)  # colours of outlines
 _THIN = 1 / 300  # of the photo's longer side: half the width of the outline
 
@@ -21,13 +21,15 @@ class SeenCutOut:
     """The photo with the outline over it."""
 
     pixels: UInt8[np.ndarray, "height width 3"]
-    boxes: tuple[Box, ...]  # of the chairs and cars in the photo, the most prominent first
+    boxes: tuple[Box, ...]  # of the prominent chairs and cars in the photo, the most prominent first
 
     @classmethod
     def of(cls, image: Image.Image, cut: CutOut) -> "SeenCutOut":
         """Draw the outline of a cut-out over its RGBA image."""
         colour = _DOUBTFUL if is_doubtful(cut) else _SURE
-        return cls(outlined(on_white(image), cut.mask, colour), tuple(one.box for one in cut.detections))
+        least = _LEAST * max((one.prominence for one in cut.detections), default=0.0)
+        boxes = tuple(one.box for one in cut.detections if one.prominence >= least)
+        return cls(outlined(on_white(image), cut.mask, colour), boxes)
 
 
 def is_doubtful(cut: CutOut) -> bool:
@@ -40,7 +42,7 @@ def has_rival(cut: CutOut) -> bool:
     if cut.white or len(cut.detections) < 2:
         return False
     first, second, *_ = cut.detections
-    return second.prominence > RIVAL * first.prominence
+    return second.prominence > _RIVAL * first.prominence
 
 
 def on_white(image: Image.Image, side: int | None = None) -> UInt8[np.ndarray, "height width 3"]:

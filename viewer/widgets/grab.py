@@ -48,7 +48,10 @@ def _draw_ring(context: PanelContext, mouse: ImVec2, radius: float) -> None:
     if length := (along.x**2 + along.y**2) ** 0.5:
         reach = along * (1.6 * radius / length)
         draw.add_line(mouse - reach, mouse + reach, colour, 2.0)
-    word = context.session.word("shape", pull.direction) or f"shape {pull.direction + 1}"
+    words = (context.session.words or {}).get("shape", ())
+    word = words[pull.direction] if pull.direction < len(words) else ""
+    if not word:
+        return
     extent, low = imgui.calc_text_size(word), mouse + ImVec2(1.2 * radius, 0.8 * radius)
     pad = ImVec2(0.4 * em, 0.2 * em)
     draw.add_rect_filled(low - pad, low + extent + pad, packed(PLATE, PLATE_OPACITY), 0.3 * em)

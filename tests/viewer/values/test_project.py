@@ -41,14 +41,13 @@ def saved(session: Session, editor: Editor, photo: Path) -> Project:
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
     editor.set_b("object 4")
-    editor.mix("texture", 0.4)
+    editor.mix_both(0.0, 0.4)
     session.player.add_key()
     session.player.seek(1.5)
     editor.show_object("object 2")
     session.player.add_key()
-    session.player.change(turns=-2)
+    session.player.stretch(7.0)
     editor.undo()
-    session.grid.add("block", "object 1")
     found = session.project()
     hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
     source = PhotoSource(photo, photo.with_suffix(".txt"), hints)
@@ -61,13 +60,12 @@ def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session:
     assert found.history == saved.history
     assert len(found.history.past) > 3
     assert len(found.history.future) == 1
-    assert found.history.now.timeline.turns == 0
-    assert found.history.future[0].timeline.turns == -2
+    assert found.history.now.timeline.length == 4.0
+    assert found.history.future[0].timeline.length == 7.0
     (before,), (after,) = saved.objects, found.objects
     assert (after.name, after.confidence) == ("block", before.confidence)
     assert after.codes == before.codes
     assert after.fitted
-    assert found.grid == ("block", "object 1")
     assert found.pending[0].history.sources == saved.pending[0].history.sources
     last, expected = found.fit.last, saved.fit.last
     assert [step.psnr for step in found.fit.steps] == [step.psnr for step in saved.fit.steps]
@@ -182,11 +180,6 @@ def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, co
     assert [one.name for one in editor.objects.added] == ["block (2)", "block"]
     assert [editor.objects[name].codes.model for name in ("block (2)", "block")] == [chairs, cars]
     assert states[4].mix.a.shape == "block (2)" and states[13].mix.a.shape == "block"
-    assert session.grid.names[0] == "block" and len(session.grid.names) == 2
-    assert {one.name: one.step.model for one in editor.state.directions} == {
-        "sportier chairs": chairs,
-        "sportier cars": cars,
-    }
     assert session.fitting.history.model == cars and len(session.fitting.history.steps) == 10
     for index in range(len(states)):
         editor.go_to(index)
@@ -203,7 +196,6 @@ def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backen
     session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
     assert len(session.editor.objects.added) == 2
     assert {one.codes.model for one in session.editor.objects.added} == {one.fingerprint for one in session.models}
-    assert "sportier chairs" in [one.name for one in session.editor.state.directions]
 
 
 def rewritten(path: Path, change: Callable[[dict], None], **photos: bytes) -> Path:

@@ -37,6 +37,8 @@ def test_a_doubtful_cut_out_has_an_outline_of_another_colour(cut: CutOut) -> Non
     assert is_doubtful(doubtful) and not is_doubtful(cut)
     seen = SeenCutOut.of(image, doubtful)
     assert seen.boxes == (_FIRST.box,)
+    far = _FIRST._replace(box=(0.0, 0.0, 0.1, 0.05), scores={"chairs": 0.3, "cars": 0.0})
+    assert SeenCutOut.of(image, replace(doubtful, detections=(_FIRST, _FIRST, far))).boxes == (_FIRST.box,) * 2
     assert (seen.pixels[10, 30] != SeenCutOut.of(image, cut).pixels[10, 30]).any()
 
 
