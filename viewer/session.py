@@ -11,7 +11,7 @@ from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
-from core.photos.direction_words import Words
+from core.rendering.direction_words import Words
 from core.runtime.folders import THUMBNAILS, cache_folder
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
@@ -74,7 +74,6 @@ class Session:
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
         self._words: dict[str, Words | None] = {}  # by fingerprint, of principal directions
-        self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         self._begin(self.models.open(first), ViewSettings())
@@ -165,17 +164,13 @@ class Session:
     @property
     def preparing(self) -> float | None:
         """Which share (0..1) of the view banks is made; None once all are there."""
-        busy = [key for key in self._banks if self.jobs.busy(f"view bank {key}")]
-        return sum(self._banks.values()) / len(self._banks) if busy else None
+        shares = [self.jobs.banks.shares.get(model.fingerprint, 0.0) for model in self.models]
+        busy = self.jobs.busy(*(f"view bank {model.fingerprint}" for model in self.models))
+        return sum(shares) / len(shares) if busy else None
 
     def _build_view_bank(self, model: Model) -> None:
-        key, build = model.fingerprint, self.jobs.backend.view_bank
-        self._banks[key] = 0.0
-
-        def keep(share: float) -> None:
-            self._banks[key] = share
-
-        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=FIT_SHARE))
+        name, banks = f"view bank {model.fingerprint}", self.jobs.banks
+        self.jobs.submit(Job(name, lambda: banks.wait(model), lambda _: None, share=FIT_SHARE))
 
     def rename(self, name: str, to: str) -> None:
         """Give an added object another name, wherever it is mentioned."""

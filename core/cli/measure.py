@@ -15,12 +15,12 @@ from core.lab.benchmarks import (
     ablations,
     architectures,
     charts,
+    detail_gains,
     drawing,
     films,
     fits,
     gate,
     model_sizes,
-    photo_detail,
     photos,
     rendering,
     rendering_charts,
@@ -95,10 +95,10 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 def figures(chosen: argparse.Namespace) -> None:
     """Run ``figures``: fit photos one by one, make the paper's figures of them, and print each path."""
     model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
-    wait_for_view_bank(model)
-    shown = [load_photo(image, model) for image in chosen.images]
+    bank = wait_for_view_bank(model)
+    shown = [load_photo(image, model, bank) for image in chosen.images]
     chosen.out.mkdir(parents=True, exist_ok=True)
-    fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
+    fitted = [fit_photo(model, bank, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
     for path in write_figures(model, fitted, chosen.out):
         print(path, flush=True)
 
@@ -174,8 +174,8 @@ def bench_detail(chosen: argparse.Namespace) -> None:
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
     about = {"machine": describe_machine(model.device)}
-    done = {row.key for row in read_records(path, photo_detail.DetailView)}
-    rows = photo_detail.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
+    done = {row.key for row in read_records(path, detail_gains.DetailView)}
+    rows = detail_gains.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
     for view in _said(rows):
         append_record(path, about, view)
     print(charts.draw(chosen.out, "photo_detail"), flush=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from core.fitting.photo_detail import with_photo_detail
 
 from core.detail.paint import Paint, Rgb
 from core.export.frames import over
@@ -16,7 +17,6 @@ from core.export.keyframes import View
 from core.export.pace import Pace
 from core.export.video import VideoSettings, write_video
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
-from core.fitting.photo_detail import with_photo_detail
 from core.models.codes import Codes
 from core.models.field_config import FieldConfig
 from core.models.model import Model
@@ -24,10 +24,12 @@ from core.models.open_models import OpenModels
 from core.photos.detector import Detection
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
+from core.photos.view_bank import ViewBank
 from core.rendering.background import Background
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from tests.conftest import random_model
+from tests.core.tiny import tiny_bank
 from viewer.services.backend import frame_photo
 from viewer.values.fit_history import PhotoSource
 
@@ -82,10 +84,10 @@ def small_video(models: OpenModels, views: list[View], path: Path, settings: Vid
     return write_video(models, views, path, replace(settings, size=settings.size // 16))
 
 
-def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+def quick_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
     """The real thing cannot frame a block for a model of mists."""
     if not source.path.stem.startswith("block"):
-        return frame_photo(cut, model, source)
+        return frame_photo(cut, model, bank, source)
     pixels = torch.from_numpy(cut.pixels)[::3, ::3].contiguous()
     return Photo(pixels, pixels.mean(-1) < 0.9)
 
@@ -114,6 +116,12 @@ def quick_colour(model: Model, codes: Codes, part: str) -> Generator[None, None,
     yield None
     red, green, blue = codes.texture[:3].clamp(0, 1).tolist()
     return red, green, blue
+
+
+def quick_bank(model: Model) -> Generator[float, None, ViewBank]:
+    """The bank of another model."""
+    yield 1.0
+    return tiny_bank()
 
 
 def quick_pace(model: Model, view: View) -> Iterator[Pace | None]:

@@ -1,6 +1,6 @@
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,9 @@ from PIL import Image
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.scene import Scene, save_image
+from core.photos.view_bank import ViewBank
 from tests.conftest import random_model
+from tests.core.tiny import tiny_bank
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_fit
 from viewer.editor import Editor
@@ -35,12 +37,12 @@ def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
 ) -> None:
     made, order = threading.Event(), list[str]()
 
-    def view_bank(model: Model) -> Iterator[float]:
+    def view_bank(model: Model) -> Generator[float, None, ViewBank]:
         yield 0.25
         while not made.is_set():
             yield 0.5
         order.append("made")
-        yield 1.0
+        return tiny_bank()
 
     def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         order.append("fitted")

@@ -13,6 +13,7 @@ from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut
 from viewer.services.backend import Backend
+from viewer.services.jobs import Jobs
 from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
 from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white
 
@@ -48,12 +49,7 @@ class FitOptions:
 
 
 def fit_stream(
-    backend: Backend,
-    models: OpenModels,
-    here: Model,
-    request: FitRequest,
-    settings: FitSettings,
-    known: Mapping[PhotoSource, CutOut],
+    jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, known: Mapping[PhotoSource, CutOut]
 ) -> Iterator[Model | Remark | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
     """The photos that have not been read, the model unless the request names one, then the steps.
 
@@ -61,7 +57,7 @@ def fit_stream(
         here: the model of the object on screen, taken where several models are as likely.
         known: cut-outs of photos that were asked about.
     """
-    history, resume_from = request.history, request.resume_from
+    backend, models, history = jobs.backend, jobs.models, request.history
     model = models[history.model] if history.model else None
     photos, first = [fitted.photo for fitted in history.photos], dict[str, float]()
     for source in history.sources[len(photos) :]:
@@ -84,15 +80,13 @@ def fit_stream(
         if model is None:
             model = chosen
             yield model
-        for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it
-            yield None
-        photos.append(backend.frame_photo(cut, model, source))
+        bank = yield from jobs.banks.wait(model)  # photos are cropped, and cameras ranked by it
+        photos.append(backend.frame_photo(cut, model, bank, source))
         yield FittedPhoto.of(source, photos[-1], seen)
     assert model is not None, "no photo"
-    for _ in backend.view_bank(model):
-        yield None
+    job = FitJob(tuple(photos), (yield from jobs.banks.wait(model)), settings, resume_from=request.resume_from)
     past = history.steps[-1].seconds if history.steps else 0.0
-    for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
+    for step in backend.fit(model, job):
         yield replace(step, seconds=past + step.seconds)
 
 

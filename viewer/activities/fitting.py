@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from core.fitting.fit import FitStep, Hypothesis
-from core.fitting.photo_detail import with_photo_detail
+from core.fitting.photo_views import with_photo_detail
 from core.models.model import Model
 from core.photos.segmentation import CutOut, Hints
 from viewer.activities.candidates import Candidates
@@ -257,8 +257,7 @@ class Fitting:
         if follow:
             self._viewport.follow()
         settings = self.options.settings(resume_from is not None)
-        here, models = self._editor.model, self._jobs.models
-        stream = partial(fit_stream, self._jobs.backend, models, here, request, settings, known)
+        stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, known)
 
         def ended(error: Exception | None) -> None:
             if error and len(self.history.steps) == len(history.steps):

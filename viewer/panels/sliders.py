@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.models.codes import Codes
-from core.photos.direction_words import OPPOSITES
+from core.rendering.direction_words import OPPOSITES
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext

@@ -14,11 +14,11 @@ from core.lab.benchmarks import fit_charts, rendering_charts, tables, training_c
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.architectures import Architecture
 from core.lab.benchmarks.csv_files import Results, read_csv, read_results, write_results
+from core.lab.benchmarks.detail_gains import DetailView
 from core.lab.benchmarks.drawing import DPI
 from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.model_sizes import ModelSize
-from core.lab.benchmarks.photo_detail import DetailView
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.robustness import RobustnessTrial
 from core.lab.training.curve import CurvePoint, draw_curves

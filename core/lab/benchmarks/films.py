@@ -13,7 +13,7 @@ from functools import cache
 from statistics import mean, median
 from typing import NamedTuple
 
-from core.detail.frames import render_progressively
+from core.detail.rendering import render_progressively
 from core.export.frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable

@@ -94,8 +94,8 @@ def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
     cut = cut_out(read_rgba(path))
     taken_for = likelier_model(cut.categories)
     model = load_model(taken_for)
-    run_to_end(build_view_bank(model))
-    *_, last = fit(model, FitJob((prepare_photo(cut, model),), PRESETS[preset]))
+    bank = run_to_end(build_view_bank(model))
+    *_, last = fit(model, FitJob((prepare_photo(cut, model, bank),), bank, PRESETS[preset]))
     nearest = min(seen, key=lambda one: -_overlap(one.box, cut))
     camera = last.cameras[0]
     return PhotoTrial(

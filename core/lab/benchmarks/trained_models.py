@@ -20,10 +20,8 @@ from core.lab.evaluation.protocol import EvaluationProtocol, evaluate
 from core.lab.training.recipes import TrainSettings
 from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
 from core.models.model import Model
-from core.photos.view_bank import build_view_bank
 from core.runtime.files import write_json
 from core.runtime.reading import read_json, reading, typed
-from core.streams import run_to_end
 
 _NEW_VIEWS = 8  # training objects of which a view that was not trained on is rendered
 _VIEW_STRIDE = 5  # over the other views of a test object
@@ -133,7 +131,6 @@ def _score(model: Model, name: str, views: Dataset, tests: Sequence[ObjectEntry]
     yield f"new views of training objects, {name}"
     new_views = held_out_psnr(model, views)
     psnrs, trials = list[float](), list[FitTrial]()
-    run_to_end(build_view_bank(model))
     for number, entry in enumerate(tests):
         yield f"fits, {name}, {entry.name}"
         test, paper = entry.read(), EvaluationProtocol(every=_VIEW_STRIDE)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.detail.frames import render_frame
 from core.detail.paint import Paint, paint, paint_colour, paint_parts
+from core.detail.rendering import render_frame
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model

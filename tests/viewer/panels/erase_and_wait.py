@@ -9,7 +9,7 @@ from imgui_bundle.immapp import testing
 from core.models.model import Model
 from tests.conftest import random_model
 from tests.viewer.driver import Driver
-from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import no_guess, quick_bank, quick_fit, quick_frames, quick_photo
 from tests.viewer.test_editor import fitted
 from viewer.app import App
 from viewer.screen import window
@@ -26,7 +26,7 @@ def run(folder: Path) -> None:
         frame_photo=quick_photo,
         frames=quick_frames,
         fit=quick_fit,
-        view_bank=lambda model: iter(()),
+        view_bank=quick_bank,
         guess_category=no_guess,
     )
     window.prepare(headless=True)

@@ -15,6 +15,7 @@ from core.models.model import Model
 from core.models.photo_detail import Erasure
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
+from core.photos.view_bank import ViewBank
 from tests.conftest import open_models, random_model
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import (
@@ -335,8 +336,8 @@ def test_several_photos_are_fitted_together_with_known_poses(
         assert len(session.messages.errors) == 1
         assert not fitting.running
 
-    def posed(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-        found = quick_photo(cut, model, source)
+    def posed(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+        found = quick_photo(cut, model, bank, source)
         return replace(found, camera=camera.resized(32, 32)) if source.pose else found
 
     drive(act, replace(backend, frame_photo=posed))

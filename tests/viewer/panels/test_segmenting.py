@@ -9,7 +9,6 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from core.photos.photo import read_cut_out
-from tests.conftest import make_view_bank
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -102,9 +101,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert segmenting.hints == before_zoom
         window.click("Cut out###segment/**/###cancel segmentation")
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarray]]:
@@ -154,9 +151,7 @@ def test_one_click_finds_each_of_several_objects(
                 assert (found & place).sum() / (found | place).sum() > 0.8
             window.click("Cut out###segment/**/###cancel segmentation")
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend: Backend, busy: Path) -> None:
@@ -184,9 +179,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         window.wait()
         assert not segmenting.active
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: Backend, busy: Path) -> None:
@@ -205,6 +198,4 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: 
         assert not segmenting.active
         assert session.editor.objects.own == ["busy"]
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
