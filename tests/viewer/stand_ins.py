@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from core.fitting.photo_detail import with_photo_detail
 
 from core.detail.paint import Paint, Rgb
 from core.export.frames import over
@@ -17,6 +16,7 @@ from core.export.keyframes import View
 from core.export.pace import Pace
 from core.export.video import VideoSettings, write_video
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
+from core.fitting.photo_views import with_photo_detail
 from core.models.codes import Codes
 from core.models.field_config import FieldConfig
 from core.models.model import Model
