@@ -135,9 +135,9 @@ class PanelContext:
         for path in paths:
             if path.suffix.lower() in IMAGE_SUFFIXES:
                 self._remember(path)
-        self.rebuild(*paths)
+        self.fit_unlisted(*paths)
 
-    def rebuild(self, *paths: Path) -> None:
+    def fit_unlisted(self, *paths: Path) -> None:
         """Fit images that are not to be among the recent files, and show how it goes."""
         self.focus = "Photo"
         self.session.fitting.start(*paths)
@@ -146,7 +146,7 @@ class PanelContext:
         """Fit the images in the clipboard."""
         jobs, images = self.session.jobs, partial(self.clipboard.images, imgui.get_clipboard_text())
         ended = jobs.reporting("Cannot paste")
-        jobs.submit(Job("paste", images, lambda paths: self.rebuild(*paths), ended))
+        jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), ended))
 
     def open_file(self) -> None:
         """Ask for a photo, a project, a scene, an image that holds one, or a model, and take it."""

@@ -203,7 +203,7 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
-def test_a_photo_whose_name_is_no_text_is_rebuilt_shown_and_removed(drive: Drive, photo: Path) -> None:
+def test_a_photo_whose_name_is_no_text_is_fitted_shown_and_removed(drive: Drive, photo: Path) -> None:
     path = photo.rename(photo.with_name(os.fsdecode(b"block_\xff\xfe.png")))
 
     def act(window: Driver) -> None:
@@ -432,7 +432,7 @@ def test_objects_have_their_thumbnails_at_once_at_the_next_launch(
     assert len(list((tmp_path / "cache" / "thumbnails").iterdir())) == 1
 
 
-def test_a_car_beside_a_chair_both_rebuilt_edited_undone_and_filmed(
+def test_a_car_beside_a_chair_both_fitted_edited_undone_and_filmed(
     drive: Drive, both: Backend, photo: Path, tmp_path: Path
 ) -> None:
     blue = photo.with_name("block blue.png")

@@ -125,7 +125,7 @@ def _draw_candidates(context: PanelContext) -> None:
     """The hypotheses of a fit ranked by loss, live; a click prefers one to all others."""
     tiles, side = context.session.fitting.candidates.tiles, _TILE * hello_imgui.em_size()
     if not tiles:
-        caption(context, "While a photo is rebuilt: the cameras and shapes that are tried for it, the best first")
+        caption(context, "While a photo is fitted: the cameras and shapes that are tried for it, the best first")
     for rank, tile in enumerate(tiles):
         if rank:
             flow("candidate", _TILE)

@@ -17,7 +17,7 @@ from viewer.widgets.object_tiles import unmixable
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 from viewer.widgets.welcome import Welcome
 
-_INVITATION = "What you rebuild from photos comes here."
+_INVITATION = "What you fit to photos comes here."
 _STRIP = 9.0  # em: a lower panel is a strip
 _ALL, _MINE = "all", "mine"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE

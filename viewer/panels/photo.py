@@ -68,6 +68,7 @@ class PhotoPanel(Panel):
                 " then camera, shape and texture are found."
             )
             draw_samples(context)
+            draw_paint(context)
 
 
 def _draw_question(context: PanelContext, question: Question) -> None:

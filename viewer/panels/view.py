@@ -196,7 +196,7 @@ def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:
     coarse = not viewport.baked_frame and min(width, height) < _ENOUGH * min(viewport.settings.panel)
     if not (live or coarse):
         return
-    words, em = "Rebuilding …" if live else "Sharpening …", hello_imgui.em_size()
+    words, em = "Fitting …" if live else "Sharpening …", hello_imgui.em_size()
     size = imgui.calc_text_size(words) + ImVec2(2.1, 0.5) * em
     low = low + ImVec2(0.7 * em, -size.y - 0.7 * em)
     draw = imgui.get_window_draw_list()

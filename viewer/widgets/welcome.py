@@ -57,7 +57,7 @@ class Welcome:
         if small:
             action_button(context, "fit_image", _OPEN, -1, context.palette.accent)
             return
-        caption(context, f"Drop a photo of {nouns(context)}, or open one: it is rebuilt in 3-D.")
+        caption(context, f"Drop a photo of {nouns(context)}, or open one: it becomes a 3-D object.")
         em = hello_imgui.em_size()
         photos = len(context.session.samples) * (_SAMPLE + _GAP)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (0.5 * em, (_SAMPLE - 1) / 2 * em))
@@ -70,12 +70,12 @@ class Welcome:
 
 
 def nouns(context: PanelContext) -> str:
-    """What can be rebuilt: an object of any open model."""
+    """Return the nouns of what can be fitted: an object of any open model."""
     return " or ".join(dict.fromkeys(f"a {model.noun or 'thing'}" for model in context.session.models))
 
 
 def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
-    """Photos to try, small, in a line or two, each so many px wide at the most; a click rebuilds one."""
+    """Photos to try, small, in a line or two, each so many px wide at the most; a click fits one."""
     em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
     paths, room = context.session.samples, imgui.get_content_region_avail().x
     if not paths:
@@ -89,6 +89,6 @@ def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
         if object_tiles.tile_button(f"sample {path.stem}", (side, side)):
             context.fit(path)
         hovered = imgui.is_item_hovered()
-        tooltip(f"Rebuild this photo: {path.stem}")
+        tooltip(f"Fit this photo: {path.stem}")
         object_tiles.paint_photo(context, path, corner, side)
         object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)

@@ -31,7 +31,7 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
     drive(act, replace(backend, load_model=lambda name: varied))
 
 
-def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
+def test_what_was_fitted_is_mine(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
         window.click("View/**/###fit_image")
         window.type(str(photo))

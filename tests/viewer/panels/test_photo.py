@@ -188,6 +188,7 @@ def test_the_panel_is_about_the_object_in_the_view(drive: Drive, backend: Backen
         assert not window.exists("Photo/###stop fit")
         window.click("Library/**/show object 5")
         assert window.exists("Photo/sample cushion")
+        assert window.exists("Photo/###original paint")
         session.fitting.stop()
 
     drive(act, replace(backend, fit=endless_fit))
