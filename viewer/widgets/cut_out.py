@@ -10,7 +10,7 @@ from core.photos.detector import Box
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
 from viewer.widgets.controls import tooltip
-from viewer.widgets.object_tiles import mark, rounding
+from viewer.widgets.object_tiles import mark, rounding, tile_button
 from viewer.widgets.paint import pick
 
 _TALLEST = 0.5  # of the panel's height
@@ -58,7 +58,7 @@ def _draw_box(
     low, high = (corner + ImVec2(x * size.x, y * size.y) for x, y in (box[:2], box[2:]))
     imgui.set_cursor_screen_pos(low)
     imgui.set_next_item_allow_overlap()
-    if imgui.invisible_button(f"object {number + 1}", high - low):
+    if tile_button(f"object {number + 1}", high - low):
         choose(number)
     colour = context.palette.accent if imgui.is_item_hovered() else context.palette.warm
     tooltip("Fit this one")

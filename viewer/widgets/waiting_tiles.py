@@ -19,7 +19,7 @@ def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2)
     running = fitting.running and sources is fitting.history.sources
     asked = any(question.request is waits for question in fitting.questions)
     imgui.push_id(id(sources) & 0x7FFFFFFF)  # the same photo may wait twice
-    if imgui.invisible_button(name, size) and (running or asked):
+    if object_tiles.tile_button(name, size) and (running or asked):
         context.focus = "Photo"
         fitting.follow()
     hovered = imgui.is_item_hovered()
