@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from core.runtime.folders import config_folder, is_temporary
 from core.runtime.signals import on_signals
-from core.runtime.threads import use_one_thread
+from core.runtime.threads import use_one_torch_thread, use_threads
 from viewer.screen import window
 from viewer.screen.splash import Splash
 from viewer.screen.window import NoDisplayError
@@ -28,9 +28,10 @@ _LONGEST = 900.0  # s that an image of the window may wait for its fit
 def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window, or raise the one that is open. Without a display: one line on stderr, status 1."""
     keep_little_free_memory()
-    use_one_thread()
+    use_one_torch_thread()
     on_signals()
     chosen = parser().parse_args(arguments)
+    use_threads(chosen.threads)
     try:
         if chosen.screenshot is not None:
             _run(chosen)
@@ -104,10 +105,17 @@ def parser() -> argparse.ArgumentParser:
     )
     words.add_argument("--model", help="show an object of this model: a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
+    words.add_argument("--threads", type=_count, metavar="N", help="threads that compute (default: one for each core)")
     words.add_argument("--image", type=_image, help="fit this photo at once")
     words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")
     words.add_argument("--size", type=_size, metavar="WxH", help="of the window (most of the screen; image: 1280x800)")
     return words
+
+
+def _count(text: str) -> int:
+    if not (text.isdecimal() and int(text)):
+        raise argparse.ArgumentTypeError(f"at least one thread computes; got {text!r}")
+    return int(text)
 
 
 def _image(text: str) -> Path:

@@ -190,15 +190,21 @@ class Editor:
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: Project) -> None:
-        """Go on with a project, its undo included. What has been made here stays: the saved states come before it.
+        """Continue a project with its undo.
 
-        Raises ``ValueError`` where that cannot be, and changes nothing then.
+        What has been made here stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and
+        changes nothing then.
         """
         self.check(saved)
         names = self.objects.add_missing(saved.objects)
-        known = {one.name for one in saved.objects}
-        self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
-        history = saved.history.renamed(names)
+        self.objects.remove(*(names[name] for name in saved.removed if name in names))
+
+        def renamed(state: State) -> State:
+            model = state.scene.codes.model
+            here = {name: names.get(name) or self.objects.name_here(name, model) or name for name in state.mix.names}
+            return replace(state, mix=state.mix.renamed(here))
+
+        history = saved.history.everywhere(renamed)
         fresh = not (self.history.past or self.history.future)
         self._go(history if fresh else self.history.after(history))
 
@@ -244,13 +250,14 @@ class Editor:
         return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
 
     def check(self, saved: Project) -> None:
-        """Raise ``ValueError`` where a project mixes objects that nobody has."""
-        known = {one.name: one for one in saved.objects}
+        """Raise ``ValueError`` where a project mixes objects that are not here, or of different models."""
+        known = {one.name: one.codes.model for one in saved.objects}
         for state in saved.history.states:
+            model = state.scene.codes.model
             for name in state.mix.names:
-                if name not in known and name not in self.objects:
+                if name not in known and not self.objects.name_here(name, model):
                     raise ValueError("it mixes objects that are not here")
-                if (known.get(name) or self.objects[name]).codes.model != state.scene.codes.model:
+                if known.get(name, model) != model:
                     raise ValueError("it mixes objects of different models")
 
     def _mix(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:

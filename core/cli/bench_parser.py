@@ -23,6 +23,9 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
     )
     guard = add_command(kinds, "gate", "measure.bench_gate", "fail if anything takes twice as long as in gate.csv")
     guard.add_argument("--write", action="store_true", help="write gate.csv, the baseline, instead")
+    shared = add_command(kinds, "threads", "measure.bench_threads", "seconds of whole jobs against threads")
+    shared.add_argument("--counts", type=count, nargs="+", default=[1, 2], metavar="N", help="numbers of threads")
+    shared.add_argument("--busy", type=int, nargs="+", default=[0, 1, 2], metavar="N", help="busy programs beside")
     redraw = add_command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
     ablations = add_command(
         kinds, "ablations", "measure.bench_ablations", "fits without single components of the method"
@@ -47,7 +50,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    measured = (rendering, films, fitting, ablations, robustness, detail)
+    measured = (rendering, films, fitting, shared, ablations, robustness, detail)
     for kind in measured:
         add_model(kind)
     pictures = add_command(
@@ -58,42 +61,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="judgements by eye"
     )
     pictures.add_argument("--preset", default="normal", metavar="P", help="of the fits")
-    for kind in (
-        rendering,
-        films,
-        fitting,
-        ablations,
-        robustness,
-        detail,
-        pictures,
-        *_add_training(kinds),
-        redraw,
-        guard,
-    ):
+    for kind in (*measured, pictures, redraw, guard):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="output folder of the charts"
         )
-
-
-def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentParser]:
-    """Add the kinds that train models."""
-    size = add_command(
-        kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
-    )
-    designs = add_command(
-        kinds,
-        "architectures",
-        "measure.bench_architectures",
-        "the paper's ablations M1 and M2; trains a model for each",
-    )
-    size.add_argument(
-        "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
-    )
-    size.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
-    for kind, steps in ((size, 3000), (designs, 4000)):
-        kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
-        kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
-        kind.add_argument(
-            "--models", type=Path, required=True, metavar="DIR", help="folder that keeps the models, to resume later"
-        )
-    return [size, designs]

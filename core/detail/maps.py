@@ -36,7 +36,8 @@ from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packe
 from core.rendering.fast import render_steps
 from core.rendering.folded_field import FoldedField
 from core.rendering.reference import Rendered
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
+from core.runtime.pool import map_pieces
 
 SOURCE_SIZE = 256  # px across the render compared with the photo; lengths in px below refer to it
 _SAMPLES = 192
@@ -65,7 +66,7 @@ _BESIDE = 4.0  # px, standard deviation: distance of a window's frame from the b
 _CALM = 0.15, 0.05  # contrast in the window of _BUSY, likewise
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
-_BLOCK = 8192  # points evaluated at a time
+_BLOCK = 4096  # points that a thread evaluates at a time
 
 
 def shown_share(model: Model, codes: Codes) -> float:
@@ -93,12 +94,12 @@ def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps 
     assert detail is not None
     photos = yield from compared_photos(model, detail)
     key = tuple(photos), tuple(codes.texture.tolist())
-    known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(Kind.DETAIL, key)
+    known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
     if known is None:
         yield None
         with torch.inference_mode():
             known = _painted_maps(model, photos, codes.texture.to(model.device))
-        CACHE.put(Kind.DETAIL, key, known, sum(photo.size for photo in known[0]))
+        CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
     return DetailMaps(known[0], share, detail.other_side, known[1])
 
 
@@ -107,10 +108,10 @@ def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, 
     photos = []
     for view in detail.views:
         key = model, view, detail.codes_key
-        known: ComparedPhoto | None = CACHE.get(Kind.DETAIL, key)
+        known: ComparedPhoto | None = CACHE.get(CacheKind.DETAIL, key)
         if known is None:
             known = yield from compare_photo(model, detail, view)
-            CACHE.put(Kind.DETAIL, key, known, known.size)
+            CACHE.put(CacheKind.DETAIL, key, known, known.size)
         photos.append(known)
     return photos
 
@@ -185,7 +186,8 @@ class SurfaceTexels(NamedTuple):
         """Return the colours of the surface in a texture, extrapolated beyond the opaque pixels."""
         folded, image = FoldedField(model, codes), torch.zeros(3, *self.pixel.shape)
         blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
-        image[:, self.pixel] = torch.cat([folded.colour(*block) for block in blocks]).cpu().clamp(0, 1).T
+        colours = map_pieces(lambda block: folded.colour(*block), blocks)
+        image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
         return _continued(image, self.pixel)
 
     def chroma_spread(self, model: Model, codes: Codes, weight: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
@@ -243,7 +245,7 @@ def _surface_texels(
     """Return the rendered surface and the probability of each of the model's parts there."""
     pixel, folded = source.opacity > _SOLID, FoldedField(model, codes)
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
-    found = [folded.density(folded.first_layer(part))[1] for part in points.split(_BLOCK)]
+    found = list(map_pieces(lambda part: folded.density(folded.first_layer(part))[1], points.split(_BLOCK)))
     features = torch.cat(found) if found else torch.zeros(0, model.field.config.width)
     texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
     parts = dict[str, Tensor]()

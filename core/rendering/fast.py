@@ -4,7 +4,7 @@ It has two passes, like the field. What a camera sees of a shape (:class:`Chunk`
 cached: a new texture runs only the second pass. A new view reuses the occupied cells.
 """
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -20,14 +20,15 @@ from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, Tolerances, tolerances
 from core.rendering.reference import Rendered
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.layers import pad_rows
+from core.runtime.pool import map_pieces
 from core.streams import run_to_end
 
-CHUNK_RAYS = 4096  # rays evaluated at a time, about 32k evaluations: the longest wait of a newer job
+CHUNK_RAYS = 2048  # rays that a thread evaluates at a time, about 16k evaluations: the longest wait of a newer job
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
-_BLOCK = 8192  # points evaluated at a time, so that activations stay in cache
+_BLOCK = 4096  # points evaluated at a time, so that activations stay in cache
 
 
 def render_steps(
@@ -51,22 +52,31 @@ def render_steps(
     """
     with torch.inference_mode():
         folded = _folded_field(model, codes)
+
+    def shade(chunk: Chunk) -> tuple[Chunk, Float[Tensor, "rays 3"]]:
+        with torch.inference_mode():
+            return chunk, _shade(folded, chunk)
+
     key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff)
-    known: Sequence[Chunk] | None = CACHE.get(Kind.VIEW, key)
+    known: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
     seen, image = list[Chunk](), _blank(camera, model.device)
-    for chunk in _visible_chunks(folded, key) if known is None else known:
+    if known is None:
+        visible, pixels = _visibility(folded, key)
+        shaded = map_pieces(lambda some: shade(visible(some)), pixels)
+    else:
+        shaded = map_pieces(shade, known)
+    for chunk, colour in shaded:
         with torch.inference_mode():
-            shaded = _shade(folded, chunk), chunk.depth, chunk.opacity, chunk.evaluations
-            for whole, part in zip(image, shaded, strict=True):
+            for whole, part in zip(image, (colour, chunk.depth, chunk.opacity, chunk.evaluations), strict=True):
                 whole[chunk.pixel] = part
         size, done = size + chunk.size, done + chunk.share
         # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
-        keep = keep and CACHE.make_room(Kind.VIEW, round(size / done))
+        keep = keep and CACHE.make_room(CacheKind.VIEW, round(size / done))
         seen.append(chunk) if keep else seen.clear()
         yield None
     if keep:
-        CACHE.put(Kind.VIEW, key, seen, size)
+        CACHE.put(CacheKind.VIEW, key, seen, size)
     return Rendered(*(part.unflatten(0, (camera.height, camera.width)) for part in image))
 
 
@@ -111,7 +121,7 @@ class VisibilityKey(NamedTuple):
 def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
     """True if this shape's visible intervals from this camera are cached, so that only colours are evaluated."""
     key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete)
-    return CACHE.get(Kind.VIEW, key) is not None
+    return CACHE.get(CacheKind.VIEW, key) is not None
 
 
 @lru_cache(maxsize=4)
@@ -122,17 +132,17 @@ def _folded_field(model: Model, codes: Codes) -> FoldedField:
 
 def clear_views() -> None:
     """Clear cached views: the next render costs as much as a new view."""
-    CACHE.clear(Kind.VIEW)
+    CACHE.clear(CacheKind.VIEW)
 
 
 def clear_cache() -> None:
     """Clear cached shapes: the next render costs as much as a new shape."""
-    CACHE.clear(Kind.VIEW, Kind.SHAPE)
+    CACHE.clear(CacheKind.VIEW, CacheKind.SHAPE)
     _folded_field.cache_clear()
 
 
-def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]:
-    """Yield the visible intervals of a shape, independent of its texture."""
+def _visibility(folded: FoldedField, view: VisibilityKey) -> tuple[Callable[[slice], Chunk], list[slice]]:
+    """Return a function that finds visible intervals of rays, independent of the texture, and the rays to pass."""
     with torch.inference_mode():
         occupancy = shape_occupancy(view.model, view.shape, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
@@ -140,13 +150,15 @@ def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]
         first, last = (part.flatten().index_select(0, pixel) for part in (first, last))
         step = 2 * float(occupancy.extent.max()) / view.samples
         limits = view.cutoff or tolerances(view.samples)
-    for start in range(0, len(pixel), CHUNK_RAYS):
+
+    def visible(some: slice) -> Chunk:
         with torch.inference_mode():
-            some = slice(start, start + CHUNK_RAYS)
             rays = _rays(view, occupancy, pixel[some], first[some], last[some])
             share = len(pixel[some]) / len(pixel)
-            chunk = _chunk(folded, occupancy, pixel[some], rays, step, limits, share)
-        yield chunk
+            return _chunk(folded, occupancy, pixel[some], rays, step, limits, share)
+
+    size = max(1, min(CHUNK_RAYS, -(-len(pixel) // 2)))  # of a small image, two threads take a half each
+    return visible, [slice(start, start + size) for start in range(0, len(pixel), size)]
 
 
 def _rays(
@@ -171,18 +183,18 @@ def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = Tru
         complete: see :func:`render_steps`.
     """
     key = model, shape
-    known: Occupancy | None = CACHE.get(Kind.SHAPE, key)
+    known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if known is None or (complete and not known.complete):
         code = torch.tensor(shape, device=model.codes.shapes.device)
         folded = FoldedField(model, Codes(code, model.codes.mean.texture))
         known = Occupancy(model, folded, None if complete else _similar_occupancy(model, code))
-        CACHE.put(Kind.SHAPE, key, known, known.size)
+        CACHE.put(CacheKind.SHAPE, key, known, known.size)
     return known
 
 
 def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
     """Return the occupied cells of the last rendered shape if it is similar."""
-    for (other, shape), occupancy in CACHE.newest(Kind.SHAPE):
+    for (other, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
         if other is model:
             away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
             return occupancy if float(away) < _SIMILAR_DISTANCE else None

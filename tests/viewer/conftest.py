@@ -89,7 +89,13 @@ def both(backend: Backend) -> Backend:
 @pytest.fixture
 def real_backend(model: Model) -> Backend:
     """Nothing stands in but a tiny model, and its pace. Its view bank is left out: that of a mist takes a minute."""
-    return Backend(load_model=lambda name: model, view_bank=quick_bank, pace=quick_pace, guess_category=no_guess)
+    return Backend(
+        load_model=lambda name: model,
+        view_bank=quick_bank,
+        pace=quick_pace,
+        guess_category=no_guess,
+        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
+    )
 
 
 @pytest.fixture

@@ -11,10 +11,10 @@ import numpy as np
 import torch
 
 from core.detail.paint import Paint, Rgb
-from core.export.frames import over
 from core.export.keyframes import View
 from core.export.pace import Pace
 from core.export.video import VideoSettings, write_video
+from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.fitting.photo_views import with_photo_detail
 from core.models.codes import Codes

@@ -41,6 +41,7 @@ def edit(session: Session, photo: Path) -> None:
     editor.show_object("object 2")
     session.player.add_key()
     session.player.stretch(7.0)
+    editor.end_gesture()
 
 
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
@@ -458,7 +459,7 @@ def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
     assert 0 < len(found.history.past) < len(history.past)
     assert found.history.past == history.past[-len(found.history.past) :]
     lost = len(history.past) - len(found.history.past)
-    assert session.messages.shown[-1].text.endswith(f"its file lacks the oldest {lost} steps of undo")
+    assert session.messages.shown[-1].text.endswith(f"its file lacks the {lost} most distant steps of undo")
     assert session.messages.errors == []
 
 
@@ -504,7 +505,9 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once_and_no_other_object(
     finish(session, lambda: session.viewport.sharp)
     codes, camera = session.editor.scene.codes, session.editor.scene.camera.resized(64, 64)
     session.thumbnails.get(codes, camera)
-    finish(session, lambda: session.thumbnails.get(codes, camera) is not None)
+    finish(
+        session, lambda: (found := session.thumbnails.get(codes, camera)) is not None and found.resolution == (64, 64)
+    )
     shown = session.viewport.frame
     assert shown is not None
     autosave.close()

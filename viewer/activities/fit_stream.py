@@ -108,4 +108,5 @@ def _doubt(cut: CutOut, about_category: str) -> str:
 
 def _choose(models: OpenModels, here: Model, guess: Mapping[str, float]) -> Model:
     category = likelier_model(guess) if guess else here.category
-    return here if here.category == category else models.of_category(category) or here
+    stays = here.category == category and not models.is_former(here)
+    return here if stays else models.of_category(category) or here

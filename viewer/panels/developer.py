@@ -25,7 +25,7 @@ from viewer.widgets.text import caption
 _STEEPEST = math.degrees(orbit.HIGHEST)
 _NUMBER, _TILE = 9, 3.4  # em: a number to drag, and a candidate
 _FADING, _FADED = 2.0, 0.75  # s of the fit that an eliminated candidate takes to fade, and how far
-_FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg
+_FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
 
 
 class DeveloperPanel(Panel):
@@ -65,7 +65,7 @@ def _draw_camera(context: PanelContext) -> None:
     for name, (value, speed, limits, form) in numbers.items():
         if name != "azimuth":
             flow(name, _NUMBER)
-        imgui.set_next_item_width(hello_imgui.em_size(_NUMBER))
+        imgui.set_next_item_width(min(hello_imgui.em_size(_NUMBER), imgui.get_content_region_avail().x))
         clamp = imgui.SliderFlags_.always_clamp
         changed, to = imgui.drag_float(f"##{name}", value, speed, *limits, f"{name.capitalize()}  {form}", clamp)
         if changed:
@@ -118,7 +118,7 @@ def _row(*cells: str) -> None:
     imgui.table_next_row()
     for cell in cells:
         imgui.table_next_column()
-        imgui.text(cell)
+        imgui.text_wrapped(cell)
 
 
 def _draw_candidates(context: PanelContext) -> None:

@@ -37,12 +37,13 @@ class LibraryPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """The button, one's own objects, those of the models; those out of sight are not rendered."""
-        names, least = _headings(context.session.models), _STRIP * hello_imgui.em_size()
+        names, least = _headings(context.session.listed_models), _STRIP * hello_imgui.em_size()
         if strip := imgui.get_content_region_avail().y < least:
             imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
         if not Welcome.is_due(context):
             action_button(context, "fit_image", f"{_PHOTO}  Open photo", -1, context.palette.accent)
-        self._filter = draw_choice({_ALL: "All", **names, _MINE: "Mine"}, self._filter)
+        choices = {_ALL: "All", **names, _MINE: "Mine"}
+        self._filter = draw_choice(choices, self._filter if self._filter in choices else _ALL)
         if strip:
             imgui.end_child()
             imgui.same_line()

@@ -15,7 +15,7 @@ from viewer.widgets.text import caption, heading
 
 _LEAST, _MOST, _BELOW = 9.0, 30.0, 6.0  # em: the side of the pad, and what stands below it
 _PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px, intervals, and opacity of previews in no corner
-_SAVE = f"{icons_fontawesome_4.ICON_FA_DOWNLOAD}  Save these {STEPS**2} as an image…"
+_SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 
 
 class MixPanel(Panel):
@@ -36,7 +36,7 @@ class MixPanel(Panel):
         caption(context, "Drag the dot: to the right B's shape, upwards B's texture")
         exporting = context.session.exporting
         if not draw_progress(context, "mixes") and button(
-            f"{_SAVE}###save mixes", "All previews of the pad, larger", enabled=not exporting.running
+            f"{_label()}###save mixes", "All previews of the pad, larger", enabled=not exporting.running
         ):
             name = f"{context.file_name}-mixes.png"
             context.files.ask(FileRequest("Save the mixes as", exporting.mixes, IMAGE_FORMATS, True, name))
@@ -125,6 +125,13 @@ def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
     draw.add_line((corner.x, place.y), (corner.x + side, place.y), line)
     draw.add_circle_filled(place, 0.55 * em, packed(ON_PLATE))
     draw.add_circle_filled(place, 0.42 * em, packed(accent))
+
+
+def _label() -> str:
+    """Return the words of the button that saves the pad, as many as its line has room for."""
+    words, room = f"{_SAVE}  Save these {STEPS**2} as an image…", imgui.get_content_region_avail().x
+    fits = imgui.calc_text_size(words).x + 2 * imgui.get_style().frame_padding.x < room
+    return words if fits else f"{_SAVE}  Save…"
 
 
 def _within(amount: float) -> float:

@@ -79,7 +79,7 @@ def _draw_question(context: PanelContext, question: Question) -> None:
     imgui.text_colored((*context.palette.warm, 1.0), question.words)
     choose_object = partial(fitting.choose, *about, model=history.model)
     draw_cut_out(context, question.seen.pixels, question.seen.boxes, choose_object)
-    models = [*session.models] if question.cut else []
+    models = [*session.listed_models] if question.cut else []
     for model in sorted(models, key=lambda one: one.fingerprint != question.model):
         likely = model.fingerprint == question.model
         label = "This one###this one" if likely else f"As a {model.noun}###as {model.category}"
@@ -164,7 +164,7 @@ def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> N
     ]
     ways += [
         (f"As a {model.noun}###as {model.category}", "", partial(fitting.refit, model), True)
-        for model in context.session.models
+        for model in context.session.listed_models
         if model.fingerprint != shown.model
     ]
     for label, text, act, enabled in ways:

@@ -84,9 +84,9 @@ class SlidersPanel(Panel):
         end_gesture(context)
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             editor.move_along(direction, 0.0)
-        if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip) and not imgui.is_item_active():
+        if imgui.is_item_hovered() and not imgui.is_item_active():
             outline = self._show_influence(context, direction)
-            if begin_tooltip_beside():
+            if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip) and begin_tooltip_beside():
                 self._draw_strip(context, direction)
                 imgui.text(f"{ends[0].capitalize()} to the left, {ends[1]} to the right{outline}")
                 imgui.text_disabled(f"Now {value:+.2f} σ. {_HELP}")

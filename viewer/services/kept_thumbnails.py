@@ -27,10 +27,10 @@ class KeptThumbnails:
         """Load the thumbnails of a model; none if unreadable."""
         return read_pictures(self._path(model)) if self._folder else {}
 
-    def save(self, model: Model, pictures: Mapping[str, Pixels]) -> None:
+    def save(self, model: Model, thumbnails: Mapping[str, Pixels]) -> None:
         """Store exactly these thumbnails of a model, if the folder is writable."""
         if self._folder:
-            write_pictures(self._path(model), pictures)
+            write_pictures(self._path(model), thumbnails)
 
     def _path(self, model: Model) -> Path:
         assert self._folder is not None, "nothing is kept"

@@ -20,7 +20,7 @@ class Preferences:
 
     dark: bool = True
     text: float = 1.0  # size of the text, relative to the default
-    newcomer: bool = True  # nobody has turned the object yet
+    newcomer: bool = True  # the object has never been turned
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()  # paths of opened images and scenes, the latest first
 

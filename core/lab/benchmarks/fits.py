@@ -7,7 +7,7 @@ uncertainties of the same fits calibrate :mod:`core.fitting.confidence`.
 import math
 import time
 from bisect import bisect_right
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from statistics import median
@@ -17,12 +17,10 @@ import numpy as np
 import torch
 
 from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.fitting.fit import FitJob, FitSettings, FitStep
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
-from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
-from core.lab.benchmarks.machine import describe_machine
 from core.lab.evaluation.protocol import as_photo, score_view
 from core.lab.evaluation.statistics import Mean, mean_of, share_within
 from core.metrics import rotation_error, translation_error
@@ -54,6 +52,14 @@ class FitTrial:
     confidence: float | None
     rotation_curve: tuple[float, ...]  # degrees, error at TIMES
     symmetric: bool  # far off, and yet a render from this camera is nearly the one from the true camera
+
+    @property
+    def key(self) -> tuple[str, str, int]:
+        """The key of a trial."""
+        return self.preset, self.name, self.view
+
+    def __str__(self) -> str:
+        return f"{self.name}, {self.preset}: {self.rotation:.1f} degrees after {self.seconds:.1f} s"
 
     @property
     def effective_rotation(self) -> float:
@@ -89,25 +95,23 @@ class FitMethod(NamedTuple):
     seed: int = 0  # of its random numbers, added to the view's
 
 
-def measure_fits(
-    model: Model, targets: Sequence[HeldOutView], presets: dict[str, FitSettings] = PRESETS
-) -> Iterator[str | Results[FitTrial]]:
-    """Yields what is being measured, and at the end the results."""
-    trials = yield from fit_views(model, targets, {name: FitMethod(preset) for name, preset in presets.items()})
-    yield Results({"machine": describe_machine(model.device)}, tuple(trials))
-
-
 def fit_views(
-    model: Model, targets: Sequence[HeldOutView], methods: Mapping[str, FitMethod]
-) -> Generator[str, None, list[FitTrial]]:
-    """Fits every view by all methods, one right after the other; yields what is being measured."""
-    trials = list[FitTrial]()
+    model: Model,
+    targets: Sequence[HeldOutView],
+    methods: Mapping[str, FitMethod],
+    done: Collection[tuple[str, str, int]] = (),
+) -> Iterator[FitTrial]:
+    """Fit every view by all methods, one right after the other, and yield each trial.
+
+    Args:
+        done: keys of trials that are left out.
+    """
     for number, target in enumerate(targets):
         for name, method in methods.items():
-            yield f"{target.views.name}, {name}"
+            if (name, target.views.name, target.index) in done:
+                continue
             with use_dtype(method.dtype) if method.dtype else nullcontext():
-                trials.append(fit_view(model, target, name, method, number + method.seed))
-    return trials
+                yield fit_view(model, target, name, method, number + method.seed)
 
 
 def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:

@@ -1,13 +1,14 @@
 """The measurements of the benchmarks as Markdown tables: lists of columns, and the lines around them."""
 
+import math
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 from typing import Any
 
 from core.fitting.confidence import auroc
+from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.films import Film
@@ -23,6 +24,7 @@ from core.lab.benchmarks.robustness import (
     success_rates,
 )
 from core.lab.benchmarks.stressors import STRESSORS
+from core.lab.benchmarks.threads import ThreadTiming
 from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
 
 _SURE = 0.9  # A wrong camera of more confidence misleads.
@@ -56,18 +58,6 @@ def _text(about: str, *blocks: str) -> str:
     return "\n\n".join((about, *blocks)) + "\n"
 
 
-@dataclass(frozen=True)
-class Table:
-    """A line about a run, in which ``{first}`` is its first row, then a line per row."""
-
-    about: str
-    columns: Sequence[Column]
-
-    def __call__(self, found: Results[Any]) -> str:
-        """The table as text."""
-        return _text(self.about.format(first=found.rows[0], **found.about), markdown_table(self.columns, found.rows))
-
-
 # Rendering
 
 
@@ -98,6 +88,21 @@ def rendering_table(found: Results[RenderRow]) -> str:
         markdown_table(_SIZES, curves["sizes"]),
         markdown_table(_INTERACTIONS, [row for row in found.rows if isinstance(row, Interaction)]),
     )
+
+
+def threads_table(found: Results[ThreadTiming]) -> str:
+    """Seconds of each job with each number of threads, against those of one thread beside the same load."""
+    alone = {(row.step, row.busy): row.seconds for row in found.rows if row.threads == 1}
+    columns: list[Column] = [
+        ("job", "step", "{}"),
+        ("busy programs", "busy", "{}"),
+        ("threads", "threads", "{}"),
+        ("s", "seconds", "{:.2f}"),
+        ("over one thread", lambda one: one.seconds / alone.get((one.step, one.busy), math.nan), "{:.2f}"),
+        ("s of processors", "processor", "{:.2f}"),
+    ]
+    text = "{machine}; {category}. Busy programs multiply matrices in two torch threads each."
+    return _text(text.format(**found.about), markdown_table(columns, found.rows))
 
 
 def films_table(found: Results[Film]) -> str:
@@ -160,19 +165,23 @@ _FITS: list[Column] = [
 ]
 
 
-ablations_table = Table(
-    "{machine}; cameras unknown; with 95 % intervals.",
-    [
-        ("normal preset", "summary.preset", "{}"),
-        ("views", "summary.fits", "{}"),
-        ("time", "time", "{:.2f}"),
-        ("rotation error (median)", "summary.rotation", "{:.2f}°"),
-        ("within 5°", "summary.within_5_degrees", format_share),
-        ("within 10°", "summary.within_10_degrees", format_share),
-        ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
-        ("difference to the full method (dB)", "gain", format_difference),
-    ],
-)
+def ablations_table(found: Results[Ablation]) -> str:
+    """A line per method."""
+    return _text(
+        f"{found.about['machine']}; cameras unknown; with 95 % intervals.", markdown_table(_ABLATIONS, found.rows)
+    )
+
+
+_ABLATIONS: list[Column] = [
+    ("normal preset", "summary.preset", "{}"),
+    ("views", "summary.fits", "{}"),
+    ("time", "time", "{:.2f}"),
+    ("rotation error (median)", "summary.rotation", "{:.2f}°"),
+    ("within 5°", "summary.within_5_degrees", format_share),
+    ("within 10°", "summary.within_10_degrees", format_share),
+    ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
+    ("difference to the full method (dB)", "gain", format_difference),
+]
 
 
 def robustness_table(found: Results[RobustnessTrial]) -> str:
@@ -284,40 +293,6 @@ def _right(rows: Sequence[DetailView]) -> list[DetailView]:
 
 def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
     return statistics.mean([getattr(row, what) for row in _right(rows)] or [float("nan")])
-
-
-# Trained models and photographs
-
-
-model_sizes_table = Table(
-    "{machine}; {objects} objects, {steps} steps each; held out: {tests} objects fitted on one view of known camera.",
-    [
-        ("differs in", lambda one: f"{one.axis.replace('_', ' ')} {one.value or ''}".strip(), "{}"),
-        ("parameters", "parameters", "{}"),
-        ("file (kB)", lambda one: one.bytes / 1000, "{:.0f}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        ("held out (dB)", "held_out.mean", "{:.2f}"),
-        ("difference to the baseline (dB)", "gain", format_difference),
-        ("cameras within 10°", "found", format_share),
-        ("100,000 samples (ms)", "field_ms", "{:.0f}"),
-        ("blind fit (s)", "fit_seconds", "{:.1f}"),
-    ],
-)
-
-
-architectures_table = Table(
-    "{machine}; {objects} {category}, {steps} steps each; with 95 % intervals.",
-    [
-        ("architecture", "name", "{}"),
-        ("parameters", "parameters", "{}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        (
-            "another texture changes the opacity by",
-            "opacity_change",
-            lambda one: f"{one.mean:.3f} ({one.low:.3f} to {one.high:.3f})" if one.high else "0",
-        ),
-    ],
-)
 
 
 # Photographs

@@ -79,7 +79,9 @@ def test_the_preview_is_the_first_frame_on_its_background(
         window.click("Share/###more")
         window.wait(lambda: preview.image is not None)
         filling = preview.image
-        assert filling[[0, -1], :, 3].max() == 0 < filling[..., 3].mean() - 80  # all of it is in sight
+        assert (
+            filling[[0, -1], :, 3].max() < 40 < filling[..., 3].mean() - 40
+        )  # all but the end of its shadow is in sight
         window.click("Share/###fill")
         window.wait(lambda: preview.image is not filling)
         assert preview.image[[0, -1], :, 3].max() > 230  # as near as in the view

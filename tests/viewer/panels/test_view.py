@@ -277,7 +277,7 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
 
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
-            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 64)
+            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 192)
             shown = render_frame(stools, editor.scene.codes, crop.camera).opacity > 0.2
             ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
             return max(np.abs(2 * both - 1).max() for both in ends)
