@@ -22,9 +22,8 @@ from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
 from core.runtime.threads import VARIABLE
 from core.streams import run_to_end
-from tests.conftest import make_view_bank
 from tests.core.fitting.inputs import SHORT
-from tests.core.tiny import photo_of
+from tests.core.tiny import photo_of, tiny_bank
 
 
 def thread(piece: object) -> int:
@@ -136,8 +135,8 @@ def of_mesh(model: Model) -> list[Tensor]:
 
 
 def of_fit(model: Model) -> list[Tensor]:
-    make_view_bank(model)
-    *_, last = fit(model, FitJob((photo_of(model, model.codes[1], model.camera(0.5, 0.5)),), SHORT))
+    photo = photo_of(model, model.codes[1], model.camera(0.5, 0.5))
+    *_, last = fit(model, FitJob((photo,), tiny_bank(), SHORT))
     cameras = chain.from_iterable((one.azimuth, one.elevation, one.distance) for one in last.cameras)
     return [last.codes.shape, last.codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
 
