@@ -53,7 +53,10 @@ class Painting:
             def keep(colour: Rgb) -> None:
                 self._known = codes, part, colour
 
-            ended = self._jobs.reporting("Cannot see the paint")
+            def ended(error: Exception | None) -> None:
+                if not isinstance(error, ValueError):  # an object without a surface has no colour
+                    self._jobs.reporting("Cannot find the paint")(error)
+
             self._jobs.submit(Job("paint colour", stream, keep, ended, share=BACKGROUND_SHARE))
         return self._known[2]
 
