@@ -98,7 +98,6 @@ def test_the_next_launch_goes_on_with_objects_of_every_model(
     assert session.fitting.history.photo is not None
     assert len(session.fitting.candidates.tiles) == 4
     finish(session)
-    assert session.fitting.history.frame is not None
     assert all(tile.frame for tile in session.fitting.candidates.tiles)
 
 

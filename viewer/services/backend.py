@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from core.detail.paint import Paint, Rgb, paint, paint_colour
 from core.detail.rendering import bake, render_progressively
 from core.export.framing import filling_distance
 from core.export.keyframes import View
@@ -23,6 +24,7 @@ from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import ViewBank, build_view_bank
 from core.rendering.baked_field import BakedField
 from core.rendering.direction_words import Words, direction_words
+from core.rendering.grab import Pull, pulls_at
 from core.rendering.progressive import Frame, RenderJob
 from viewer.values.fit_history import PhotoSource
 
@@ -30,7 +32,7 @@ from viewer.values.fit_history import PhotoSource
 def frame_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
     """Prepare the cut-out object of a photo for a model."""
     with naming(source.path):
-        return prepare_photo(cut, model, bank, read_pose(source.pose) if source.pose else None, source.crop)
+        return prepare_photo(cut, model, bank, read_pose(source.pose) if source.pose else None)
 
 
 @dataclass(frozen=True)
@@ -51,4 +53,7 @@ class Backend:
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
+    pulls: Callable[[Model, Codes, Camera, tuple[float, float]], list[Pull]] = pulls_at
+    paint_colour: Callable[[Model, Codes, str], Generator[None, None, Rgb]] = paint_colour
+    paint: Callable[[Model, Codes, Paint], Generator[None, None, Codes]] = paint
     distance: Callable[[Model, Codes, Camera, float], float] = filling_distance

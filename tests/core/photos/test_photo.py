@@ -13,7 +13,7 @@ from pillow_heif import from_pillow
 
 from core.models.model import Model
 from core.photos.decode import read_rgba
-from core.photos.photo import Crop, Photo, load_photo, photo_from_array
+from core.photos.photo import Photo, load_photo, photo_from_array
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import Hints
 from core.photos.view_bank import apparent_size
@@ -422,21 +422,6 @@ def test_the_shared_photographs(shared: Path, tiny: Model):
         assert photo.cropped
         assert 0.03 < float(photo.mask.float().mean()) < 0.3
     assert load_photo(shared / "photos" / "toyota.jpg", tiny, tiny_bank()).cropped
-
-
-def test_framing_scales_and_moves(tiny: Model, tmp_path: Path):
-    path = saved(drawing(), tmp_path / "a.png")
-    usual = load_photo(path, tiny, tiny_bank())
-    small = load_photo(path, tiny, tiny_bank(), crop=Crop(0.5, 0.125, -0.125))
-    assert small.cropped
-    assert float(small.mask.sum()) == pytest.approx(float(usual.mask.sum()) / 4, rel=0.15)
-    rows, columns = small.mask.nonzero().float().mean(0).tolist()
-    assert columns == pytest.approx((0.5 + 0.125) * SIDE - 0.5, abs=1)
-    assert rows == pytest.approx((0.5 - 0.125) * SIDE - 0.5, abs=1)
-    with pytest.raises(ValueError, match="out of the image"):
-        load_photo(path, tiny, tiny_bank(), crop=Crop(right=3.0))
-    with pytest.raises(ValueError, match="invalid crop"):
-        Crop(scale=0.0)
 
 
 def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -38,9 +38,8 @@ def run(folder: Path) -> None:
         editor = driver.session.editor
         editor.add_and_show(fitted(model), editor.scene.camera)
         driver.show("Photo")
-        driver.click("Photo/###both sides")
-        driver.click("Photo/###erase detail")
-        driver.drag("Photo/erase from photo", 40)
+        driver.click("Photo/###erase")
+        driver.drag("View/orbit", 40)
         driver.wait(lambda: False, longest=600)
 
     testing.run(test_function=act, runner_params=app.params, add_ons_params=window.add_ons())

@@ -1,6 +1,5 @@
 import importlib.util
 import sys
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.photos.photo import Photo, prepare_photo, read_cut_out
+from core.photos.photo import read_cut_out
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -159,9 +158,6 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
     def act(window: Driver) -> None:
         segmenting, session = window.session.segmenting, window.session
         _drop(window, busy).draw(*_BOX)
-        window.set("Cut out###segment/**/##scale", 0.8)
-        window.wait()
-        assert segmenting.crop.scale == pytest.approx(0.8)
         hints = segmenting.hints
         window.click("Cut out###segment/**/###fit segmentation")
         assert not segmenting.active
@@ -171,8 +167,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         assert fitted is not None
         assert fitted.source.hints == hints
         assert fitted.photo.cropped
-        window.click("Photo/###refit")
-        window.click("**/###segment")
+        window.click("Photo/###point at it")
         window.wait(lambda: segmenting.result is not None)
         assert segmenting.hints == hints
         window.click("Cut out###segment/**/###clear hints")
@@ -202,70 +197,5 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: 
         window.wait(lambda: bool(session.editor.objects.own))  # the one that was dropped
         assert not segmenting.active
         assert session.editor.objects.own == ["busy"]
-
-    drive(act, replace(backend, load_model=lambda name: tiny_model()))
-
-
-def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
-    drive: Drive, backend: Backend, photo: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    may_end = threading.Event()
-
-    def slow(*args: object, **options: object) -> Photo:
-        may_end.wait(60)
-        return prepare_photo(*args, **options)
-
-    monkeypatch.setattr("viewer.activities.segmenting.prepare_photo", slow)
-
-    def act(window: Driver) -> None:
-        segmenting, rebuild = window.session.segmenting, "Cut out###segment/**/###fit segmentation"
-
-        def enabled() -> bool:
-            return not window.ctx.item_info(f"//{rebuild}").item_flags & imgui.ItemFlags_.disabled
-
-        segmenting.open((PhotoSource(photo),), 0)
-        window.wait(lambda: segmenting.plain is not None)
-        window.ctx.yield_(2)
-        assert not enabled()
-        may_end.set()
-        window.wait(lambda: segmenting.settled)
-        assert enabled()
-        may_end.clear()
-        window.set("Cut out###segment/**/##scale", 0.8)
-        window.ctx.yield_(2)
-        assert not enabled()
-        may_end.set()
-        window.wait(lambda: segmenting.settled)
-        window.click(rebuild)
-        window.wait(lambda: not window.session.fitting.running)
-        assert window.session.editor.objects.own == ["block"]
-
-    drive(act, replace(backend, load_model=lambda name: tiny_model()))
-
-
-def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_path: Path) -> None:
-    y, x = np.mgrid[0:120, 0:160]
-    soft = ((40 - np.hypot(x - 80, y - 60)) / 20).clip(0, 1)
-    colours = np.broadcast_to(np.uint8((200, 60, 40)), (120, 160, 3))
-    Image.fromarray(np.dstack((colours, (255 * soft).astype(np.uint8)))).save(tmp_path / "soft.png")
-
-    def act(window: Driver) -> None:
-        segmenting = window.session.segmenting
-        segmenting.open((PhotoSource(tmp_path / "soft.png"),), 0)
-        window.wait(lambda: segmenting.settled)
-
-        def area() -> int:
-            assert segmenting.result is not None
-            return int(segmenting.result.found.mask.sum())
-
-        before = area()
-        window.set("Cut out###segment/**/##threshold", 0.2)
-        window.wait(lambda: segmenting.settled)
-        assert segmenting.hints.threshold == pytest.approx(0.2)
-        assert area() > 1.2 * before
-        window.click("Cut out###segment/**/###undo hints")
-        window.wait(lambda: segmenting.settled)
-        assert area() == before
-        window.click("Cut out###segment/**/###cancel segmentation")
 
     drive(act, replace(backend, load_model=lambda name: tiny_model()))
