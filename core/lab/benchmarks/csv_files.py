@@ -114,7 +114,8 @@ def _cells(value: Any, name: str) -> list[tuple[str, str]]:
 def _parse(kind: Any, row: Row, name: str) -> Any:
     if isinstance(kind, types.UnionType):
         (some,) = (option for option in get_args(kind) if option is not types.NoneType)
-        return None if row[name] == "" else _parse(some, row, name)
+        known = any(text for column, text in row.items() if f"{column}.".startswith(f"{name}."))
+        return _parse(some, row, name) if known else None
     if _has_fields(kind):
         return kind(**{field: _parse(hint, row, _join(name, field)) for field, hint in _hints(kind).items()})
     if get_origin(kind) is tuple:

@@ -23,7 +23,7 @@ from core.fitting.settings import ALL_COMPONENTS, Components
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
 from core.lab.benchmarks.machine import describe_machine
-from core.lab.evaluation.protocol import as_photo, score_view
+from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
 from core.lab.evaluation.statistics import Mean, mean_of, share_within
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
@@ -52,6 +52,7 @@ class FitTrial:
     confidence: float | None
     rotation_curve: tuple[float, ...]  # degrees, error at TIMES
     symmetric: bool  # far off, and yet a render from this camera is nearly the one from the true camera
+    fine: ViewScore | None = None  # of those other views as large as the dataset has them, where that is larger
 
     @property
     def effective_rotation(self) -> float:
@@ -75,6 +76,7 @@ class FitSummary:
     held_out: Mean  # dB
     auroc: float | None
     """of the confidence, right cameras against wrong ones; None without confidence, or where all are right or wrong"""
+    fine: ViewScore | None  # mean of the other views as large as the dataset has them, where that is larger
     curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error in degrees, share within 5 degrees
 
 
@@ -120,7 +122,8 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
-    held_out = [score_view(model, last.codes, views, other)[0] for other in others]
+    held_out = [score_view(model, last.codes, views, other).psnr for other in others]
+    fine = [score_view(model, last.codes, target.fine, other) for other in others] if target.fine else []
     symmetric = errors[-1] > _FAR and is_symmetric_view(
         model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
     )
@@ -139,6 +142,7 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         confidence=last.confidence,
         rotation_curve=tuple(errors[_step_at(seconds, moment)] for moment in TIMES),
         symmetric=symmetric,
+        fine=ViewScore(*np.mean(fine, axis=0).tolist()) if fine else None,
     )
 
 
@@ -157,6 +161,7 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
     """Medians and shares over the trials of one preset."""
     rotations = [trial.effective_rotation for trial in trials]
     translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
+    fine = [trial.fine for trial in trials if trial.fine]
     curve = []
     for number, moment in enumerate(TIMES):
         errors = [trial.rotation_curve[number] for trial in trials]
@@ -173,6 +178,7 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
         share_within(translations, 0.03),
         mean_of([trial.held_out for trial in trials]),
         _confidence_auroc(trials),
+        ViewScore(*np.mean(fine, axis=0).tolist()) if fine else None,
         tuple(curve),
     )
 

@@ -34,6 +34,7 @@ class HeldOutView:
     index: int  # of the fitted view
     codes: Codes
     """the object's own; or, for an object the model was not trained on, fitted to a few views with their cameras"""
+    fine: ObjectViews | None = None  # the same views as large as the dataset has them, where that is larger
 
     @property
     def camera(self) -> Camera:
@@ -63,11 +64,13 @@ def training_object_views(model: Model, count: int, generator: torch.Generator) 
 def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
     """One random view of every object of a dataset."""
     for entry in entries:
-        views = entry.read()
+        whole = entry.read()
+        views = whole.reduced(model.image_size)
         stride = -(-len(views.cameras) // HELD_OUT_VIEWS)
         photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
         *_, last = fit(model, FitJob(photos, PRESETS["draft"]))
-        yield HeldOutView(views, int(torch.randint(len(views.cameras), (), generator=generator)), last.codes)
+        index = int(torch.randint(len(views.cameras), (), generator=generator))
+        yield HeldOutView(views, index, last.codes, None if whole is views else whole)
 
 
 def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:

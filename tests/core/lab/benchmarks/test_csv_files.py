@@ -37,6 +37,12 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     assert "curve.1.x" in rows[0]
 
 
+def test_an_optional_column_that_an_older_file_lacks_is_none() -> None:
+    row = to_row(RECORDS[0])
+    del row["margin"]
+    assert from_row(Record, row) == RECORDS[0]
+
+
 def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty.csv").write_text("name\n")
     with pytest.raises(ValueError, match=r"empty.csv: no measurements"):

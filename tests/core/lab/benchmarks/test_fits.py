@@ -14,6 +14,7 @@ from core.lab.benchmarks.csv_files import Results, read_results
 from core.lab.benchmarks.drawing import prepare
 from core.lab.benchmarks.fits import FitTrial, measure_fits, summarise_presets
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, is_symmetric_view, random_camera, training_object_views
+from core.lab.datasets.srn import ObjectViews
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
@@ -29,11 +30,18 @@ QUICK = {
 
 @pytest.fixture(scope="module")
 def found(tiny: Model) -> Results[FitTrial]:
-    targets = tuple(training_object_views(tiny, 2, torch.Generator().manual_seed(0)))
-    *lines, found = measure_fits(tiny, targets, QUICK)
+    first, second = training_object_views(tiny, 2, torch.Generator().manual_seed(0))
+    *lines, found = measure_fits(tiny, (replace(first, fine=_enlarged(first.views)), second), QUICK)
     assert all(isinstance(line, str) for line in lines)
     assert isinstance(found, Results)
     return found
+
+
+def _enlarged(views: ObjectViews) -> ObjectViews:
+    """The views with four pixels for each."""
+    cameras = tuple(camera.resized(2 * camera.width, 2 * camera.height) for camera in views.cameras)
+    images, masks = (part.repeat(2, 1).repeat(2, 2) for part in (views.images, views.masks))
+    return replace(views, images=images, masks=masks, cameras=cameras)
 
 
 def test_training_objects_are_rendered_from_the_upper_hemisphere():
@@ -69,7 +77,11 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Result
             assert trial.margin is not None
             assert trial.uncertainty is not None
             assert trial.confidence == confidence(trial.margin, trial.uncertainty) * explained(trial.psnr)
+        assert (trial.fine is not None) == (trial.name == "stool0")
+        if trial.fine:
+            assert trial.fine.psnr > 5 and 0 < trial.fine.overlap <= 1 and 0 < trial.fine.haze < 1
     summaries = summarise_presets(found.rows)
+    assert summaries[0].fine == found.rows[0].fine
     assert [one.preset for one in summaries] == list(QUICK)
     assert {one.fits for one in summaries} == {2}
     assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in summaries)
