@@ -35,6 +35,7 @@ from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.rendering.fast import render_steps
 from core.rendering.folded_field import FoldedField
+from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, Kind
 
@@ -49,8 +50,6 @@ _LEAP = 0.02  # scene units of the second difference of depth, at an edge of som
 _DISAGREEMENT = 4.0  # px by which outlines differ at the most (2 at the size of the training images)
 MIRROR_SHARE = 0.9  # of the residual, for what only the mirror image shows
 _MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be read backwards
-_UNSURE, _SURE = 0.5, 0.7  # confidence in the camera below which nothing is shown, and from which on all of it is
-FADED = 1.5  # standard deviations that the codes have moved, when nothing is left
 _LEVELS = 6
 UNPAINTED = "wheels", "glass"
 _TEXTURES = 12  # of the model, that tell where paint changes anything
@@ -66,19 +65,6 @@ _CALM = 0.15, 0.05  # contrast in that window, likewise
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # lightness by which a photo is darker than the render on a roof: reflections, and glass
 _BLOCK = 8192  # points evaluated at a time
-
-
-def shown_share(model: Model, codes: Codes) -> float:
-    """Return how much of their detail codes show: less for a doubtful camera, fading as the shape is edited.
-
-    A texture repaints the detail and does not fade it.
-    """
-    detail = codes.detail
-    if detail is None or model.white_from_network or model.is_ablation:
-        return 0.0
-    away = float(model.codes.shape_space.distance(codes.shape, detail.shape))
-    sure = min(1.0, max(0.0, (detail.confidence - _UNSURE) / (_SURE - _UNSURE)))
-    return detail.strength * sure * max(0.0, 1 - away / FADED)
 
 
 def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps | None]:
@@ -243,7 +229,7 @@ def _surface_texels(
     """The surface that a render shows, and the probability of each part of the model there."""
     pixel, folded = source.opacity > _SOLID, FoldedField(model, codes)
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
-    found = [folded.density(folded.first_layer(part))[1] for part in points.split(_BLOCK)]
+    found = [folded.density(part)[1] for part in points.split(_BLOCK)]
     features = torch.cat(found) if found else torch.zeros(0, model.field.config.width)
     texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
     parts = dict[str, Tensor]()

@@ -11,11 +11,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.detail.maps import UNPAINTED, compared_photos, shown_share
+from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.repaint import lightness, replaced_share
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
+from core.rendering.outline import shown_share
 from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
@@ -138,7 +139,7 @@ def _part_share(
             raise ValueError(f"this model knows no parts, so none is called {part}")
         return torch.ones_like(points[:, 0])
     folded = FoldedField(model, codes)
-    features = folded.density(folded.first_layer(pad_rows(points)))[1][: len(points)]
+    features = folded.density(pad_rows(points))[1][: len(points)]
     shares = dict(zip(head.names, head(features).T, strict=True))
     materials = MATERIALS if set(MATERIALS.values()) <= shares.keys() else {}
     known = [*materials, *(name for name in shares if name not in UNPAINTED)]

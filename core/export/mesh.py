@@ -233,7 +233,7 @@ def _off_surface_fraction(
     outward = of_faces[chosen] / areas[chosen, None]
     sides = torch.from_numpy(np.concatenate((middles - TOLERANCE * outward, middles + TOLERANCE * outward))).float()
     with torch.inference_mode():
-        thickness = folded.density(folded.first_layer(sides.to(folded.device)))[0] * grid.interval
+        thickness = folded.density(sides.to(folded.device))[0] * grid.interval
     below, above = (thickness.cpu() > math.log(2)).chunk(2)
     return 1 - float((below & ~above).float().mean())
 
@@ -270,7 +270,7 @@ def _logits(
     found = []
     for part in points[within].split(_BLOCK):
         with torch.inference_mode():
-            thickness = folded.density(folded.first_layer(part))[0] * grid.interval
+            thickness = folded.density(part)[0] * grid.interval
             found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP))
         yield first / (grid.counts[0] - 1)
     if found:
@@ -339,7 +339,7 @@ def _surface_colours(
     """The mean colour that short rays through these places see of the object."""
     middles = (edges[1:] + edges[:-1]) / 2
     points = positions[:, None] - middles[:, None] * outward[:, None]
-    density, y = folded.density(folded.first_layer(points.flatten(0, 1)))
+    density, y = folded.density(points.flatten(0, 1))
     weights, _ = compositing_weights(density.reshape(points.shape[:2]), edges.expand(len(points), -1))
     towards = folded.direction_bias(-outward).repeat_interleave(len(middles), 0)
     colours = folded.colour(y, towards).reshape(points.shape).clamp(0, 1)

@@ -75,7 +75,7 @@ def _probability(
 ) -> Float[np.ndarray, "faces parts"]:
     with torch.inference_mode():
         blocks = torch.from_numpy(points).float().to(folded.device).split(_BLOCK)
-        found = [head(folded.density(folded.first_layer(block))[1]) for block in blocks]
+        found = [head(folded.density(block)[1]) for block in blocks]
     return torch.cat(found).cpu().numpy()
 
 

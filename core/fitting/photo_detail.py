@@ -14,7 +14,9 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
 from core.models.model import Model
 from core.models.photo_detail import MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
-from core.photos.photo import Photo
+from core.photos.photo import DOUBTFUL_MASK, Photo
+
+_MARGIN = 3 / 128  # image heights beyond the mask at which the object ends, besides the error of its edges
 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
@@ -46,7 +48,17 @@ def photo_view(
         _, roll, *shift = crop_transform.tolist()
         focal = model.focal * height / model.image_size  # which shifts are measured in
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
-    return PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
+    view = PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
+    return replace(view, outline_margin=_outline_margin(photo, camera))
+
+
+def _outline_margin(photo: Photo, camera: Camera) -> float | None:
+    """As :attr:`PhotoView.outline_margin`: None where an edge of the image truncates the object, or the mask is in
+    doubt.
+    """
+    if photo.unseen is not None or photo.mask_confidence < DOUBTFUL_MASK:
+        return None
+    return (_MARGIN * camera.height + photo.edge_error) / camera.focal
 
 
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:

@@ -40,6 +40,8 @@ class PhotoView:
     """a WebP file: the object on white, how much of each pixel is its as opacity; as the camera sees it, upright"""
     camera: Camera  # at the size of the image
     erased: tuple[Erasure, ...] = ()
+    outline_margin: float | None = None
+    """focal lengths beyond its mask at which the object ends; None where the mask does not bound the object"""
 
     def __post_init__(self) -> None:
         if len(self.image) > MAX_BYTES:
@@ -49,6 +51,8 @@ class PhotoView:
         numbers = [number for one in self.erased for number in (one.radius, *itertools.chain(*one.points))]
         if not all(math.isfinite(number) for number in numbers):
             raise ValueError("what is erased of a photo must be finite")
+        if self.outline_margin is not None and not 0 < self.outline_margin < math.inf:
+            raise ValueError(f"the margin of a photo's outline must be positive, got {self.outline_margin}")
 
     @classmethod
     def of(cls, rgba: UInt8[np.ndarray, "height width 4"], camera: Camera) -> "PhotoView":
@@ -127,6 +131,7 @@ class PhotoDetail:
                 "image": base64.b64encode(view.image).decode(),
                 "camera": {name: getattr(view.camera, name) for name in Camera.__dataclass_fields__},
                 "erased": [one._asdict() for one in view.erased],
+                "outline_margin": view.outline_margin,
             }
             for view in self.views
         ]

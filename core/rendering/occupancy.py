@@ -203,7 +203,7 @@ def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> F
 
     def evaluate(rows: slice) -> Float[Tensor, "rows"]:
         parts = known.activations[rows].split(_BLOCK)
-        return torch.cat([folded.density(part)[0] for part in parts])
+        return torch.cat([folded.unbounded_density(part)[0] for part in parts])
 
     densities = evaluate(slice(0, known.always))
     found[known.corner[: known.always]] = densities
@@ -219,7 +219,7 @@ def _densities_around(
     found = torch.zeros(len(known.corner), device=rows.device)
     for part in rows.split(_BLOCK):
         activations = known.activations.index_select(0, pad_rows(part))
-        found[known.corner[part]] = folded.density(activations)[0][: len(part)]
+        found[known.corner[part]] = folded.unbounded_density(activations)[0][: len(part)]
     return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 

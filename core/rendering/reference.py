@@ -11,6 +11,7 @@ from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
+from core.rendering.outline import Outline, outline
 
 _CHUNK_POINTS = 8192
 """Points evaluated at a time: few enough that activations stay in cache (32k ran up to 1.7x slower)."""
@@ -49,15 +50,20 @@ def render_rays(
     samples: int,
     shape_bias: Float[Tensor, "... blocks width"],
     texture_bias: Float[Tensor, "... more_blocks width"],
+    bound: Outline | None = None,
 ) -> Rendered:
     """Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
         shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
+        bound: the outline of photos; None: there is none.
     """
     depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
-    density, colours = model.field.radiance(ray_points(rays, depths), direction_bias, shape_bias, texture_bias)
+    points = ray_points(rays, depths)
+    density, colours = model.field.radiance(points, direction_bias, shape_bias, texture_bias)
+    if bound is not None:
+        density = density * bound.share(points)
     weights, transmittance = compositing_weights(density, edges)
     opacity = 1 - transmittance
     depth = (weights * depths).sum(-1) / opacity.clamp_min(1e-6)
@@ -81,7 +87,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256) -> Rendered:
     """The reference: every pixel, every sample, float32. Everything faster is judged against it."""
     rays = exact_rays(model, camera)
-    biases = model.field.biases(codes.shape, codes.texture)
+    given = *model.field.biases(codes.shape, codes.texture), outline(model, codes)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
-    parts = [render_rays(model, rays[row : row + rows], samples, *biases) for row in range(0, camera.height, rows)]
+    parts = [render_rays(model, rays[row : row + rows], samples, *given) for row in range(0, camera.height, rows)]
     return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))
