@@ -19,6 +19,7 @@ from core.runtime.reading import open_image, reading
 SIDE = 1024  # px of the longer side at most: lettering on a door is still read
 MAX_BYTES = 200_000  # of a photo's file, in scenes, projects and pictures
 MAX_PHOTOS = 4  # of one object whose detail is kept: graphics cards look up 16 images at least, three of each photo
+BACKGROUND = 0.1  # opacity below which a pixel certainly shows background: it bounds the object
 OtherSide = Literal["model", "soft", "mirrored"]
 OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
 """Sources of colours that only the mirror image shows: the model alone, the photo blurred, the photo."""
@@ -41,7 +42,7 @@ class PhotoView:
     camera: Camera  # at the size of the image
     erased: tuple[Erasure, ...] = ()
     outline_margin: float | None = None
-    """focal lengths beyond its mask at which the object ends; None where the mask does not bound the object"""
+    """focal lengths beyond its mask within which the object ends; None where the mask does not bound the object"""
 
     def __post_init__(self) -> None:
         if len(self.image) > MAX_BYTES:
