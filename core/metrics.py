@@ -11,17 +11,17 @@ from core.geometry.camera import Camera
 
 Image = Float[Tensor, "_ _ 3"] | Float[np.ndarray, "_ _ 3"]  # height, width, rgb in 0..1
 
-MAX_PSNR = 100.0  # dB at which two images count as the same: a finite number where the ratio itself is infinite.
+MAX_PSNR = 100.0  # dB at which two images count as the same, so that the ratio stays finite
 
 
 def psnr(image: Image, truth: Image) -> float:
-    """Peak signal-to-noise ratio in dB of an image in [0, 1], at most :data:`MAX_PSNR`."""
+    """Return the peak signal-to-noise ratio in dB of an image in [0, 1], at most :data:`MAX_PSNR`."""
     first, second = _arrays(image, truth)
     return psnr_from_mse(float(np.mean((first - second) ** 2)))
 
 
 def psnr_from_mse(squared_error: float) -> float:
-    """The PSNR in dB of a mean squared error per channel, at most :data:`MAX_PSNR`.
+    """Return the PSNR in dB of a mean squared error per channel, at most :data:`MAX_PSNR`.
 
     Example:
         >>> psnr_from_mse(0.01)
@@ -31,7 +31,7 @@ def psnr_from_mse(squared_error: float) -> float:
 
 
 def ssim(image: Image, truth: Image) -> float:
-    """Structural similarity over colour, -1..1 (scikit-image, 7 px window). Raises ``ValueError`` below 7 px."""
+    """Return the structural similarity of colours, -1..1 (scikit-image, 7 px window). ``ValueError`` below 7 px."""
     from skimage.metrics import structural_similarity  # imports scipy.stats, which takes as long as half of torch
 
     first, second = _arrays(image, truth)
@@ -58,7 +58,7 @@ def haze(opacity: Float[np.ndarray, "h w"]) -> float:
 
 
 def rotation_error(camera: Camera, truth: Camera) -> float:
-    """Degrees of the one turn that takes one camera's axes into the other's."""
+    """Return the angle of the rotation between two cameras' axes, degrees."""
     first, second = camera.pose()[:3, :3], truth.pose()[:3, :3]
     # |A - B| = 2 sqrt(2) sin(angle / 2): exact for small angles, where acos of the trace is not.
     half = float(torch.linalg.matrix_norm(first - second)) / (2 * math.sqrt(2))
@@ -66,7 +66,7 @@ def rotation_error(camera: Camera, truth: Camera) -> float:
 
 
 def translation_error(camera: Camera, truth: Camera) -> float:
-    """How far the camera is from its true position, as a share of the true distance."""
+    """Return the distance between the camera positions, as a fraction of the true distance from the origin."""
     return float((camera.pose()[:3, 3] - truth.pose()[:3, 3]).norm()) / truth.distance
 
 

@@ -1,4 +1,4 @@
-"""Generators that end with a result: run to the end, or as a part of a longer one."""
+"""Helpers for generators that end with a result: run to the end, or as part of a longer stream."""
 
 from collections.abc import Generator
 from typing import Any, TypeVar
@@ -7,7 +7,7 @@ _Result = TypeVar("_Result")
 
 
 def run_to_end(stream: Generator[Any, None, _Result]) -> _Result:
-    """The result of a generator, whatever it yields before.
+    """Run a generator to its end and return its result.
 
     Example:
         >>> def job():
@@ -24,7 +24,7 @@ def run_to_end(stream: Generator[Any, None, _Result]) -> _Result:
 
 
 def subprogress(stream: Generator[float, None, _Result], begin: float, end: float) -> Generator[float, None, _Result]:
-    """A stream of shares that are done as a part of a longer one, from ``begin`` to ``end``.
+    """Map a stream of fractions from 0..1 to ``begin``..``end`` of a longer one.
 
     Example:
         >>> def job():

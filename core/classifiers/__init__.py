@@ -1,1 +1,1 @@
-"""A small network that looks at a crop of a photo: its viewpoint."""
+"""Small networks that classify a crop of a photo: the viewpoint classifier."""

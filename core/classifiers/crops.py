@@ -17,9 +17,7 @@ _HIDDEN = 96
 
 
 class CropClassifier(nn.Module):
-    """A convolutional network over (images, 4, SIDE, SIDE): rgb on white and the mask, 0..1, as
-    :func:`crop_to_object` makes them.
-    """
+    """Convolutional network over (images, 4, SIDE, SIDE) from :func:`crop_to_object`: rgb on white and mask, 0..1."""
 
     def __init__(self, classes: int) -> None:
         super().__init__()
@@ -30,7 +28,7 @@ class CropClassifier(nn.Module):
         self.last = nn.Linear(_HIDDEN, classes)
 
     def forward(self, images: Float[Tensor, "images 4 side side"]) -> Float[Tensor, "images classes"]:
-        """Logits; dropout while training."""
+        """Return logits; applies dropout while training."""
         y = 2 * images - 1
         for layer in (*self.layers, self.fewer):
             y = layer(y).relu()
@@ -41,7 +39,7 @@ class CropClassifier(nn.Module):
 def crop_to_object(
     pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]
 ) -> Float[Tensor, "4 side side"]:
-    """The network's input: the object of an image on white and its mask, in a square around its box."""
+    """Crop an image to a square around the object, as the network's input: rgb on white and the mask."""
     left, top, right, bottom = bounding_box(mask)
     middle, half = ((top + bottom) / 2, (left + right) / 2), CROP_MARGIN * max(right - left, bottom - top) / 2
     steps = (torch.arange(2 * SIDE) + 0.5) / SIDE - 1

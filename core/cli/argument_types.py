@@ -1,4 +1,4 @@
-"""Types of option values. Each raises ``ArgumentTypeError`` with one line where they are wrong."""
+"""Types of option values. Each raises ``ArgumentTypeError`` with one line for wrong text."""
 
 import argparse
 import math
@@ -6,7 +6,7 @@ import re
 
 
 def view_numbers(text: str) -> tuple[int, ...]:
-    """Whole numbers, as ``V,V``."""
+    """Parse whole numbers ``V,V``."""
     try:
         return tuple(int(word) for word in text.split(","))
     except ValueError:
@@ -14,7 +14,7 @@ def view_numbers(text: str) -> tuple[int, ...]:
 
 
 def part(text: str) -> tuple[int, int]:
-    """One of several parts, as ``K/N``."""
+    """Parse one of several parts, ``K/N``."""
     which, _, parts = text.partition("/")
     if not (which.isdecimal() and parts.isdecimal() and 1 <= int(which) <= int(parts)):
         raise argparse.ArgumentTypeError(f"a part is K/N, like 1/2, not {text!r}")
@@ -22,7 +22,7 @@ def part(text: str) -> tuple[int, int]:
 
 
 def box(text: str) -> tuple[float, ...]:
-    """Four numbers, as ``X0,Y0,X1,Y1``."""
+    """Parse four numbers ``X0,Y0,X1,Y1``."""
     try:
         left, top, right, bottom = (float(word) for word in text.split(","))
     except ValueError:
@@ -31,7 +31,7 @@ def box(text: str) -> tuple[float, ...]:
 
 
 def point(text: str) -> tuple[float, float]:
-    """Two numbers, as ``X,Y``."""
+    """Parse two numbers ``X,Y``."""
     try:
         x, y = (float(word) for word in text.split(","))
     except ValueError:
@@ -40,7 +40,7 @@ def point(text: str) -> tuple[float, float]:
 
 
 def edits(text: str) -> tuple[tuple[str, float], ...]:
-    """Names of directions and standard deviations, as ``NAME=X,NAME=X``."""
+    """Parse names of directions with standard deviations, ``NAME=X,NAME=X``."""
     found = []
     for word in text.split(","):
         name, _, amount = word.partition("=")
@@ -55,7 +55,7 @@ def edits(text: str) -> tuple[tuple[str, float], ...]:
 
 
 def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-    """Parts and sRGB colours (0..1), as ``#rrggbb`` or ``PART=#rrggbb,PART=#rrggbb``."""
+    """Parse parts and sRGB colours (returned as 0..1), ``#rrggbb`` or ``PART=#rrggbb,PART=#rrggbb``."""
     found = []
     for word in text.split(","):
         part, _, colour = word.rpartition("=")
@@ -68,7 +68,7 @@ def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
 
 
 def degrees(text: str) -> float:
-    """An angle of finite degrees; in radians."""
+    """Parse a finite angle in degrees; return radians."""
     try:
         value = float(text)
     except ValueError:
@@ -79,7 +79,7 @@ def degrees(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """A whole number of at least 1."""
+    """Parse a whole number of at least 1."""
     if not text.strip().isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, not {text!r}")
     return int(text)

@@ -1,4 +1,4 @@
-"""The words of ``bench``. Imports no torch, so that ``--help`` answers at once."""
+"""The command line of ``bench``. Imports no torch, so that ``--help`` answers at once."""
 
 import argparse
 from pathlib import Path
@@ -8,7 +8,7 @@ from core.cli.options import add_command, add_model, add_seed
 
 
 def add_bench(commands: argparse._SubParsersAction) -> None:
-    """``bench`` and its kinds."""
+    """Add ``bench`` and its kinds."""
     kinds = commands.add_parser("bench", help="measure on this machine and plot charts").add_subparsers(
         required=True, metavar="KIND"
     )
@@ -16,44 +16,46 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage"
     )
     rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
-    films = add_command(kinds, "films", "measure.bench_films", "seconds of a film against PSNR, exact and baked")
-    films.add_argument("--objects", type=count, default=2, metavar="N", help="each turns once round")
+    films = add_command(kinds, "films", "measure.bench_films", "seconds of a video against PSNR, exact and baked")
+    films.add_argument("--objects", type=count, default=2, metavar="N", help="objects, one turn each")
     fitting = add_command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
-    guard = add_command(
-        kinds, "gate", "measure.bench_gate", "fail where something takes twice as long as gate.csv has it"
-    )
-    guard.add_argument("--write", action="store_true", help="write gate.csv instead, the baseline")
+    guard = add_command(kinds, "gate", "measure.bench_gate", "fail if anything takes twice as long as in gate.csv")
+    guard.add_argument("--write", action="store_true", help="write gate.csv, the baseline, instead")
     redraw = add_command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
-    ablations = add_command(kinds, "ablations", "measure.bench_ablations", "fits without each part of the method")
+    ablations = add_command(
+        kinds, "ablations", "measure.bench_ablations", "fits without single components of the method"
+    )
     robustness = add_command(
         kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
     )
-    robustness.add_argument("--stressors", nargs="+", default=[], metavar="S", help="only these")
-    robustness.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="what is compared")
+    robustness.add_argument("--stressors", nargs="+", default=[], metavar="S", help="stressors to run (default: all)")
+    robustness.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="presets to compare")
     robustness.add_argument(
         "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
     )
-    detail = add_command(kinds, "detail", "measure.bench_detail", "what a photo's detail adds to other views")
+    detail = add_command(kinds, "detail", "measure.bench_detail", "effect of photo detail on other views")
     detail.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of held-out objects")
-    detail.add_argument("--renderer", default="own", metavar="NAME", help="which has drawn the images")
+    detail.add_argument("--renderer", default="own", metavar="NAME", help="renderer of the images")
     detail.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
-    detail.add_argument("--input-view", type=int, default=3, metavar="I", help="which")
+    detail.add_argument("--input-view", type=int, default=3, metavar="I", help="index of that view")
     detail.add_argument("--view-stride", type=count, default=2, metavar="N", help="only every Nth other view")
     for kind in (fitting, ablations, robustness):
         kind.add_argument(
-            "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's training objects"
+            "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders (default: the model's training objects)"
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
     measured = (rendering, films, fitting, ablations, robustness, detail)
     for kind in measured:
         add_model(kind)
-    pictures = add_command(kinds, "photos", "measure.bench_photos", "what becomes of photographs, as an eye judges")
-    pictures.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="where the photographs are")
+    pictures = add_command(
+        kinds, "photos", "measure.bench_photos", "fits of photographs, compared with judgement by eye"
+    )
+    pictures.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="folders of the photographs")
     pictures.add_argument(
-        "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="what they show"
+        "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="judgements by eye"
     )
     pictures.add_argument("--preset", default="normal", metavar="P", help="of the fits")
     for kind in (
@@ -69,12 +71,12 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         guard,
     ):
         kind.add_argument(
-            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
+            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="output folder of the charts"
         )
 
 
 def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentParser]:
-    """The kinds that train models."""
+    """Add the kinds that train models."""
     size = add_command(
         kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
     )
@@ -92,6 +94,6 @@ def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentPa
         kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
         kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
         kind.add_argument(
-            "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
+            "--models", type=Path, required=True, metavar="DIR", help="folder that keeps the models, to resume later"
         )
     return [size, designs]

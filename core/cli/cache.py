@@ -1,4 +1,4 @@
-"""``cache``: what is kept on disk, because it takes long to make."""
+"""``cache``: files on disk that speed up the next start."""
 
 import argparse
 
@@ -6,7 +6,7 @@ from core.runtime.folders import THUMBNAILS, VIEW_BANKS, cache_folder
 
 
 def cache(chosen: argparse.Namespace) -> None:
-    """``cache``: prints the folder and the size of each file in it; with ``--clear`` the files are removed."""
+    """Run ``cache``: print the folder and the size of each file in it; ``--clear`` removes the files."""
     folder = cache_folder()
     files = sorted(path for kind in (THUMBNAILS, VIEW_BANKS) for path in (folder / kind).glob("*") if path.is_file())
     print(folder, flush=True)

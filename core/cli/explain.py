@@ -1,4 +1,4 @@
-"""``fit --explain``: how a fit came to its result, on one page of small images."""
+"""``fit --explain``: the course of a fit on one page of small images."""
 
 import html
 import math
@@ -26,8 +26,8 @@ from core.photos.view_bank import view_bank
 from core.rendering.images import render_image
 
 _SMALL, _LARGE, _DETECTIONS = 80, 160, 480  # px, of images
-_ZOOM = 1.6  # of renders and photo: the usual crop leaves much room around an object
-_SHOWN = 8  # hypotheses of a stage
+_ZOOM = 1.6  # of renders and photo: the usual crop has wide margins
+_SHOWN = 8  # hypotheses shown per stage
 _STYLE = (
     "body{font:14px sans-serif;margin:2em;max-width:80em}figure{display:inline-block;margin:4px;vertical-align:top}"
     "figcaption{font-size:12px;text-align:center}td,th{padding:2px 10px;text-align:right}"
@@ -35,10 +35,10 @@ _STYLE = (
 
 
 def write_page(model: Model, job: FitJob, found: Explanation, folder: Path, seen: Image.Image | None = None) -> Path:
-    """Write ``index.html`` and its images into a folder that is there; return the page's path.
+    """Write ``index.html`` and its images into an existing folder; return the page's path.
 
     Args:
-        seen: the first photo as :func:`draw_detections` shows it.
+        seen: the first photo from :func:`draw_detections`.
     """
     page = folder / "index.html"
     sections = _Images(model, folder)
@@ -59,7 +59,7 @@ def write_page(model: Model, job: FitJob, found: Explanation, folder: Path, seen
 
 
 class _Images:
-    """Images of a page, numbered files beside it."""
+    """Images of a page, as numbered files beside it."""
 
     def __init__(self, model: Model, folder: Path) -> None:
         self.model, self._folder, self._count = model, folder, 0
@@ -76,7 +76,7 @@ class _Images:
 
 
 def _middle(pixels: Float[Tensor, "height width channels"]) -> Float[Tensor, "less less_too channels"]:
-    """As far as renders show."""
+    """Crop to the region that renders show."""
     across, down = (round(side * (1 - 1 / _ZOOM) / 2) for side in pixels.shape[:2])
     return pixels[across : len(pixels) - across, down : pixels.shape[1] - down]
 
@@ -104,7 +104,7 @@ def draw_detections(image: Image.Image, cut: CutOut) -> Image.Image:
         pen.text((left + 3, top + 2), f"{number}: {one.category} {one.score:.2f}", fill="lime", stroke_width=1)
     if cut.corners is not None:
         places = [tuple(corner) for corner in (cut.corners * shown.size).tolist()]
-        for edge in EDGES:  # those of the front in another colour
+        for edge in EDGES:  # front edges in another colour
             front = all((corner - 1) % 2 for corner in edge)
             pen.line([places[corner] for corner in edge], "orange" if front else "cyan", 2)
     return shown

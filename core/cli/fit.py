@@ -1,4 +1,4 @@
-"""``fit``: from images to a camera and codes."""
+"""``fit``: estimate a camera and codes from images."""
 
 import argparse
 import io
@@ -37,12 +37,12 @@ from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
-_AS_PROMINENT = 0.7  # prominence over that of the first object from which a second one is offered
+_AS_PROMINENT = 0.7  # of the first object's prominence, from which a second object is mentioned
 _TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
 
 def fit(chosen: argparse.Namespace) -> None:
-    """``fit``: camera and codes of the object in the images; the last line on stdout is the result as JSON."""
+    """Run ``fit``: estimate camera and codes of the object in the images; the last line on stdout is JSON."""
     if chosen.pose and len(chosen.pose) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     pointed = (chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks"), (chosen.object, "object numbers")
@@ -50,9 +50,9 @@ def fit(chosen: argparse.Namespace) -> None:
         if given and len(given) != len(chosen.images):
             raise ValueError(f"{len(chosen.images)} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
-        raise ValueError("--estimate-focal searches for the focal length of unknown cameras, and --pose gives them")
+        raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
-        raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
+        raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
     if chosen.explain:
         chosen.explain.mkdir(parents=True, exist_ok=True)
     for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):
@@ -92,12 +92,12 @@ def fit(chosen: argparse.Namespace) -> None:
 
 
 def probable_model(cut: CutOut) -> str:
-    """The model of the category that an image likeliest shows."""
+    """Return the shipped model of the likeliest category of an image."""
     return likelier_model(cut.categories)
 
 
 def other_objects(cut: CutOut, hints: Hints | None) -> str:
-    """The note on further objects that are about as prominent as the one cut out; "" without any."""
+    """Return a note about other objects nearly as prominent as the one cut out, or ""."""
     if hints or cut.confidence == 1 or len(cut.detections) < 2:
         return ""
     first, second = cut.detections[:2]
@@ -113,7 +113,7 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, part: str) -> Iterator[None]:
-        """Seconds of what is inside the ``with`` are added to this part's."""
+        """Add the duration of the ``with`` block to a part."""
         began = time.perf_counter()
         yield
         self.parts[part] = round(self.parts.get(part, 0.0) + time.perf_counter() - began, 3)
@@ -142,7 +142,7 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
 
 
 def _say(path: Path, text: str) -> None:
-    """A line about an image on stderr, if there is something to say."""
+    """Print a line about an image to stderr, unless it is empty."""
     if text:
         print(f"python -m core: {path}: {text}", file=sys.stderr)
 
@@ -153,7 +153,7 @@ def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) 
 
 
 def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
-    """The steps of a fit; they go to a log, if there is one."""
+    """Run a fit and return its steps, also written to ``log`` if given."""
     steps, bar = list[FitStep](), tqdm(unit="step", leave=False, disable=None)
     with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as lines:
         for step in fit_as_set(model, job):
@@ -171,7 +171,7 @@ def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
 def _hints(
     image: Path, box: tuple[float, ...] | None, point: tuple[float, float] | None, number: int | None
 ) -> Hints | None:
-    """A box or a point in px of the upright image, the box as far as it is inside, or the number of an object."""
+    """Return hints from a box (clipped) or a point in px of the upright image, or an object's number."""
     if box is None and point is None:
         return Hints(object=number - 1) if number else None
     width, height = upright_size(image)
@@ -209,7 +209,7 @@ def _camera_to_dict(camera: Camera) -> dict[str, float]:
 
 
 def _focal(camera: Camera) -> float:
-    """In heights of the image."""
+    """Return the focal length in image heights."""
     return round(camera.focal / camera.height, 4)
 
 

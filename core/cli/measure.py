@@ -1,4 +1,4 @@
-"""``evaluate`` and ``bench``: how good, how fast, and where it fails."""
+"""``evaluate`` and ``bench``: accuracy, speed and failures."""
 
 import argparse
 import sys
@@ -47,7 +47,7 @@ _Found = TypeVar("_Found", bound=Results)
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
-    """``evaluate``: the paper's table on a test set, or how well shape and texture are separated."""
+    """Run ``evaluate``: the paper's table on a test set, or the disentanglement of shape and texture."""
     protocol = EvaluationProtocol(
         chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride
     )
@@ -70,20 +70,20 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
     def keep(score: ObjectScore) -> None:
         scores.append(score)
-        if chosen.report and not is_stream(chosen.report):  # after each, so that whatever ends the next loses none
+        if chosen.report and not is_stream(chosen.report):  # after each, so that nothing is lost if the next one fails
             write_report(chosen.report, scores, protocol, about)
 
     views = _with_objects((entry.read() for entry in entries), protocol)
     _collected(scored(model, views, protocol), len(entries), keep)
     if not scores:
-        raise ValueError("no object of the dataset shows anything")
+        raise ValueError("all objects of the dataset are blank")
     print(format_table(scores, protocol), flush=True)
     if chosen.report and is_stream(chosen.report):
         write_report(chosen.report, scores, protocol, about)
 
 
 def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:
-    """Those whose input views show something; the others are named. Real ShapeNet has a few that are all white."""
+    """Yield objects whose input views show something; report the others. Real ShapeNet has a few all-white ones."""
     for views in objects:
         blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
         if blank:
@@ -93,7 +93,7 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 
 
 def figures(chosen: argparse.Namespace) -> None:
-    """``figures``: photos are fitted, one after another, and the paper's figures made of them; prints each path."""
+    """Run ``figures``: fit photos one by one, make the paper's figures of them, and print each path."""
     model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
     wait_for_view_bank(model)
     shown = [load_photo(image, model) for image in chosen.images]
@@ -104,7 +104,7 @@ def figures(chosen: argparse.Namespace) -> None:
 
 
 def bench_render(chosen: argparse.Namespace) -> None:
-    """``bench render``: speed and accuracy of the renderer; goes on where an earlier run stopped."""
+    """Run ``bench render``: speed and accuracy of the renderer; resumes an earlier run."""
     drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
@@ -115,7 +115,7 @@ def bench_render(chosen: argparse.Namespace) -> None:
 
 
 def bench_films(chosen: argparse.Namespace) -> None:
-    """``bench films``: speed and accuracy of films, exact and baked; goes on where an earlier run stopped."""
+    """Run ``bench films``: speed and accuracy of videos, exact and baked; resumes an earlier run."""
     drawing.prepare(chosen.out)
     model, path = load_model(chosen.model, chosen.device), chosen.out / "films.csv"
     about = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
@@ -128,7 +128,7 @@ def bench_films(chosen: argparse.Namespace) -> None:
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
-    """``bench gate``: ends with status 1 and one line where something is twice as slow as the baseline has it."""
+    """Run ``bench gate``: exit with status 1 if anything takes twice as long as the baseline."""
     path = chosen.out / "gate.csv"
     baseline = () if chosen.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
@@ -141,19 +141,19 @@ def bench_gate(chosen: argparse.Namespace) -> None:
 
 
 def bench_fit(chosen: argparse.Namespace) -> None:
-    """``bench fit``: speed and accuracy of blind fits, as CSV, table and chart."""
+    """Run ``bench fit``: speed and accuracy of blind fits, as CSV, table and chart."""
     drawing.prepare(chosen.out)
     _write(chosen, "fit", fits.measure_fits(*_held_out_views(chosen)))
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
-    """``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
+    """Run ``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
     drawing.prepare(chosen.out)
     _write(chosen, "ablations", ablations.measure_ablations(*_held_out_views(chosen)))
 
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
-    """``bench robustness``: where blind fits fail, as CSV, table and chart; goes on where an earlier run stopped."""
+    """Run ``bench robustness``: failures of blind fits, as CSV, table and chart; resumes an earlier run."""
     drawing.prepare(chosen.out)
     path = chosen.out / "robustness.csv"
     done = {trial.key for trial in read_records(path, robustness.RobustnessTrial)}
@@ -168,7 +168,7 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
 
 
 def bench_detail(chosen: argparse.Namespace) -> None:
-    """``bench detail``: what photos add to other views; goes on where an earlier run stopped."""
+    """Run ``bench detail``: effect of photo detail on other views; resumes an earlier run."""
     drawing.prepare(chosen.out)
     path, model = chosen.out / "photo_detail.csv", load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
@@ -182,7 +182,7 @@ def bench_detail(chosen: argparse.Namespace) -> None:
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
-    """``bench photos``: photographs against what an eye says of them; goes on where an earlier run stopped."""
+    """Run ``bench photos``: photographs against judgement by eye; resumes an earlier run."""
     drawing.prepare(chosen.out)
     seen, path = photos.read_seen(chosen.by_eye), chosen.out / "photos.csv"
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
@@ -197,14 +197,14 @@ def bench_photos(chosen: argparse.Namespace) -> None:
 
 
 def bench_model_size(chosen: argparse.Namespace) -> None:
-    """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
+    """Run ``bench model-size``: quality against speed by size of network and codes, as CSV, table and chart."""
     _prepare_models(chosen)
     found = model_sizes.measure_model_sizes(chosen.datasets, _tests(chosen), chosen.steps, chosen.models)
     _write(chosen, "model_sizes", found)
 
 
 def bench_architectures(chosen: argparse.Namespace) -> None:
-    """``bench architectures``: CodeNeRF beside the paper's ablations M1 and M2, as CSV, table and picture."""
+    """Run ``bench architectures``: CodeNeRF and the paper's ablations M1 and M2, as CSV, table and image."""
     _prepare_models(chosen)
     found = architectures.measure_architectures(chosen.datasets, chosen.steps, chosen.models)
     results = _write(chosen, "architectures", found)
@@ -212,7 +212,7 @@ def bench_architectures(chosen: argparse.Namespace) -> None:
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
-    """``bench redraw``: tables and charts again from the CSV files."""
+    """Run ``bench redraw``: write tables and charts again from the CSV files."""
     drawing.prepare(chosen.out)
     for path in charts.redraw(chosen.out):
         print(path, flush=True)
@@ -225,12 +225,12 @@ def _prepare_models(chosen: argparse.Namespace) -> None:
 
 
 def _tests(chosen: argparse.Namespace) -> tuple[ObjectEntry, ...]:
-    """The objects that no model is trained on."""
+    """Return objects that no model is trained on."""
     return evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
 
 
 def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:
-    """The model, its view bank made, and what it is measured on."""
+    """Return the model, with its view bank built, and the views to measure."""
     model = load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
     generator = torch.Generator().manual_seed(chosen.seed)
@@ -241,21 +241,21 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
 
 
 def _said(rows: Iterator[_Item]) -> Iterator[_Item]:
-    """Each row as it is measured; it goes to stderr too, as a line."""
+    """Yield each row and print it to stderr."""
     for row in rows:
         tqdm.write(str(row), file=sys.stderr)
         yield row
 
 
 def _write(chosen: argparse.Namespace, name: str, stream: Iterator[str | _Found]) -> _Found:
-    """Writes and returns the results of a benchmark, and prints its table."""
+    """Write and return the results of a benchmark, and print its table."""
     found = _last_value(stream)
     print(charts.write(chosen.out, name, found), flush=True)
     return found
 
 
 def _last_value(stream: Iterator[str | _Found]) -> _Found:
-    """The results of a benchmark; what it says until then goes to stderr, a line each."""
+    """Return the results of a benchmark and print its messages to stderr."""
     with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
         for value in stream:
             if not isinstance(value, str):
@@ -278,17 +278,17 @@ def _evaluate_disentanglement(
 
 
 def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
-    """The objects of datasets, which must be of the model's category."""
+    """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
     category, entries = index_objects(datasets)
     if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, and the model is of {model.category}")
+        raise ValueError(f"the dataset shows {category}, but the model {model.category}")
     return entries
 
 
 def _collected(
     scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None
 ) -> list[_Score]:
-    """All scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
+    """Return all scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
     found = []
     with tqdm(total=total, unit="object", disable=None) as bar:
         for score in scores:

@@ -1,10 +1,10 @@
-"""Options that several commands share, and how a command is added."""
+"""Options shared by several commands."""
 
 import argparse
 
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows defaults, where there are any."""
+    """Shows only defaults with a value."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         shown = action.default not in (None, []) and action.default is not False
@@ -12,28 +12,28 @@ class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
 
 
 def add_command(commands: argparse._SubParsersAction, name: str, run: str, about: str) -> argparse.ArgumentParser:
-    """A command that executes ``run``, as ``module.function`` of core.cli."""
+    """Add a command that executes ``run``, given as ``module.function`` of core.cli."""
     command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
     command.set_defaults(run=run)
     return command
 
 
 def add_model(command: argparse.ArgumentParser) -> None:
-    """``--model`` and ``--device``."""
+    """Add ``--model`` and ``--device``."""
     command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
     add_device(command)
 
 
 def add_device(command: argparse.ArgumentParser) -> None:
-    """``--device``."""
+    """Add ``--device``."""
     command.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs")
 
 
 def add_seed(command: argparse.ArgumentParser) -> None:
-    """``--seed``."""
-    command.add_argument("--seed", type=int, default=0, help="of all random numbers")
+    """Add ``--seed``."""
+    command.add_argument("--seed", type=int, default=0, help="random seed")
 
 
 def add_no_photo_detail(command: argparse.ArgumentParser, about: str) -> None:
-    """``--no-photo-detail``."""
+    """Add ``--no-photo-detail``."""
     command.add_argument("--no-photo-detail", action="store_true", help=about)

@@ -1,4 +1,4 @@
-"""The words of the command line. Imports no torch, so that ``--help`` answers at once. Degrees here, radians inside."""
+"""The command line. Imports no torch, so that ``--help`` answers at once. Options in degrees become radians."""
 
 import argparse
 import sys
@@ -15,7 +15,7 @@ from core.lab.training.recipes import RECIPES
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
         print(f"{self.prog}: {message}", file=sys.stderr)
@@ -23,15 +23,15 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The options of one command; ``run`` names the function that executes it, as ``module.function`` of core.cli.
+    """Parse one command; ``run`` of the result names the function to execute, as ``module.function`` of core.cli.
 
-    Exits with status 2 and one line on stderr where the words are wrong.
+    Exits with status 2 and one line on stderr for wrong arguments.
     """
     return build_parser().parse_args(arguments)
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+    """Build the parser of all commands."""
     top = _Parser(prog="python -m core", description="CodeNeRF without a window.", allow_abbrev=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     _add_render(commands)
@@ -52,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _add_guessed_model(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--model", metavar="M", help="else the shipped model of what the first image seems to show")
+    command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
     add_device(command)
 
 
@@ -63,34 +63,36 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) with an embedded one"
     )
-    add_no_photo_detail(command, "colours as the codes alone have them, without what the photo of a fitted scene adds")
+    add_no_photo_detail(command, "show the colours of the codes alone, without the photo detail of a fitted scene")
     command.add_argument(
         "--edit",
         type=edits,
         default=(),
         metavar="NAME=X,…",
-        help="move along directions by their names, in standard deviations: taller=1.5,darker=-1",
+        help="move along named directions by standard deviations: taller=1.5,darker=-1",
     )
     command.add_argument(
         "--paint",
         type=paints,
         default=(),
         metavar="[PART=]#rrggbb,…",
-        help="a colour for the body of a car, the fabric or wood of a chair, or a part; the photo's detail stays",
+        help="colour the body of a car, the fabric or wood of a chair, or another part; photo detail stays",
     )
 
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     _add_object_options(command)
     command.add_argument(
-        "--azimuth", type=degrees, metavar="D", help="degrees; the front is seen from 90 (else 60, or the scene's)"
+        "--azimuth", type=degrees, metavar="D", help="degrees; 90 is the front (default: 60 or the scene's)"
     )
-    command.add_argument("--elevation", type=degrees, metavar="D", help="degrees, -90 to 90 (else 20, or the scene's)")
+    command.add_argument(
+        "--elevation", type=degrees, metavar="D", help="degrees, -90 to 90 (default: 20 or the scene's)"
+    )
     command.add_argument(
         "--distance",
         type=float,
         metavar="X",
-        help="scene units (an object's diagonal is 1; else a turntable, and an image of no scene, fills the frame)",
+        help="scene units; an object's diagonal is 1 (default: fill the frame, but the scene's for an image)",
     )
 
 
@@ -105,9 +107,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
     _add_scene_options(command)
-    command.add_argument(
-        "--morph-to", type=int, metavar="J", help="morph into this object and back: a minute, each frame is another"
-    )
+    command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
     command.add_argument("--frames", type=count, default=72, metavar="N", help="number of frames")
     command.add_argument("--fps", type=count, default=24, metavar="N", help="frames per second")
     command.add_argument("--size", type=count, default=512, metavar="PX", help="width and height")
@@ -117,7 +117,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--exact",
         action="store_true",
-        help="every frame by the network, which takes minutes; the usual ones are 45 dB from these or nearer",
+        help="render every frame with the network, which takes minutes; other frames match these to 45 dB or better",
     )
     command.add_argument(
         "--out",
@@ -141,13 +141,13 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         "--texture",
         type=count,
         metavar="PX",
-        help="glb: colours in an image about so wide (default: at the vertices)",
+        help="glb: width of a colour image, approximately (default: colours at the vertices)",
     )
     command.add_argument(
-        "--triangles", type=count, metavar="N", help="at the most (default: all, or with a texture a few thousand)"
+        "--triangles", type=count, metavar="N", help="at most (default: all, or a few thousand with a texture)"
     )
     command.add_argument(
-        "--metres", type=float, metavar="M", help="the longest side; it stands on the ground (else in scene units)"
+        "--metres", type=float, metavar="M", help="longest side, standing on the ground (default: scene units)"
     )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
@@ -155,7 +155,7 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
 def _add_page(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "page", "render.page", "write a web page in which an object turns, in one file")
     _add_scene_options(command)
-    command.add_argument("--name", metavar="TEXT", help="the object's name (else that of the scene's file)")
+    command.add_argument("--name", metavar="TEXT", help="the object's name (default: the scene file's)")
     command.add_argument("--out", type=Path, required=True, metavar="X.html")
 
 
@@ -172,14 +172,14 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
     command.add_argument(
-        "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="of --pose; opengl: as Blender has them"
+        "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="camera axes of --pose; opengl is Blender's"
     )
     where = command.add_mutually_exclusive_group()
     where.add_argument(
         "--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on the object, one point per image"
     )
     where.add_argument(
-        "--mask", type=Path, nargs="+", default=[], metavar="MASK", help="images white on the object, one per image"
+        "--mask", type=Path, nargs="+", default=[], metavar="MASK", help="masks, white on the object, one per image"
     )
     where.add_argument(
         "--box",
@@ -196,13 +196,13 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--estimate-focal",
         action="store_true",
-        help="estimate the focal length too, in image heights; else it is the model's",
+        help="also estimate the focal length (default: the model's)",
     )
-    add_no_photo_detail(command, "do not save the photo with the scene, which adds its lettering and lamps to images")
-    command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
-    command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, one line each")
+    add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
+    command.add_argument("--out", type=Path, metavar="S.json", help="save the fitted scene to this file")
+    command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="write every step to this file, one line each")
     command.add_argument(
-        "--explain", type=Path, metavar="DIR", help="where to write a page of images: what the search tried and kept"
+        "--explain", type=Path, metavar="DIR", help="write a page of images: candidates tried and kept by the search"
     )
     add_seed(command)
 
@@ -218,9 +218,9 @@ def _add_preset(command: argparse.ArgumentParser) -> None:
 
 def _add_cache(commands: argparse._SubParsersAction) -> None:
     command = add_command(
-        commands, "cache", "cache.cache", "list what is kept on disk to start faster: view banks, thumbnails"
+        commands, "cache", "cache.cache", "list cached files that speed up the start: view banks, thumbnails"
     )
-    command.add_argument("--clear", action="store_true", help="remove it; it is made again when it is needed")
+    command.add_argument("--clear", action="store_true", help="remove the files; they are rebuilt when needed")
 
 
 def _add_dataset(commands: argparse._SubParsersAction) -> None:
@@ -246,15 +246,15 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         kinds, "pairs", "train.dataset_pairs", "render trained and untrained pairs for evaluate --disentanglement"
     )
     pairs.add_argument("--count", type=count, required=True, metavar="N", help="objects of the training dataset")
-    pairs.add_argument("--tables", type=count, default=4, metavar="T", help="of four shapes x four textures")
+    pairs.add_argument("--tables", type=count, default=4, metavar="T", help="tables of four shapes x four textures")
     pairs.add_argument("--views", type=count, default=24, help="per object")
     for command in (meshes, procedural):
-        command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
+        command.add_argument("--split", choices=SPLITS, default="train", help="split that the objects belong to")
         command.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
     for command in (meshes, procedural, recombined, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
-        command.add_argument("--category", required=True, metavar="NAME", help="its plural: chairs, cars, boats")
+        command.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
 
 
 _DEFAULT_FIELD = RECIPES["default"].field
@@ -271,17 +271,12 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--init",
         metavar="MODEL",
-        help="start from a trained model, at low learning rates: a twentieth of a new one's, or half where the "
-        "datasets have objects that it does not know; its viewpoint classifier stays",
+        help="start from a trained model and keep its viewpoint classifier; learning rates are a twentieth, or half if "
+        "the datasets contain new objects",
     )
-    command.add_argument("--steps", type=count, default=100_000, help="of the whole schedule")
+    command.add_argument("--steps", type=count, default=100_000, help="length of the schedule")
     command.add_argument("--rays", type=count, help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)")
-    command.add_argument(
-        "--recipe",
-        choices=tuple(RECIPES),
-        default="default",
-        help="M1, M2: the entangled ablations",
-    )
+    command.add_argument("--recipe", choices=tuple(RECIPES), default="default", help="M1, M2: the entangled ablations")
     command.add_argument(
         "--width", type=count, help=f"of the network (default: the recipe's; {_DEFAULT_FIELD.width} by default)"
     )
@@ -313,11 +308,11 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
 
 def _add_train_parts(commands: argparse._SubParsersAction) -> None:
     command = add_command(
-        commands, "train-parts", "train.train_part_head", "learn which parts the meshes of a model's objects have"
+        commands, "train-parts", "train.train_part_head", "train a model's part head, which labels the parts of meshes"
     )
     add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
-    command.add_argument("--objects", type=count, default=600, metavar="N", help="generated ones that it knows")
+    command.add_argument("--objects", type=count, default=600, metavar="N", help="generated training objects to use")
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
@@ -336,17 +331,17 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
     add_model(command)
     command.add_argument(
-        "--disentanglement", action="store_true", help="instead: codes of two objects for untrained pairs, and leaks"
+        "--disentanglement", action="store_true", help="test untrained shape-texture pairs, and leaks of codes, instead"
     )
     command.add_argument(
         "--input-views", type=view_numbers, default="64", metavar="V,V", help="the views that are fitted"
     )
-    command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
+    command.add_argument("--pose", choices=("known", "estimate"), default="known", help="cameras of the input views")
     _add_preset(command)
     command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
     command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
     command.add_argument(
-        "--report", type=Path, metavar="R.json", help="the scores; beside them, with matplotlib, a chart (PNG)"
+        "--report", type=Path, metavar="R.json", help="write the scores, and with matplotlib a chart (PNG)"
     )
     add_seed(command)
 
@@ -356,9 +351,9 @@ def _add_figures(commands: argparse._SubParsersAction) -> None:
         commands,
         "figures",
         "measure.figures",
-        "the paper's figures of one's own photos: fit, edits, grid, interpolation",
+        "draw the paper's figures for your photos: fit, edits, grid, interpolation",
     )
-    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="each of another object of one category")
+    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of different objects")
     _add_guessed_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
     add_seed(command)

@@ -8,7 +8,7 @@ from core.models.model import Model
 
 
 def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
-    """Run a stream to its end under a progress bar, which appears with the first value."""
+    """Run a stream to its end under a progress bar that appears with the first value."""
     next(stream, None)
     with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
         for _ in stream:
@@ -16,8 +16,8 @@ def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
 
 
 def wait_for_view_bank(model: Model) -> None:
-    """Make the model's view bank under a progress bar; where it is kept from before, at once."""
-    from core.photos.view_bank import build_view_bank  # with what photos need: films do not
+    """Build the model's view bank under a progress bar; immediate if it is cached."""
+    from core.photos.view_bank import build_view_bank  # imported late: videos do not need it
 
     with tqdm(desc="view bank", total=1.0, bar_format="{desc} {percentage:.0f} %", leave=False, disable=None) as bar:
         for share in build_view_bank(model):

@@ -24,11 +24,11 @@ from core.photos.direction_words import direction_words, moved
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
-_PAGE_VIEWS = 12  # around the object, all of which the page's first distance has room for
+_PAGE_VIEWS = 12  # around the object; the page's initial distance fits all of them
 
 
 def render(chosen: argparse.Namespace) -> None:
-    """``render``: one image."""
+    """Run ``render``: write one image."""
     model, codes, camera = _load_view(chosen)
     require_writable(chosen.out)
     if chosen.distance is None and not chosen.scene:
@@ -42,7 +42,7 @@ def render(chosen: argparse.Namespace) -> None:
 
 
 def turntable(chosen: argparse.Namespace) -> None:
-    """``turntable``: a video of one turn, morphing into another object and back with ``--morph-to``."""
+    """Run ``turntable``: write a video of one turn; with ``--morph-to``, into another object and back."""
     model, codes, camera = _load_view(chosen)
     background = None if chosen.transparent else WHITE
     settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
@@ -50,7 +50,7 @@ def turntable(chosen: argparse.Namespace) -> None:
     if chosen.morph_to is not None:
         there = View(model.codes[chosen.morph_to], camera)
         keys = Keyframe(0.0, View(codes, camera)), Keyframe(0.5, there)
-        shots = Timeline(keys, 1.0, turns=1).views(chosen.frames)  # as of one second: any count will do
+        shots = Timeline(keys, 1.0, turns=1).views(chosen.frames)  # timed for one second: any frame count will do
     if chosen.distance is None:
         shots = filling_frame(model, shots)
     written = write_video(model, shots, chosen.out, settings)
@@ -60,8 +60,8 @@ def turntable(chosen: argparse.Namespace) -> None:
 
 
 def mesh(chosen: argparse.Namespace) -> None:
-    """``mesh``: an object as triangles."""
-    from core.export.mesh import MeshSettings, export_mesh  # and scipy: a tenth of what films and images import
+    """Run ``mesh``: write an object as triangles."""
+    from core.export.mesh import MeshSettings, export_mesh  # imports scipy, which videos and images do not need
 
     model, codes, camera = _load_selection(chosen)
     settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture or 0, chosen.triangles or 0)
@@ -72,7 +72,7 @@ def mesh(chosen: argparse.Namespace) -> None:
 
 
 def page(chosen: argparse.Namespace) -> None:
-    """``page``: an object in one .html file."""
+    """Run ``page``: write an object as one .html file."""
     from core.export.page import write_page
 
     model, codes, camera = _load_view(chosen)
@@ -84,14 +84,14 @@ def page(chosen: argparse.Namespace) -> None:
 
 
 def _load_view(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """The model, codes and camera that the options name."""
+    """Return the chosen model, codes and camera."""
     model, codes, camera = _load_selection(chosen)
     given = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
     return model, codes, replace(camera, **{name: value for name, value in given.items() if value is not None})
 
 
 def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """The model and the codes that the options name, with the scene's own camera or one from the front."""
+    """Return the chosen model and codes, with the scene's camera or one from the front."""
     model = load_model(_model_name(chosen), chosen.device)
     if chosen.scene:
         scene = open_scene(chosen.scene, model)
@@ -102,7 +102,7 @@ def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
 
 
 def _model_name(chosen: argparse.Namespace) -> str:
-    """The chosen model; of a scene that another shipped model has made, that one."""
+    """Return the chosen model, or the shipped model that made the chosen scene."""
     fingerprint = scene_model(chosen.scene) if chosen.scene else None
     if fingerprint is None or load_model(chosen.model).shares_codes_with(fingerprint):
         return chosen.model
@@ -111,7 +111,7 @@ def _model_name(chosen: argparse.Namespace) -> str:
 
 
 def _edited(chosen: argparse.Namespace, model: Model, codes: Codes) -> Codes:
-    """The codes after ``--edit`` and ``--paint``."""
+    """Apply ``--edit`` and ``--paint`` to codes."""
     if chosen.edit:
         *_, words = direction_words(model)
         assert words is not None

@@ -28,34 +28,33 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.runtime.files import require_writable
 
-_CHECKPOINT_EVERY = 5000  # Steps between two measurements of a model in training; it is saved at the same time.
-_VIEWPOINT_FRACTION = 12  # The viewpoint classifier is trained for one step per so many steps of the model.
-_VALIDATION_STRIDE = 20  # One of so many objects is held out to measure a classifier.
-_VALIDATION_ANGLE = math.radians(15)  # A predicted direction within this of the true one is counted as right.
+_CHECKPOINT_EVERY = 5000  # steps between two checkpoints of a model in training, each also measured
+_VIEWPOINT_FRACTION = 12  # steps of the model per step of the viewpoint classifier
+_VALIDATION_STRIDE = 20  # every such object is held out to measure a classifier
+_VALIDATION_ANGLE = math.radians(15)  # largest error of a correct predicted direction
 _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:
-    """``dataset meshes``: GLB files rendered into SRN folders."""
+    """Run ``dataset meshes``: render GLB files into SRN folders."""
     _render(chosen, mesh_tasks(chosen.folder, chosen.category, chosen.split, chosen.variants), chosen.split)
 
 
 def dataset_procedural(chosen: argparse.Namespace) -> None:
-    """``dataset procedural``: generated objects rendered into SRN folders."""
+    """Run ``dataset procedural``: render generated objects into SRN folders."""
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
     _render(chosen, procedural_tasks(objects), chosen.split)
 
 
 def dataset_recombined(chosen: argparse.Namespace) -> None:
-    """``dataset recombined``: legs of one mesh under the seat of another, rendered into SRN folders."""
+    """Run ``dataset recombined``: render chairs made of the legs of one mesh and the seat of another."""
     if chosen.category != "chairs":
-        raise ValueError(f"only chairs are recombined, not {chosen.category}")
+        raise ValueError(f"only chairs can be recombined, not {chosen.category}")
     _render(chosen, recombined_tasks(chosen.folder, chosen.count), "train")
 
 
 def dataset_pairs(chosen: argparse.Namespace) -> None:
-    """``dataset pairs``: trained and untrained pairs of procedural shapes and
-    textures, for ``evaluate --disentanglement``."""
+    """Run ``dataset pairs``: render trained and untrained pairs for ``evaluate --disentanglement``."""
     objects = disentanglement_pairs(chosen.category, chosen.count, chosen.tables)
     _render(chosen, procedural_tasks(objects), "test")
 
@@ -67,7 +66,7 @@ def _render(chosen: argparse.Namespace, tasks: Sequence[RenderTask], split: Spli
 
 
 def train(chosen: argparse.Namespace) -> None:
-    """``train``: a model from datasets, saved regularly with its state and its training curve."""
+    """Run ``train``: train a model on datasets, saving it regularly with its state and training curve."""
     require_writable(chosen.out)
     recipe = RECIPES[chosen.recipe]
     initial = load_model(chosen.init) if chosen.init else None
@@ -106,16 +105,16 @@ def train(chosen: argparse.Namespace) -> None:
 
 
 def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
-    """``train-viewpoint``: train a model's viewpoint classifier, as ``train`` does last."""
+    """Run ``train-viewpoint``: train a model's viewpoint classifier, as ``train`` does last."""
     require_writable(chosen.out)
     model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
     if model.category not in ("", dataset.category):
-        raise ValueError(f"the dataset shows {dataset.category}, and the model is one of {model.category}")
+        raise ValueError(f"the dataset shows {dataset.category}, but the model {model.category}")
     _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
 
 
 def train_part_head(chosen: argparse.Namespace) -> None:
-    """``train-parts``: learn to tell the parts of meshes apart, from generated objects that the model knows."""
+    """Run ``train-parts``: train a part head on generated objects that the model knows."""
     require_writable(chosen.out)
     model = load_model(chosen.model)
     places = list(tqdm(labelled_places(model, chosen.objects), desc="parts", unit="object", disable=None))
@@ -124,11 +123,11 @@ def train_part_head(chosen: argparse.Namespace) -> None:
     features, part = (torch.cat(values) for values in zip(*tested, strict=True))
     share = 100 * float((trial(features).argmax(1) == part).float().mean())
     replace(model, part_head=fit_part_head(model, places)).save(chosen.out)
-    print(f"{', '.join(trial.names)}: {share:.1f} % of the surface of {len(tested)} objects that were left out")
+    print(f"{', '.join(trial.names)}: {share:.1f} % of the surface of {len(tested)} held-out objects")
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
-    """The model with a viewpoint classifier, trained on most of the objects and measured on the others."""
+    """Add a viewpoint classifier, trained on most of the objects and measured on the others."""
     validation = dataset.objects[::_VALIDATION_STRIDE]
     shown = [views for index, views in enumerate(dataset.objects) if index % _VALIDATION_STRIDE] or validation
     training = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
@@ -147,21 +146,21 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
 
 
 def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:
-    """The network's sizes: those of the options, or of the model that training starts from."""
+    """Return the network's sizes from the options, or from the initial model."""
     if initial:
         if chosen.width or chosen.latent or chosen.recipe != "default":
-            raise ValueError("--init has the sizes and the architecture of its model: no --width, --latent or --recipe")
+            raise ValueError("--init keeps its model's sizes and architecture: omit --width, --latent and --recipe")
         return initial.field.config
     shape, texture = chosen.latent or (default.shape_latent, default.texture_latent)
     return replace(default, width=chosen.width or default.width, shape_latent=shape, texture_latent=texture)
 
 
 def convert(chosen: argparse.Namespace) -> None:
-    """``convert``: a checkpoint of the authors' trainer as a model file."""
+    """Run ``convert``: write a checkpoint of the authors' trainer as a model file."""
     require_writable(chosen.out)
     if chosen.out.suffix != ".safetensors":
-        raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
+        raise ValueError(f"{chosen.out.name}: a model file must end in .safetensors")
     model = load_authors(chosen.checkpoint, chosen.config)
     model.save(chosen.out)
     lost = ", ".join(str(index) for index in sorted(model.codes.collapsed))
-    print(f"{len(model.codes)} {model.category}" + (f"; nearly empty, so left out of the mean: {lost}" if lost else ""))
+    print(f"{len(model.codes)} {model.category}" + (f"; excluded as nearly empty: {lost}" if lost else ""))

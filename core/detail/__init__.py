@@ -1,1 +1,1 @@
-"""What is taken from the photo beyond the codes: made after a fit, added to every image of the object."""
+"""Photo detail: colours of the photo that the codes cannot express, added to every image of the object."""

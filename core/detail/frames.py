@@ -1,4 +1,4 @@
-"""Renders with what the photo of the codes adds to their colours; without one, those of :mod:`core.rendering`."""
+"""Renders with photo detail; codes without photos give those of :mod:`core.rendering`."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,27 +15,27 @@ from core.streams import run_to_end
 
 
 def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-    """As :func:`core.rendering.progressive.render_progressively`; the first time, after the source was rendered."""
+    """Render like :func:`core.rendering.progressive.render_progressively`, with photo detail."""
     maps = yield from detail_maps(model, job.codes)
     yield from progressive.render_progressively(model, replace(job, detail=maps))
 
 
 def render_frame(model: Model, codes: Codes, camera: Camera) -> Frame:
-    """The finished frame, in one call."""
+    """Return the finished frame, in one call."""
     *_, last = render_progressively(model, RenderJob(codes, camera, RenderSettings(divisors=(1,))))
     assert last is not None
     return last
 
 
 def render_reference(model: Model, codes: Codes, camera: Camera) -> Rendered:
-    """The exact render, with the detail."""
+    """Return the exact render with photo detail."""
     maps = run_to_end(detail_maps(model, codes))
     rendered = render_exact(model, codes, camera)
     return rendered if maps is None else maps.added(rendered, camera)[0]
 
 
 def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
-    """As :func:`core.rendering.baking.bake`."""
+    """Bake like :func:`core.rendering.baking.bake`, with photo detail."""
     maps = yield from detail_maps(model, codes)
     for baked in baking.bake(model, codes):
         yield baked and replace(baked, detail=maps)

@@ -1,9 +1,9 @@
-"""From a photo and the codes fitted to it to what is added to colours (:class:`core.rendering.detail_maps.DetailMaps`).
+"""Compute photo detail (:class:`core.rendering.detail_maps.DetailMaps`) from a photo and the codes fitted to it.
 
-The object is rendered once as the photo's camera sees it. The photo's colours, in the paint of the current texture
-(:mod:`core.detail.repaint`), replace those of the surface; their weight is 1 on what both show, seen not too flatly,
-and fades to 0 towards edges: those of the mask, those where the depth leaps, and around places where the outlines of
-photo and render disagree, which is shape and not paint.
+The object is rendered once from the photo's camera. The photo's colours, in the paint of the current texture
+(:mod:`core.detail.repaint`), replace those of the surface. Their weight is 1 where photo and render both show a surface
+that is not seen too flatly. It fades to 0 towards edges of the mask, jumps in depth, and places where the outlines of
+photo and render disagree: there the shape differs, not the paint.
 """
 
 import math
@@ -39,38 +39,38 @@ from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, Kind
 
-SOURCE_SIZE = 256  # px across of the render that the photo is compared with; all lengths in px below are of it
+SOURCE_SIZE = 256  # px across the render compared with the photo; lengths in px below refer to it
 _SAMPLES = 192
 _FADE = 10.0  # px from an edge over which the weight grows to 1
-_SHAPE_FADE = 12.0  # px the same, from where outlines disagree, which may be in the middle of a smooth surface
-_REACH = 8.0  # px beyond the photo's mask up to which its colours go on
-_SOLID = 0.9  # opacity from which on a pixel has the object's colour, little background mixed in
-_DEEP = 340  # such part of a photo's side lies between its outline and the pixels whose colours go on beyond
-_LEAP = 0.02  # scene units of the second difference of depth, at an edge of something in front; a slope has none
-_DISAGREEMENT = 4.0  # px by which outlines differ at the most (2 at the size of the training images)
-MIRROR_SHARE = 0.9  # of the residual, for what only the mirror image shows
-_MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be read backwards
+_SHAPE_FADE = 12.0  # px likewise, from disagreeing outlines, which may lie amid a smooth surface
+_REACH = 8.0  # px beyond the photo's mask up to which its colours are extrapolated
+_SOLID = 0.9  # opacity from which a pixel has the object's colour, with little background mixed in
+_DEEP = 340  # colours are extrapolated from at least side/340 inside the outline
+_LEAP = 0.02  # scene units of the second difference of depth at an edge of a nearer surface; slopes have none
+_DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
+MIRROR_SHARE = 0.9  # weight of the residual at places that only the mirror image shows
+_MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be mirrored
 _LEVELS = 6
 UNPAINTED = "wheels", "glass"
-_TEXTURES = 12  # of the model, that tell where paint changes anything
-_PAINTED = 0.6, 0.85  # spread of chroma over textures, over that of the paint: none below, all above
+_TEXTURES = 12  # of the model, to find places whose colour depends on the texture
+_PAINTED = 0.6, 0.85  # variation of chroma over textures, relative to the paint's: no paint below, only paint above
 _BUSY = 3.0  # px, standard deviation of the window in which the photo's contrast is measured
-_ALIKE = 0.3, 0.12  # difference from the paint's colour in the photo: none from the first on, all up to the second
-_VIVID = 0.15, 0.35  # chroma over lightness: no grey has the first, what has the second is no tyre and no pane
-_LIT = 0.15, 0.35  # lightness over the paint's: darker is a gap, whatever its hue
-_CLEAR = 0.15, 0.35  # change of the render of a part without paint: none of it below, all above
-_EQUAL = 0.18, 0.08  # likewise where the model has glass
-_BESIDE = 4.0  # px, standard deviation: a window's frame is so near the body
-_CALM = 0.15, 0.05  # contrast in that window, likewise
+_ALIKE = 0.3, 0.12  # difference from the photo's paint colour: not paint from the first, only paint up to the second
+_VIVID = 0.15, 0.35  # chroma over lightness: greys stay below the first; no tyre or pane reaches the second
+_LIT = 0.15, 0.35  # lightness over the paint's; darker is a gap of any hue
+_CLEAR = 0.15, 0.35  # change of an unpainted part's render: none applied below, all above
+_EQUAL = 0.18, 0.08  # the same for models with glass
+_BESIDE = 4.0  # px, standard deviation: distance of a window's frame from the body
+_CALM = 0.15, 0.05  # contrast in the window of _BUSY, likewise
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
-_DARKER = 0.12, 0.3  # lightness by which a photo is darker than the render on a roof: reflections, and glass
+_DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
 _BLOCK = 8192  # points evaluated at a time
 
 
 def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps | None]:
-    """Return what the photos of codes add to colours, in the paint of their texture; None where nothing is added.
+    """Return the photo detail of codes in the paint of their texture; None if there is none to show.
 
-    Yields None many times while a photo is compared with its render, the first time; the comparison is kept.
+    Yields None many times on the first call, while photos are compared with their renders; the comparison is cached.
     """
     share = shown_share(model, codes)
     if not share:
@@ -89,7 +89,7 @@ def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps 
 
 
 def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, list["ComparedPhoto"]]:
-    """Return the photos beside their renders; yields None many times, the first time."""
+    """Compare the photos with their renders; cached. Yields None many times on the first call."""
     photos = []
     for view in detail.views:
         key = model, view, detail.codes_key
@@ -103,24 +103,24 @@ def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, 
 
 @dataclass(frozen=True, eq=False)
 class ComparedPhoto:
-    """A photo and the render of the codes that were fitted to it, from its camera. Never written again."""
+    """A photo and the render of the codes fitted to it, from the photo's camera. Not modified after creation."""
 
     camera: Camera  # at the size of the render
     codes: Codes
-    photo: Float[Tensor, "3 height width"]  # the object's colours, continued beyond its outline
-    render: Float[Tensor, "3 h w"]  # the surface's colours, continued likewise
-    weight: Float[Tensor, "h w"]  # 0..1, how far the photo shows the surface
-    near: Float[Tensor, "h w"]  # 0..1, none far beyond the photo's outline
-    painted: Float[Tensor, "h w"]  # 0..1, how far textures paint the place
-    body: Float[Tensor, "h w"]  # 0..1, no tyre and no pane
-    alike: Float[Tensor, "h w"]  # 0..1, how far it has the colour of the paint
-    paint: Float[Tensor, "3"]  # colour of most of the paint in the photo
+    photo: Float[Tensor, "3 height width"]  # the object's colours, extrapolated beyond its outline
+    render: Float[Tensor, "3 h w"]  # the surface's colours, extrapolated likewise
+    weight: Float[Tensor, "h w"]  # 0..1, reliability of the photo's colours
+    near: Float[Tensor, "h w"]  # 0..1, zero far beyond the photo's outline
+    painted: Float[Tensor, "h w"]  # 0..1, how much textures change the colour
+    body: Float[Tensor, "h w"]  # 0..1, zero on tyres and panes
+    alike: Float[Tensor, "h w"]  # 0..1, similarity to the paint's colour
+    paint: Float[Tensor, "3"]  # main paint colour in the photo
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.rendering.detail_maps.PhotoMaps.surface`
     texels: "SurfaceTexels"
     match: ColourMatch  # from the render's colours to the photo's
 
     def change(self, model: Model, texture: Float[Tensor, "latent"]) -> Float[Tensor, "3 h w"]:
-        """Return how the surface's colours change with a texture."""
+        """Return the change of the surface's colours with a texture."""
         if torch.equal(texture.to(self.codes.texture.device), self.codes.texture):
             return torch.zeros_like(self.render)
         new, old = (
@@ -129,14 +129,14 @@ class ComparedPhoto:
         return new - old
 
     def painted_mean(self, values: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 1 1"]:
-        """Return the mean over the places that most of the paint is on."""
+        """Return the mean over places with the main paint."""
         places = self.painted * self.body * self.weight * self.alike
         return (places * values).sum((1, 2), keepdim=True) / places.sum().clamp_min(1e-6)
 
     def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
-        """Return the photo in a paint by which the render changes so much."""
+        """Return the photo repainted, given the change of the render."""
         offset = self.match.change(self.render.movedim(0, -1)).movedim(-1, 0)
-        clear = smooth_step(change.abs().amax(0), *_CLEAR)  # tyres and panes follow another material, not a tint
+        clear = smooth_step(change.abs().amax(0), *_CLEAR)  # tyres and panes take another material, not a tint
         amount = self.painted * torch.lerp(clear, torch.ones_like(clear), self.body)
         low = torch.cat((self.render + offset, moved_paint(change, offset), amount[None], self.alike[None]))
         colour, moved, painted, alike = _enlarged(low, self.photo).split((3, 3, 1, 1))
@@ -161,21 +161,21 @@ class ComparedPhoto:
 
 
 class SurfaceTexels(NamedTuple):
-    """The pixels of a render that are opaque: what a texture needs to colour their surface."""
+    """The opaque pixels of a render, with everything a texture needs to colour their surface."""
 
     pixel: Bool[Tensor, "h w"]
     features: Float[Tensor, "pixels width"]
     direction_bias: Float[Tensor, "pixels width"]
 
     def colours(self, model: Model, codes: Codes) -> Float[Tensor, "3 h w"]:
-        """Return the colours of the surface in a texture, continued beyond the opaque pixels."""
+        """Return the colours of the surface in a texture, extrapolated beyond the opaque pixels."""
         folded, image = FoldedField(model, codes), torch.zeros(3, *self.pixel.shape)
         blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
         image[:, self.pixel] = torch.cat([folded.colour(*block) for block in blocks]).cpu().clamp(0, 1).T
         return _continued(image, self.pixel)
 
     def chroma_spread(self, model: Model, codes: Codes, weight: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
-        """Return how much the model's textures change the chroma of places; about 1 where paint is."""
+        """Return how strongly the model's textures vary the chroma; about 1 on painted places."""
         valid = model.codes.valid
         some = [model.codes[index].texture for index in valid[:: max(1, len(valid) // _TEXTURES)][:_TEXTURES]]
         coarse = self.every(2)
@@ -185,7 +185,7 @@ class SurfaceTexels(NamedTuple):
         return spread / usual.quantile(0.8).clamp_min(1e-6) if len(usual) else torch.zeros_like(spread)
 
     def every(self, step: int) -> "SurfaceTexels":
-        """Return the pixels of every few rows and columns."""
+        """Return the pixels of every ``step``-th row and column."""
         coarse = torch.zeros_like(self.pixel)
         coarse[::step, ::step] = self.pixel[::step, ::step]
         kept = coarse[self.pixel]
@@ -193,7 +193,7 @@ class SurfaceTexels(NamedTuple):
 
 
 def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
-    """Render the fitted codes from a photo's camera, and weigh what both show; yields None many times."""
+    """Render the fitted codes from a photo's camera and weight the photo; yields None many times."""
     rgba = view.pixels().astype(np.float32) / 255
     high = SOURCE_SIZE
     camera = view.camera.resized(max(1, round(high * view.camera.width / view.camera.height)), high)
@@ -226,7 +226,7 @@ def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generat
 def _surface_texels(
     model: Model, codes: Codes, rays: Rays, source: Rendered
 ) -> tuple[SurfaceTexels, dict[str, Float[Tensor, "h w"]]]:
-    """The surface that a render shows, and the probability of each part of the model there."""
+    """Return the rendered surface and the probability of each of the model's parts there."""
     pixel, folded = source.opacity > _SOLID, FoldedField(model, codes)
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
     found = [folded.density(part)[1] for part in points.split(_BLOCK)]
@@ -247,7 +247,7 @@ def _without_glass_above(
     normals: Float[Tensor, "h w 3"],
     parts: dict[str, Float[Tensor, "h w"]],
 ) -> Float[Tensor, "h w"]:
-    """0 where the photo shows something darker than a roof or bonnet: a pane beside it, by a small error of shape."""
+    """Return 0 where the photo is darker than a roof or bonnet: glass, displaced by a small error of shape."""
     if "glass" not in parts:
         return torch.ones(normals.shape[:2])
     up = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts["glass"])
@@ -261,11 +261,10 @@ def _painted(
     parts: dict[str, Float[Tensor, "h w"]],
     weight: Float[Tensor, "h w"],
 ) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "3"]]:
-    """How far places take paint, 0..1: as the model's textures do, and as its parts do; as their colour is the paint's;
-    that colour.
+    """Return for each pixel, 0..1: paint by variation over textures, body, and paint by colour; and the paint's colour.
 
-    The first is less where the photo is busier than the render, as in lamps and a grille. A vivid colour is paint on
-    any part; a white or grey one on the body where the photo is calm, and on the frames of windows.
+    The first is lower where the photo is busier than the render, as in lamps and a grille. A vivid colour counts as
+    paint on any part; white or grey counts on the body where the photo is smooth, and on window frames.
     """
     busy = (_contrast(photo) - _contrast(render)).clamp_min(0)
     body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(busy))
@@ -285,7 +284,7 @@ def _painted(
 
 
 def _contrast(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
-    """The standard deviation of lightness around each pixel."""
+    """Return the standard deviation of lightness around each pixel."""
     light = lightness(image)[None]
     return (_blurred(light**2, _BUSY) - _blurred(light, _BUSY) ** 2).clamp_min(0).sqrt()[0]
 
@@ -293,7 +292,7 @@ def _contrast(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
 def _painted_maps(
     model: Model, photos: Sequence[ComparedPhoto], texture: Float[Tensor, "latent"]
 ) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """The maps of all photos in a texture, and the match of that texture's colours to theirs."""
+    """Return the maps of all photos in a texture, and the match of that texture's colours to the photos."""
     maps, colours, shown, weights = [], [], [], []
     for one in photos:
         change = one.change(model, texture)
@@ -310,7 +309,7 @@ def _painted_maps(
 def _photo_maps(
     one: ComparedPhoto, fine: Float[Tensor, "4 height width"], render: Float[Tensor, "3 h w"], device: torch.device
 ) -> PhotoMaps:
-    """The photo at all sizes, and its difference from the render, low-passed, for a soft mirror image."""
+    """Return the photo at all sizes, and its low-passed difference from the render for a soft mirror image."""
     levels = [fine]
     while len(levels) < _LEVELS and min(levels[-1].shape[1:]) > 32:
         levels.append(functional.avg_pool2d(levels[-1][None], 2, ceil_mode=True, count_include_pad=False)[0])
@@ -324,7 +323,7 @@ def _photo_maps(
 def surface_normals(
     origins: Float[Tensor, "h w 3"], directions: Float[Tensor, "h w 3"], rendered: Rendered
 ) -> Float[Tensor, "h w 3"]:
-    """Unit normals towards the camera, from a depth that is smoothed a little."""
+    """Return unit normals towards the camera, from slightly smoothed depth."""
     opacity = rendered.opacity.clamp_min(1e-6)
     depth = _blurred((rendered.depth * opacity)[None], 1.5)[0] / _blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
     points = origins + directions * depth[..., None]
@@ -335,16 +334,16 @@ def surface_normals(
 
 
 def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, "h w"]:
-    """0..1: where the residual is paint."""
+    """Return the weight, 0..1, by which photo and render differ in paint rather than in shape."""
     photo, render = mask > 0.5, source.opacity > 0.5
     inside = photo & render & ~_leaps(source.depth)
-    thick = _distance(photo ^ render) > _DISAGREEMENT / 2  # the middle of what is wider than that
+    thick = _distance(photo ^ render) > _DISAGREEMENT / 2  # the core of regions wider than that
     shape = smooth_step(_distance(~thick, beyond=True), 2 * _DISAGREEMENT, 2 * _DISAGREEMENT + _SHAPE_FADE)
     return shape * smooth_step(_distance(inside), 0.0, _FADE)
 
 
 def _leaps(depth: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
-    """Beside edges of what lies in front of something else."""
+    """Mark pixels beside depth edges."""
     padded = functional.pad(depth[None, None], (1,) * 4, mode="replicate")[0, 0]
     across = padded[1:-1, 2:] - 2 * depth + padded[1:-1, :-2]
     down = padded[2:, 1:-1] - 2 * depth + padded[:-2, 1:-1]
@@ -352,10 +351,10 @@ def _leaps(depth: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
 
 
 def _distance(mask: Bool[Tensor, "h w"], beyond: bool = False) -> Float[Tensor, "h w"]:
-    """px from each pixel of a mask to the nearest that is none.
+    """Return the distance in px from each pixel of a mask to the nearest pixel outside.
 
     Args:
-        beyond: whether the mask goes on beyond the image.
+        beyond: True: the mask continues beyond the image.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -366,24 +365,24 @@ def _distance(mask: Bool[Tensor, "h w"], beyond: bool = False) -> Float[Tensor, 
 
 
 def near_weight(mask: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
-    """0..1: how much of the residual is left; none far beyond the photo's mask."""
+    """Return the weight of the residual around the photo's mask, 0..1; zero far outside."""
     return smooth_step(_distance(mask < 0.5), _REACH, 0.5)
 
 
 def _surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:
-    """The render without the background's light, continued beyond the outline."""
+    """Return the render without the background's light, extrapolated beyond the outline."""
     light = (1 - source.opacity)[..., None]
     surface = ((source.colour - light) / (1 - light).clamp_min(1e-3)).clamp(0, 1).movedim(-1, 0)
     return _continued(surface, source.opacity > _SOLID)
 
 
 def _object_colours(rgba: Float32[np.ndarray, "height width 4"], source: Rendered) -> Float[Tensor, "3 height width"]:
-    """The photo without the background's light, continued beyond its outline."""
+    """Return the photo without the background's light, extrapolated beyond its outline."""
     opacity = torch.from_numpy(rgba[..., 3:]).movedim(-1, 0)
     photo = torch.from_numpy(rgba[..., :3]).movedim(-1, 0)
     light = _enlarged((1 - source.opacity)[None], photo)
-    # What makes the render's pixel the photo's: at an outline both are partly background. In a finer photo than the
-    # render these pixels are a thin line, which would be seen.
+    # Colours that make the render's pixel equal the photo's: at an outline both contain background. In a photo finer
+    # than the render these pixels would be visible as a thin line.
     exact = ((photo - light) / (1 - light).clamp_min(0.1)).clamp(0, 1)
     mixed = (opacity > 0.5) & (light < 0.9) if len(rgba) <= SOURCE_SIZE else torch.zeros_like(opacity).bool()
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
@@ -394,7 +393,7 @@ def _object_colours(rgba: Float32[np.ndarray, "height width 4"], source: Rendere
 
 
 def _continued(image: Float[Tensor, "channels h w"], known: Bool[Tensor, "h w"]) -> Float[Tensor, "channels h w"]:
-    """With the nearest known value everywhere else."""
+    """Fill unknown pixels with the nearest known value."""
     from scipy.ndimage import distance_transform_edt
 
     if not bool(known.any()):
@@ -406,7 +405,7 @@ def _continued(image: Float[Tensor, "channels h w"], known: Bool[Tensor, "h w"])
 def _resized(
     image: Float[Tensor, "channels height width"], like: Float[Tensor, "h w"]
 ) -> Float[Tensor, "channels h w"]:
-    """The means of areas, at the size of another image."""
+    """Average areas down to the size of another image."""
     rows, columns = like.shape
     return functional.adaptive_avg_pool2d(image[None], (rows, columns))[0]
 
@@ -414,12 +413,12 @@ def _resized(
 def _enlarged(
     image: Float[Tensor, "channels h w"], like: Float[Tensor, "3 height width"]
 ) -> Float[Tensor, "channels height width"]:
-    """Bilinear, at the size of another image."""
+    """Interpolate bilinearly to the size of another image."""
     return functional.interpolate(image[None], like.shape[1:], mode="bilinear", align_corners=False)[0]
 
 
 def _blurred(image: Float[Tensor, "channels h w"], deviation: float) -> Float[Tensor, "channels h w"]:
-    """By a Gaussian, px; what lies beyond the image counts as its border."""
+    """Blur by a Gaussian (px); borders are replicated."""
     half = math.ceil(3 * deviation)
     kernel = torch.exp(-((torch.arange(-half, half + 1) / deviation) ** 2) / 2)
     kernel = kernel / kernel.sum()

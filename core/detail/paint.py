@@ -1,7 +1,7 @@
-"""The texture code that gives a part of an object a picked colour: the body of a car, fabric or wood of a chair.
+"""Find the texture code that gives a part of an object a chosen colour: a car's body, a chair's fabric or wood.
 
-Points on the surface are to have the new colour where the part is, in the light that they are in, and their own colour
-elsewhere. The search begins at the trained texture that comes nearest and goes on along the gradient.
+Points on the surface get target colours: the new colour under the existing light where the part is, their own colour
+elsewhere. The search starts at the trained texture nearest to the target and continues by gradient descent.
 """
 
 from collections.abc import Generator
@@ -21,18 +21,18 @@ from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
 Rgb = tuple[float, float, float]
-MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, each by the part that has it for certain
-_POINTS = 1500  # of the surface: more change the colour found by less than 1/255
-_TEXTURES = 500  # trained textures that the search may begin at
+MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, each by the part that certainly has it
+_POINTS = 1500  # of the surface; more would change the result by less than 1/255
+_TEXTURES = 500  # trained textures tried as the start
 _STEPS, _RATE = 80, 0.06  # of Adam, in standard deviations of the trained textures
-_PRIOR = 2e-5  # weight of the squared coordinates against squared errors of colours
-_DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, over the mean of its part
-_ANOTHER = 0.25  # difference of colours from which on a part takes an even paint; below, its pattern stays
+_PRIOR = 2e-5  # weight of the squared coordinates against squared colour errors
+_DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
+_ANOTHER = 0.25  # colour difference from which a part becomes evenly coloured; below, its pattern stays
 
 
 @dataclass(frozen=True)
 class Paint:
-    """A colour for a part. Raises ``ValueError`` for a colour out of range."""
+    """A colour for a part. Raises ``ValueError`` for a channel out of range."""
 
     colour: Rgb  # sRGB, 0..1
     part: str = ""  # a part's name or one of :data:`MATERIALS`; '' is the body, or the fabric
@@ -43,13 +43,13 @@ class Paint:
 
 
 def paint(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Codes]:
-    """Return the codes in a paint, seen as in images with photo detail; the paint they have changes nothing.
+    """Return the codes repainted so that images with photo detail show the colour; unchanged if they already do.
 
     Yields None many times. Raises ``ValueError`` for a part that the model does not know.
     """
     surface = yield from _surface(model, codes, wanted.part)
     colour, now = torch.tensor(wanted.colour), surface.now
-    for _ in range(20):  # what the render has to have, so that images have the colour: a contraction
+    for _ in range(20):  # find the render's colour for which images show the wanted one: a contraction
         target = torch.tensor(wanted.colour) - surface.offset(colour)
         colour = target.clamp(0, 1)
     if float((colour - now).abs().max()) < 0.5 / 255:
@@ -77,9 +77,9 @@ class _Surface:
     features: Float[Tensor, "points width"]
     direction_bias: Float[Tensor, "points width"]
     colours: Float[Tensor, "points 3"]  # in the current texture
-    share: Float[Tensor, "points"]  # 0..1, whether the part is there
-    fitted: Float[Tensor, "3"]  # mean colour of the part in the texture that was fitted to the photos
-    matched: Float[Tensor, "3"]  # by how much photos differ from that
+    share: Float[Tensor, "points"]  # 0..1, membership of the part
+    fitted: Float[Tensor, "3"]  # mean colour of the part in the texture fitted to the photos
+    matched: Float[Tensor, "3"]  # difference of the photos' colour from it
 
     def coloured(self, texture: Float[Tensor, "latent"]) -> Float[Tensor, "points 3"]:
         """Return the colours in a texture; differentiable."""
@@ -88,16 +88,16 @@ class _Surface:
 
     @property
     def now(self) -> Float[Tensor, "3"]:
-        """The part's mean colour in the current texture."""
+        """Mean colour of the part in the current texture."""
         return _mean(self.colours, self.share)
 
     def offset(self, colour: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
-        """Return images less render where the part has this colour, as :func:`core.detail.repaint.repainted` has it."""
+        """Return how much images differ from a render with this colour (:func:`core.detail.repaint.repainted`)."""
         return (1 - replaced_share(colour - self.fitted)) * self.matched
 
 
 def _surface(model: Model, codes: Codes, part: str) -> Generator[None, None, _Surface]:
-    """The surface of an object and where a part is on it."""
+    """Sample points on an object's surface with their membership of a part."""
     points, _ = surface_points(model, codes)
     yield None
     if not len(points):
@@ -121,7 +121,7 @@ def _surface(model: Model, codes: Codes, part: str) -> Generator[None, None, _Su
 
 
 def _mean(colours: Float[Tensor, "points 3"], weight: Float[Tensor, "points"]) -> Float[Tensor, "3"]:
-    """Weighted mean of the lighter half: undersides and gaps are in the dark."""
+    """Return the weighted mean of the lighter half: undersides and gaps are dark."""
     light = lightness(colours.T)
     order = light.argsort(descending=True)
     lit = order[weight[order].cumsum(0) <= weight.sum() / 2]
@@ -132,11 +132,11 @@ def _mean(colours: Float[Tensor, "points 3"], weight: Float[Tensor, "points"]) -
 def _part_share(
     model: Model, codes: Codes, points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"], part: str
 ) -> Float[Tensor, "points"]:
-    """Whether a part is at points, 0..1; a material is wherever the colour is nearer to its own than to the other's."""
+    """Return each point's membership of a part, 0..1; for a material, by similarity to its colour."""
     head = model.part_head
     if head is None:
         if part:
-            raise ValueError(f"this model knows no parts, so none is called {part}")
+            raise ValueError(f"this model has no parts, so it cannot paint {part}")
         return torch.ones_like(points[:, 0])
     folded = FoldedField(model, codes)
     features = folded.density(pad_rows(points))[1][: len(points)]
@@ -147,12 +147,12 @@ def _part_share(
     if part in shares:
         return shares[part]
     if part not in materials:
-        raise ValueError(f"a {model.noun or 'object'} has {', '.join(known)}, and nothing called {part}")
+        raise ValueError(f"a {model.noun or 'object'} has {', '.join(known)}, but no {part}")
     own, other = (
         _mean(colours, shares[seed]) for seed in (materials[part], *(materials[m] for m in materials if m != part))
     )
     nearer = (colours - other).norm(dim=-1) - (colours - own).norm(dim=-1)
-    if float((own - other).norm()) < _ANOTHER / 2:  # one colour all over: parts tell materials apart
+    if float((own - other).norm()) < _ANOTHER / 2:  # materials of one colour are separated by parts
         return 1 - shares["legs"] if part == "fabric" else shares["legs"]
     return (0.5 + 2 * nearer / (own - other).norm()).clamp(0, 1)
 
@@ -160,7 +160,7 @@ def _part_share(
 def _nearest_texture(
     model: Model, codes: Codes, surface: _Surface, goal: Float[Tensor, "points 3"]
 ) -> Generator[None, None, Float[Tensor, "latent"]]:
-    """The current texture, or the trained one that comes nearest to the goal."""
+    """Return the current texture, or the trained one nearest to the goal."""
     valid = model.codes.valid
     some = valid[:: max(1, len(valid) // _TEXTURES)]
     best, least = codes.texture, torch.inf
@@ -176,7 +176,7 @@ def _nearest_texture(
 def _refined(
     model: Model, surface: _Surface, goal: Float[Tensor, "points 3"], start: Float[Tensor, "latent"]
 ) -> Generator[None, None, Float[Tensor, "latent"]]:
-    """The best texture of a descent from another one."""
+    """Return the best texture of a gradient descent from ``start``."""
     space = model.codes.texture_space
     coordinates, best, least = space.coordinates(start).clone().requires_grad_(), start, torch.inf
     optimiser = torch.optim.Adam([coordinates], _RATE)

@@ -1,8 +1,8 @@
-"""A photo in another paint: what the paint covers changes with the texture, everything else stays the photo's.
+"""Repaint a photo: painted areas change with the texture, everything else keeps the photo's colour.
 
-A pixel of the photo is a share of paint, as light as the photo has it, and a remainder: lettering, dirt, a reflection.
-A new texture moves the paint from the render of the fitted codes to the render of the new ones; the remainder stays.
-Whatever has another colour than the paint, or a part that is never painted, keeps the photo's colour.
+A pixel of the photo is paint in the photo's light, plus a remainder: lettering, dirt, a reflection. A new texture moves
+the paint from the render of the fitted codes to the render of the new ones; the remainder stays. Pixels of another
+colour than the paint, and parts that are never painted, keep their colour.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ _LIGHTNESS = 0.299, 0.587, 0.114
 _OTHER_HUE = (
     0.06,
     0.16,
-)  # difference of chroma over lightness: up to the first it is the paint, from the second it is not
-_LIGHTER = 1.6  # times the render's lightness: the most that light explains
-_LETTERING = 0.08, 0.25  # lightness above that: up to the first a highlight on the paint, from the second lettering
-_OTHER_PAINT = 0.5  # difference of renders from which on the new paint replaces the old one completely
-_GREY = 0.1  # weight of lightness against chroma, which white light over the paint leaves alone
-_BLACK = 0.05  # lightness that the darkest paint counts as
-_RIDGE = 0.03  # of all weights, for the colours as they are: a car of one colour says little about others
+)  # difference of chroma over lightness: paint up to the first, not paint from the second
+_LIGHTER = 1.6  # largest ratio to the render's lightness that light explains
+_LETTERING = 0.08, 0.25  # lightness above that: a highlight up to the first, lettering from the second
+_OTHER_PAINT = 0.5  # difference of renders from which the new paint replaces the old one completely
+_GREY = 0.1  # weight of lightness against chroma, which white light does not change
+_BLACK = 0.05  # lightness of the darkest paint
+_RIDGE = 0.03  # relative weight of unchanged colours: a car of one colour says little about others
 _ROBUST = 0.15  # scale of the residuals' Cauchy weights
 
 
@@ -35,15 +35,15 @@ def lightness(colours: Float[Tensor, "3 *places"]) -> Float[Tensor, "*places"]:
 
 
 class Coat(NamedTuple):
-    """A paint that a photo shows, and how it changes."""
+    """A paint in a photo, and its change."""
 
-    colour: Float[Tensor, "3 *#places"]  # in even light, as the photo has it
+    colour: Float[Tensor, "3 *#places"]  # in even light, as in the photo
     change: Float[Tensor, "3 *#places"]  # of that colour
-    amount: Float[Tensor, "*places"]  # 0..1, how far places take paint at all
+    amount: Float[Tensor, "*places"]  # 0..1, how much of it places take
 
 
 def repainted(photo: Float[Tensor, "3 *places"], coats: Sequence[Coat]) -> Float[Tensor, "3 *places"]:
-    """Return the photo with its paint changed; each coat covers what those before it leave."""
+    """Return the photo with its paint changed; each coat covers areas that earlier coats leave."""
     left = torch.ones_like(photo[0])
     for colour, change, amount in coats:
         covered, share = (
@@ -55,47 +55,47 @@ def repainted(photo: Float[Tensor, "3 *places"], coats: Sequence[Coat]) -> Float
 
 
 def light_share(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
-    """Return how much of a paint a photo holds, 0..1.6: less in shade, and whatever white light lies over it."""
+    """Return the amount of a paint in a photo, 0..1.6: below 1 in shade, above 1 in bright light."""
     vivid, even = chroma(paint), lightness(paint).clamp_min(_BLACK)
     held = (chroma(photo) * vivid).sum(0) + _GREY * lightness(photo) * even
     return (held / (vivid.square().sum(0) + _GREY * even**2)).clamp(0, _LIGHTER)
 
 
 def same_hue(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
-    """Return how far a photo has the hue of a paint, in whatever light: 0..1."""
+    """Return the similarity of a photo's hue to a paint's in any light, 0..1."""
     difference = (chroma(photo) - light_share(photo, paint) * chroma(paint)).abs().amax(0)
     return smooth_step(difference / (0.3 + 0.7 * lightness(photo)), *reversed(_OTHER_HUE))
 
 
 def chroma(colours: Float[Tensor, "3 *places"]) -> Float[Tensor, "3 *places"]:
-    """Return the colours less their lightness."""
+    """Return the colours minus their lightness."""
     return colours - lightness(colours)
 
 
 def _no_lettering(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
-    """0 where the photo is lighter than light on the paint explains, as white lettering on dark paint is."""
+    """Return 0 for pixels lighter than light on the paint explains, such as white lettering on dark paint."""
     above = lightness(photo) - _LIGHTER * lightness(paint).clamp_min(_BLACK)
     return smooth_step(above, *reversed(_LETTERING))
 
 
 def moved_paint(change: Float[Tensor, "3 *places"], offset: Float[Tensor, "3 *places"]) -> Float[Tensor, "3 *places"]:
-    """Return the change of a photo's paint from that of the render.
+    """Return the change of a photo's paint, given the change of the render.
 
     Args:
-        offset: the photo's paint less the render's. A small change keeps it, another paint leaves it behind.
+        offset: photo's paint minus render's. A small change keeps this offset, a different paint discards it.
     """
     return change - replaced_share(change.movedim(0, -1)) * offset
 
 
 def replaced_share(change: Float[Tensor, "*places 3"]) -> Float[Tensor, "*places"]:
-    """Return how far a change of colour is another paint, not a shade of the same: 0..1."""
+    """Return how much a change of colour is a different paint rather than a shade, 0..1."""
     return (change.abs().amax(-1) / _OTHER_PAINT).clamp_max(1)
 
 
 def colour_match(
     colours: Float[Tensor, "3 places"], photo: Float[Tensor, "3 places"], weight: Float[Tensor, "places"]
 ) -> ColourMatch:
-    """Fit gain and offset of each channel by robust least squares; without weight, the colours as they are."""
+    """Fit gain and offset of each channel by robust least squares; identity without weight."""
     gain, offset = list[float](), list[float]()
     for own, seen in zip(colours.double(), photo.double(), strict=True):
         scale, shift, ridge = 1.0, 0.0, _RIDGE * float(weight.sum()) + 1e-6

@@ -1,8 +1,8 @@
-"""The frames of a video, or a picture: drawn by OpenGL from a baked copy of the object, or rendered by the network.
+"""The frames of a video, or a single image: rasterised by OpenGL from baked objects, or rendered by the network.
 
-An object is baked at *key* views, as seen from there, and what is shown between two of them is their mixture. A frame
-is compared with the exact render before any is drawn, and the object baked finer until both agree. Few and small frames
-of an object, as those of a morph, are rendered sooner than it is baked.
+An object is baked for *key* views, and frames between two key views mix both bakes. One frame is compared with the
+exact render first, and the object is baked finer until both agree. The network renders few or small frames of an
+object, as in a morph, because baking would take longer.
 """
 
 import math
@@ -31,18 +31,15 @@ from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 Image = UInt8[np.ndarray, "height width channels"]
-TARGET = 45.0  # dB against the exact render, of the frame that is compared
+TARGET = 45.0  # dB between a baked frame and its exact render
 LEVELS = (128, 192, 256, 320)  # cells of the grid along each axis of the scene's box, from coarse to fine
 MAX_TURN = math.radians(20)
-"""between two key views: by how far the camera goes round the object at most, or as much nearer"""
-_RAYS = 512
-"""across a frame at least: a smaller one has several in a pixel; more change a larger one by nothing visible"""
-_PROBE = 128  # px, of the frame that is compared
-FEW_PIXELS = 300_000  # of all frames of an object together: fewer are rendered by the network sooner than it is baked
-FEW_SAMPLES = 96
-"""of a ray of a video then: half the time of the exact ones, and 49 dB from them on average, 45 dB at worst"""
-STILL_STEPS = 384
-"""of a ray through a baked copy, for a single picture: what is looked at longer shows combs with fewer"""
+"""largest angle around the object between two key views, or an equally large change of position"""
+_RAYS = 512  # smallest number of rays across a frame, by supersampling; beyond this no change is visible
+_PROBE = 128  # px, of the frame compared with the exact render
+FEW_PIXELS = 300_000  # of all frames of an object together: up to this many, rendering is faster than baking
+FEW_SAMPLES = 96  # of a ray of few frames: half the time of exact rays, and 49 dB from them on average, 45 dB at worst
+STILL_STEPS = 384  # of a ray through a baked object in a single image: a still eye sees banding with fewer
 
 
 def render_frames(
@@ -53,12 +50,13 @@ def render_frames(
     exact: bool = False,
     shadow: bool = False,
 ) -> Iterator[Image | None]:
-    """Every frame, drawn from a baked copy unless that takes longer, or all are wanted exact; None many times a frame.
+    """Yield every frame, with None many times in between; baked unless rendering is faster or requested.
 
     Args:
+        models: one for all views, or the open ones; views of another model begin another part.
         size: px, width and height.
-        models: of all views, or the open ones; each cut to an object of another model begins another part.
-        shadow: with the object's shadow on the ground.
+        exact: render every frame with the network.
+        shadow: include the object's shadow on the ground.
     """
     for _, part in groupby(views, lambda view: view.codes.model):
         shots = list(part)
@@ -72,17 +70,17 @@ def render_frames(
 
 
 def are_few(views: Sequence[View], size: int) -> bool:
-    """Whether frames so many px wide are rendered by the network, since their objects take longer to be baked."""
+    """True if the network renders these frames (``size`` px wide) faster than their objects are baked."""
     return len(views) * size**2 <= FEW_PIXELS * count_objects(views)
 
 
 def few_samples(views: Sequence[View]) -> int:
-    """Samples of a ray where frames are few; those of a single picture are exact."""
+    """Return the samples of a ray for few frames; a single image is exact."""
     return RenderSettings.samples if len(views) == 1 else FEW_SAMPLES
 
 
 def count_objects(views: Sequence[View]) -> int:
-    """How many objects there are one after another, as many as views in a morph."""
+    """Count changes of the object from view to view, plus one."""
     return 1 + sum(before.codes != after.codes for before, after in pairwise(views))
 
 
@@ -94,7 +92,7 @@ def exact_frames(
     shadow: bool = False,
     samples: int = RenderSettings.samples,
 ) -> Iterator[Image | None]:
-    """Every frame by the network, a ray for each pixel; None many times a frame.
+    """Yield every frame rendered by the network with a ray for each pixel, with None many times in between.
 
     Args:
         samples: of a ray.
@@ -109,9 +107,9 @@ def exact_frames(
 def baked_frames(
     model: Model, views: Sequence[View], size: int, background: Background | None, shadow: bool = False
 ) -> Iterator[Image | None]:
-    """Every frame by OpenGL, from what is baked as finely as it takes; None many times a frame.
+    """Yield every frame rasterised from bakes that are fine enough, with None many times in between.
 
-    Frames are exact where the machine has no OpenGL, or where the finest grid is not fine enough.
+    Frames are exact if the machine has no OpenGL, or if even the finest grid is too coarse.
     """
     baked = yield from bake_views(model, views)
     if baked is None:
@@ -126,7 +124,7 @@ def baked_frames(
 
 
 def draw_still(baked: BakedField, camera: Camera, size: int, shadow: bool) -> Image | None:
-    """One picture of what is baked already, on nothing; None where the machine has no OpenGL."""
+    """Rasterise one transparent image of a baked object; None if the machine has no OpenGL."""
     try:
         with OffscreenPictures(size, supersampling(size), None) as pictures:
             return pictures.draw(baked if shadow else replace(baked, shadow=None), camera)
@@ -135,14 +133,14 @@ def draw_still(baked: BakedField, camera: Camera, size: int, shadow: bool) -> Im
 
 
 def supersampling(size: int) -> int:
-    """Rays along each side of a pixel of a frame so many px wide."""
+    """Return the rays along each side of a pixel for frames ``size`` px wide."""
     return min(4, -(-_RAYS // size))
 
 
 def bake_views(
     model: Model, views: Sequence[View], target: float = TARGET
 ) -> Generator[None, None, "BakedViews | None"]:
-    """The views baked as coarsely as a frame stays as the exact one (dB); None where no grid, or no OpenGL, does it."""
+    """Bake the views on the coarsest grid that reaches ``target`` dB; None if no grid does, or without OpenGL."""
     try:
         pictures = OffscreenPictures(_PROBE)
     except RuntimeError:
@@ -161,10 +159,10 @@ def bake_views(
 
 
 def key_views(views: Sequence[View]) -> list[int]:
-    """Which views are baked: the first and the last, and as few between as are near enough to one another."""
+    """Return the indices of views to bake: the first, the last, and as few between as lie near enough to each other."""
     keys = [0]
     for index in range(2, len(views)):
-        skipped = views[index - 1]  # may be another object, between two of the same
+        skipped = views[index - 1]  # may show another object, between two views of the same
         together = _near(views[keys[-1]], views[index]) and skipped.codes == views[index].codes
         if not together and keys[-1] != index - 1:
             keys.append(index - 1)
@@ -172,7 +170,7 @@ def key_views(views: Sequence[View]) -> list[int]:
 
 
 class BakedViews:
-    """The fields of a video's frames, best asked for in order: those of two key views are kept, no more."""
+    """Baked fields of a video's frames. Request frames in order: only the two current key views are kept."""
 
     def __init__(self, model: Model, views: Sequence[View], cells: int) -> None:
         self._model, self._views, self.cells = model, views, cells
@@ -182,7 +180,7 @@ class BakedViews:
         self._box: Box | None = None
 
     def at(self, index: int) -> Generator[None, None, BakedField]:
-        """The field of a frame."""
+        """Bake or mix the field of a frame."""
         before = max(key for key in self._keys if key <= index)
         after = min(key for key in self._keys if key >= index)
         for key in (before, after):
@@ -202,7 +200,7 @@ class BakedViews:
         return (yield from self._object[1].seen_from(view.camera))
 
     def _video_box(self) -> Box:
-        """Around all shapes of the video."""
+        """Return a box around all shapes of the video."""
         if self._box is None:
             shapes = {tuple(self._views[key].codes.shape.tolist()): None for key in self._keys}
             some = [shape_occupancy(self._model, shape).cells for shape in shapes]
@@ -211,10 +209,10 @@ class BakedViews:
 
 
 def _near(first: View, second: View) -> bool:
-    """Whether what is between two views is well shown by a mixture of them.
+    """True if mixing two views shows the views between them well.
 
-    Of two objects it is not: edges move, and a mixture of logits is 35 to 45 dB from the exact picture between frames
-    that follow each other, 28 to 39 dB between every second ones.
+    Views of two objects do not mix: edges move, and a mixture of logits differs by 35 to 45 dB from the exact image
+    between consecutive frames, by 28 to 39 dB between every second frame.
     """
     places = [_place(view.camera) for view in (first, second)]
     near = math.dist(*places) <= MAX_TURN * min(first.camera.distance, second.camera.distance)
@@ -226,9 +224,9 @@ def _place(camera: Camera) -> list[float]:
 
 
 def _probe_frame(keys: Sequence[int]) -> int:
-    """Halfway between the first two key views that are apart, where a mixture is worst; else a quarter through.
+    """Return the frame halfway between the first two separate key views, where mixing is worst; else at a quarter.
 
-    What is baked for the first two is what the video begins with.
+    The video begins with the two views baked for it.
     """
     between = (before + (after - before) // 2 for before, after in pairwise(keys) if after - before > 1)
     return next(between, keys[(len(keys) - 1) // 4])
@@ -237,10 +235,10 @@ def _probe_frame(keys: Sequence[int]) -> int:
 def over(
     frame: Frame, background: Background | None, camera: Camera | None = None
 ) -> UInt8[np.ndarray, "height width channels"]:
-    """A frame on a background instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied.
+    """Composite a frame over a background as RGB; with None, return RGB and opacity, not premultiplied.
 
     Args:
-        camera: the frame's, with which the shadow that it has is on the ground.
+        camera: the frame's camera; given, the frame's shadow is drawn on the ground.
     """
     opacity = frame.opacity.clip(0, 1)[..., None]
     own, left = frame.image - 255 * (1 - opacity), 1 - opacity

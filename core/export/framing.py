@@ -1,4 +1,4 @@
-"""Cameras whose frame the object fills: as near as all of it stays in sight, in every view of a video, or a share."""
+"""Zoom and distance at which the object fills the frame, for single cameras and for all views of a video."""
 
 import math
 from collections.abc import Sequence
@@ -18,22 +18,22 @@ from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
 
-MARGIN = 0.04  # of the frame's width and height, left free at either side at the least
-_SHAPES = 6  # shapes of a video that are looked at, evenly spaced: those between them are mixtures of them
-_CAMERAS = 180  # of a long video that are looked at: two degrees of a turn apart
-_MIN_OPACITY = 0.03  # of a cell that counts as the object's: fainter ones are a haze that nobody sees at an edge
+MARGIN = 0.04  # of the frame's width and height, left free on each side
+_SHAPES = 6  # evenly spaced shapes of a video that are checked; shapes between are mixtures of these
+_CAMERAS = 180  # cameras of a long video that are checked: two degrees of a turn apart
+_MIN_OPACITY = 0.03  # of a cell that counts as part of the object; fainter haze is invisible at an edge
 _PARTS = 2  # points along each side of an occupied cell, of an outline
 _BLOCK = 16384
-_NEAREST = 0.05  # scene units in front of the camera: what is nearer, or behind, counts as if it were there
+_NEAREST = 0.05  # scene units in front of the camera; closer points, or points behind, are moved there
 
 
 def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: bool = True) -> list[View]:
-    """The views with one zoom for all, by which the object just stays in every frame.
+    """Return the views with one common zoom at which the object just stays inside every frame.
 
-    The zoom changes the focal length: the perspective stays.
+    The zoom changes the focal length only, so the perspective stays.
 
     Args:
-        zoom_out: False only comes nearer, so that views which show a part of the object on purpose still do.
+        zoom_out: False allows only enlarging, so that views which deliberately show a part still do.
     """
     step = max(1, math.ceil((len(views) - 1) / (_SHAPES - 1)))
     shapes = {view.codes for view in [*views[::step], *views[-1:]]}
@@ -44,16 +44,14 @@ def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: b
 
 
 def filling_distance(model: Model, codes: Codes, camera: Camera, share: float) -> float:
-    """How far from the scene's origin (scene units) a camera of this direction and focal length sees the object fill a
-    share (0..1) of the frame's width or height, whichever binds.
-    """
+    """Return the distance (scene units) at which the object fills a fraction (0..1) of the frame's width or height."""
     local = camera.to_camera_axes(_opaque_points(model, codes, 1))
     half = share * torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
     return camera.distance + float((local[:, :2].abs() / half + local[:, 2:]).amax())
 
 
 def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
-    """By how much the focal length can grow until a point comes too near to the frame's edge."""
+    """Return the factor by which the focal length can grow until a point reaches the frame's margin."""
     local = camera.to_camera_axes(points)
     slopes = local[:, :2].abs() / (-local[:, 2:]).clamp_min(_NEAREST)
     half = torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
@@ -62,7 +60,7 @@ def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
 
 @lru_cache(maxsize=8)
 def _outline(model: Model, codes: Codes) -> Float[Tensor, "ends 3"]:
-    """Points of an object (scene units) that end its rows along all three axes: its convex hull is theirs."""
+    """Return points of an object (scene units) with the same convex hull: both ends of its rows along each axis."""
     points = _opaque_points(model, codes, _PARTS)
     place = ((points - points.amin(0)) * (CELLS * _PARTS / 2) / torch.tensor(model.extent) + 0.5).long()
     taken = torch.zeros((place.amax(0) + 1).tolist(), dtype=torch.bool)
@@ -75,9 +73,7 @@ def _outline(model: Model, codes: Codes) -> Float[Tensor, "ends 3"]:
 
 
 def _opaque_points(model: Model, codes: Codes, parts: int) -> Float[Tensor, "points 3"]:
-    """Where an object is (scene units), so many points along each side of a cell; the corners of the model's box where
-    it is nowhere opaque.
-    """
+    """Return opaque points (scene units), ``parts`` along each side of a cell; the box's corners if there are none."""
     folded, occupancy = FoldedField(model, codes), shape_occupancy(model, tuple(codes.shape.tolist()))
     steps = (torch.arange(parts, device=model.device) + 0.5) / parts
     within = torch.cartesian_prod(steps, steps, steps)

@@ -1,6 +1,6 @@
-"""A coloured mesh as binary glTF 2.0, a node for each part, and a camera beside them.
+"""A coloured mesh as binary glTF 2.0, with a node for each part and optionally a camera.
 
-Its light is in its colours, so its material is unlit.
+The material is unlit because the colours contain the light.
 """
 
 import json
@@ -16,8 +16,7 @@ from core.geometry.camera import WORLD_FROM_GLTF, Camera
 
 _FLOAT, _UINT, _USHORT = 5126, 5125, 5123
 _VERTICES, _INDICES = 34962, 34963
-Parts = tuple[tuple[str, int], ...]
-"""names of parts, and how many triangles each has, in the order in which a mesh has them"""
+Parts = tuple[tuple[str, int], ...]  # name and number of triangles of each part, in the order of the mesh's triangles
 
 
 def glb(
@@ -27,12 +26,12 @@ def glb(
     faces: Int[np.ndarray, "faces 3"],
     parts: Parts,
 ) -> bytes:
-    """The bytes of a .glb file.
+    """Return the bytes of a .glb file.
 
     Args:
         vertices, normals: glTF axes.
-        colours: sRGB, 0..1; glTF wants them linear, in 16 bits so that dark ones keep their steps.
-        parts: of the triangles, in their order; each has vertices of its own.
+        colours: sRGB, 0..1; written linear as glTF requires, in 16 bits so that dark colours keep their steps.
+        parts: of the triangles, in their order; vertices are not shared between parts.
     """
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     paint = (np.hstack((linear, np.ones((len(linear), 1)))) * 65535 + 0.5).astype("<u2")
@@ -41,13 +40,13 @@ def glb(
         used, corners = np.unique(some, return_inverse=True)
         arrays = (vertices[used].astype("<f4"), normals[used].astype("<f4"), paint[used], corners.astype("<u4"))
         _add_mesh(about, name, arrays, len(body))
-        body += b"".join(array.tobytes() for array in arrays)  # each is a multiple of 4 bytes long
+        body += b"".join(array.tobytes() for array in arrays)  # every length is a multiple of 4 bytes
     about["buffers"] = [{"byteLength": len(body)}]
     return _file(about, struct.pack("<II", len(body), 0x004E4942) + body)
 
 
 def split(faces: Int[np.ndarray, "faces 3"], parts: Parts) -> Iterator[tuple[str, Int[np.ndarray, "some 3"]]]:
-    """Each part's name and triangles."""
+    """Yield each part's name and triangles."""
     start = 0
     for name, count in parts:
         yield name, faces[start : start + count]
@@ -55,17 +54,17 @@ def split(faces: Int[np.ndarray, "faces 3"], parts: Parts) -> Iterator[tuple[str
 
 
 def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> bytes:
-    """A .glb file with a camera as a node of its scene.
+    """Add a camera node to the scene of a .glb file.
 
     Args:
-        origin: in the world, scene units: what the file's origin is.
-        scale: what a scene unit is in the file.
+        origin: the file's origin in the world, scene units.
+        scale: file units per scene unit.
     """
     (length,) = struct.unpack("<I", file[12:16])
     about = json.loads(file[20 : 20 + length])
     rotation, place = (part.numpy() for part in camera.world_to_camera(torch.device("cpu")))
     matrix = np.eye(4)
-    # A row of either is an axis of the camera: right, up, backward, as glTF has them too.
+    # Rows of the rotation are the camera's axes right, up, backward: glTF's convention, too.
     matrix[:3, :3], matrix[:3, 3] = (rotation @ WORLD_FROM_GLTF).T, scale * (place - origin) @ WORLD_FROM_GLTF
     lens = {"yfov": 2 * math.atan(camera.height / (2 * camera.focal)), "aspectRatio": camera.width / camera.height}
     lens |= {"znear": 0.01 * scale * camera.distance, "zfar": 100 * scale * camera.distance}
@@ -76,7 +75,7 @@ def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], sc
 
 
 def _file(about: dict, rest: bytes) -> bytes:
-    """The JSON part and what follows it as a file."""
+    """Assemble a file from its JSON and the chunks that follow."""
     text = json.dumps(about).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + rest
@@ -84,7 +83,7 @@ def _file(about: dict, rest: bytes) -> bytes:
 
 
 def _about() -> dict:
-    """The JSON part without any mesh."""
+    """Return the JSON part without any mesh."""
     return {
         "asset": {"version": "2.0", "generator": "CodeNeRF Viewer"},
         "extensionsUsed": ["KHR_materials_unlit"],
@@ -99,7 +98,7 @@ def _about() -> dict:
 
 
 def _add_mesh(about: dict, name: str, arrays: tuple[np.ndarray, ...], start: int) -> None:
-    """Describe a node and its mesh: places, normals, colours and corners, which begin at a byte of the buffer."""
+    """Describe a node and its mesh (positions, normals, colours, indices) whose data begin at byte ``start``."""
     vertices, corners = arrays[0], arrays[3]
     first, count = len(about["accessors"]), len(vertices)
     bounds = {"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()}

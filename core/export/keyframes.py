@@ -1,4 +1,4 @@
-"""Keyframes in time, and the views between them: the camera goes along the sphere, codes from one to the next.
+"""Keyframes in time and the views between them: the camera moves on the sphere, codes are interpolated.
 
 Between objects of two models the video cuts.
 """
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
     _Path: TypeAlias = BSpline | CubicHermiteSpline
 
-MIN_GAP = 0.04  # s between two keys at the least: one frame
+MIN_GAP = 0.04  # s between two keys: one frame
 MIN_LENGTH, MAX_LENGTH = 0.2, 600.0  # s
-_MAX_ELEVATION = math.radians(89.0)  # Short of the pole, which a smooth path may overshoot.
+_MAX_ELEVATION = math.radians(89.0)  # short of the pole, since a smooth path may overshoot
 
 
 class View(NamedTuple):
-    """An object from a camera."""
+    """An object and a camera."""
 
     codes: Codes
     camera: Camera
 
 
 class Keyframe(NamedTuple):
-    """A view at its time."""
+    """A view at a time."""
 
     seconds: float
     view: View
@@ -43,20 +43,19 @@ class Keyframe(NamedTuple):
 
 @dataclass(frozen=True)
 class Timeline:
-    """A video described by keyframes. Raises ``ValueError`` where keys are out of order, out of time or too close."""
+    """A video described by keyframes. Raises ``ValueError`` if keys are unordered, out of range or too close."""
 
     keys: tuple[Keyframe, ...] = ()
     length: float = 4.0  # s
-    loop: bool = True
-    """after the last keyframe it continues to the first, which it meets at the end; else it rests on the last"""
-    turns: int = 0  # of the camera around the object in the whole video, besides what the keys do
-    smooth: bool = True  # Catmull-Rom through the keys, for cameras and codes; else straight from key to key
+    loop: bool = True  # True: continue from the last keyframe to the first; False: rest on the last
+    turns: int = 0  # full turns of the camera around the object over the video, added to the keyframes' motion
+    smooth: bool = True  # Catmull-Rom interpolation of cameras and codes; else linear
 
     def __post_init__(self) -> None:
         if not MIN_LENGTH <= self.length <= MAX_LENGTH:
             raise ValueError(f"a video takes {MIN_LENGTH:g} to {MAX_LENGTH:g} s, got {self.length:g}")
         times = [key.seconds for key in self.keys]
-        # In a loop the end is the beginning: a key there would be a second one at the same time.
+        # A loop ends where it begins: a key at its end would coincide with one at its beginning.
         last = self.length - (MIN_GAP if self.loop else 0.0)
         if times and (times[0] < 0 or times[-1] > last + 1e-6 or min(np.diff(times), default=MIN_GAP) < MIN_GAP - 1e-6):
             raise ValueError(f"keys must be {MIN_GAP:g} s apart within the video, got {times}")
@@ -64,22 +63,22 @@ class Timeline:
     # Edits: each is a new timeline
 
     def added(self, seconds: float, view: View) -> "Timeline":
-        """With a key more; keys too close to it go."""
+        """Add a key and remove others within :data:`MIN_GAP`."""
         seconds = max(0.0, min(seconds, self.length - (MIN_GAP if self.loop else 0.0)))
         left = [key for key in self.keys if abs(key.seconds - seconds) >= MIN_GAP]
         return replace(self, keys=tuple(sorted((*left, Keyframe(seconds, view)), key=lambda key: key.seconds)))
 
     def replaced(self, index: int, view: View) -> "Timeline":
-        """With another view at the time of a key."""
+        """Replace the view of a key."""
         key = Keyframe(self.keys[index].seconds, view)
         return replace(self, keys=(*self.keys[:index], key, *self.keys[index + 1 :]))
 
     def removed(self, index: int) -> "Timeline":
-        """Without a key."""
+        """Remove a key."""
         return replace(self, keys=(*self.keys[:index], *self.keys[index + 1 :]))
 
     def moved(self, index: int, seconds: float) -> "Timeline":
-        """With a key at another time, no further than to its neighbours."""
+        """Move a key to another time, at most up to its neighbours."""
         low = self.keys[index - 1].seconds + MIN_GAP if index else 0.0
         high = self.length - (MIN_GAP if self.loop else 0.0)
         if index + 1 < len(self.keys):
@@ -88,7 +87,7 @@ class Timeline:
         return replace(self, keys=(*self.keys[:index], key, *self.keys[index + 1 :]))
 
     def stretched(self, length: float) -> "Timeline":
-        """In another time (s, kept to what a video can take), the keys at the same shares of it."""
+        """Change the length (s, limited to valid ones); keys keep their relative times."""
         needed = MIN_GAP * (len(self.keys) + 1)
         closest = min(np.diff([*(key.seconds for key in self.keys), self.length]), default=self.length)
         shortest = max(MIN_LENGTH, needed, self.length * MIN_GAP / closest if closest > 0 else 0.0)
@@ -97,7 +96,7 @@ class Timeline:
         return replace(self, keys=keys, length=length)
 
     def looped(self, loop: bool) -> "Timeline":
-        """As a loop, or not; a key at the end stays short of it in a loop."""
+        """Switch looping on or off; a key at the very end moves ahead of the end in a loop."""
         if not (loop and self.keys and self.keys[-1].seconds > self.length - MIN_GAP):
             return replace(self, loop=loop)
         open_end = self.moved(len(self.keys) - 1, self.length - MIN_GAP)
@@ -106,7 +105,7 @@ class Timeline:
     # What is shown
 
     def nearest(self, seconds: float) -> int | None:
-        """The key at this time, if there is one within a frame."""
+        """Return the index of the key within a frame of this time, or None."""
         times = [key.seconds for key in self.keys]
         around = bisect_left(times, seconds)
         close = [index for index in (around - 1, around) if 0 <= index < len(times)]
@@ -114,7 +113,7 @@ class Timeline:
         return best if best is not None and abs(times[best] - seconds) < MIN_GAP else None
 
     def at(self, seconds: float) -> View:
-        """The view at a time. Raises ``ValueError`` without keys.
+        """Interpolate the view at a time. Raises ``ValueError`` without keys.
 
         Example:
             >>> codes = Codes(torch.zeros(2), torch.ones(3))
@@ -140,21 +139,21 @@ class Timeline:
         return View(run.at(seconds), camera)
 
     def frame_count(self, rate: float) -> int:
-        """The number of frames at so many a second."""
+        """Return the number of frames at ``rate`` frames per second."""
         return max(1, round(self.length * rate))
 
     def views(self, rate: float) -> list[View]:
-        """The views of all frames at so many a second; a loop ends one frame before its beginning."""
+        """Return the views of all frames at ``rate`` per second; a loop omits the frame equal to its first."""
         count = self.frame_count(rate)
         step = self.length / count if self.loop else self.length / max(1, count - 1)
         return [self.at(index * step) for index in range(count)]
 
     def loop_error(self, rate: float = 24.0) -> float:
-        """The step from the last frame back to the first, relative to the longest step between any others.
+        """Return the step from the last frame to the first, relative to the longest step between other frames.
 
-        Cameras are compared by position and codes by value; at most about 1 where a loop has no jump.
+        Compares camera positions and code values; at most about 1 for a loop without a jump.
         """
-        several = len({key.view.codes.model for key in self.keys}) > 1  # a cut is no jump, and codes cannot be compared
+        several = len({key.view.codes.model for key in self.keys}) > 1  # cuts are no jumps; codes are incomparable
         rows = np.stack([_comparable_row(view, with_codes=not several) for view in self.views(rate)])
         longest = np.linalg.norm(np.diff(rows, axis=0), axis=1).max(initial=0.0)
         return float(np.linalg.norm(rows[0] - rows[-1]) / max(longest, 1e-9))
@@ -167,7 +166,7 @@ class Timeline:
 
     @cached_property
     def _camera(self) -> "_Path | None":
-        """The camera's row by the time; None where one key has it for all times."""
+        """Interpolator of the camera's row over time; None for a single key."""
         if len(self.keys) == 1:
             return None
         rows = np.stack([_camera_row(key.view.camera) for key in (*self.keys, self.keys[0])])
@@ -178,14 +177,14 @@ class Timeline:
 
     @cached_property
     def _runs(self) -> "list[_Run]":
-        """Keys of one model that follow each other, the last ones first: from one run to the next it cuts."""
+        """Consecutive keys of one model, the last run first; the video cuts between runs."""
         keys = zip(self._times, [key.view.codes for _ in self._laps for key in self.keys], strict=True)
         groups = [list(group) for _, group in groupby(keys, lambda key: key[1].model)]
         return [_Run(tuple(group), self.smooth) for group in reversed(groups)]
 
     @property
     def _laps(self) -> tuple[int, ...]:
-        """A loop is what it is between the lap before and the next."""
+        """Copies of the keys in time: a loop needs the previous and the next lap around it."""
         return (-1, 0, 1) if self.loop and len(self.keys) > 1 else (0,)
 
     @property
@@ -195,18 +194,18 @@ class Timeline:
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """Codes of one model in time; before the first and after the last they rest."""
+    """Codes of one model over time, constant before the first knot and after the last."""
 
     knots: tuple[tuple[float, Codes], ...]
     smooth: bool
 
     @property
     def begin(self) -> float:
-        """s"""
+        """Start time, s."""
         return self.knots[0][0]
 
     def at(self, seconds: float) -> Codes:
-        """The codes at a time, with the photo's detail of the nearest knot."""
+        """Interpolate the codes at a time, with the photo detail of the nearest knot."""
         seconds = max(self.begin, min(seconds, self.knots[-1][0]))
         nearest = min(self.knots, key=lambda knot: abs(knot[0] - seconds))[1]
         if self._path is None:
@@ -223,8 +222,8 @@ class _Run:
 
 
 def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots numbers"], smooth: bool) -> "_Path":
-    """Catmull-Rom through rows, or straight from one to the next."""
-    from scipy.interpolate import CubicHermiteSpline, make_interp_spline  # a third of a second: a turn needs none
+    """Interpolate rows by Catmull-Rom splines or linearly."""
+    from scipy.interpolate import CubicHermiteSpline, make_interp_spline  # imports in 0.3 s; a turn does not need it
 
     if not smooth:
         return make_interp_spline(times, rows, k=1)
@@ -234,7 +233,7 @@ def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots 
 
 
 def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[View]:
-    """One turn around the object, from the camera's azimuth and at its elevation and distance."""
+    """Return the views of one full turn around the object, at the camera's elevation and distance."""
     if frames < 1:
         raise ValueError(f"a turntable needs at least 1 frame, got {frames}")
     angles = (camera.azimuth + 2 * math.pi * index / frames for index in range(frames))
@@ -242,7 +241,7 @@ def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[View]:
 
 
 def _camera_row(camera: Camera) -> Float64[np.ndarray, "4"]:
-    """A camera as numbers between which one can go straight: angles, logarithms of distance and focal length."""
+    """Return a camera as numbers to interpolate: angles, logarithms of distance and focal length."""
     logs = math.log(camera.distance), math.log(camera.focal / camera.height)
     return np.array((camera.azimuth, camera.elevation, *logs))
 
@@ -252,7 +251,7 @@ def _codes_row(codes: Codes) -> Float64[np.ndarray, "numbers"]:
 
 
 def _comparable_row(view: View, with_codes: bool) -> Float64[np.ndarray, "numbers"]:
-    """A view as numbers that are close where its renders are: the azimuth as a point on the circle."""
+    """Return a view as numbers that are close for similar renders: the azimuth as a point on the circle."""
     row = _camera_row(view.camera)
     place = np.array([math.cos(row[0]), math.sin(row[0]), *row[1:]])
     return np.concatenate([place, _codes_row(view.codes)]) if with_codes else place

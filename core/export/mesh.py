@@ -1,7 +1,7 @@
-"""An object as a coloured triangle mesh: where its density is that of a surface.
+"""An object as a coloured triangle mesh: the isosurface of its density.
 
-The density is evaluated on a grid, slab by slab and only in cells that can hold a part of the object, so memory is
-bounded by a slab. Slabs are cut into triangles by marching cubes and welded at the planes they share.
+The density is evaluated on a grid, slab by slab and only in cells that may be occupied, so memory is bounded by a slab.
+Marching cubes turns slabs into triangles, which are welded at shared planes.
 """
 
 import math
@@ -33,41 +33,41 @@ from core.rendering.occupancy import Occupancy
 from core.runtime.files import atomic_file
 from core.streams import run_to_end, subprogress
 
-MAX_RESOLUTION = 1024  # cells along the longest side: a cell is then a thousandth of the object
+MAX_RESOLUTION = 1024  # cells along the longest side; a cell is then a thousandth of the object
 RESOLUTIONS = (96, 128, 192, 256, 384)
-"""cells along the longest side, tried one after another where none is given; the first only to be compared with"""
-MIN_TRIANGLES = 100  # fewer show no chair
+"""cells along the longest side, tried in turn by default; the first serves for comparison only"""
+MIN_TRIANGLES = 100  # too few below to show a chair
 TOLERANCE = 0.001
-"""scene units: the largest distance of a mesh without a given resolution from the surface, but for a thirtieth of it"""
-_MAX_OFF_SURFACE = 1 / 30  # of a surface's area: so much may lie further away, and so much may be missing
-_PROBES = 4096  # points of the surface that are checked for it
+"""scene units: largest distance of an automatic mesh from the true surface, up to :data:`_MAX_OFF_SURFACE`"""
+_MAX_OFF_SURFACE = 1 / 30  # fraction of the surface's area that may lie further away, or may be missing
+_PROBES = 4096  # points of the surface at which the distance is checked
 _INTERVALS = 64
-"""Along the longest side of the box in training: within one of them an opaque surface takes half of the light, which
-is the density that the surface is cut at. A lower one would show the fringe that no image shows."""
-_LOGIT_CLAMP = 8.0  # The cut's logit is kept within this, so that one wild corner does not pull the surface to another.
-_MIN_PIECE = 0.05
-"""scene units (an object's diagonal is 1): pieces whose bounding box has a shorter diagonal are dropped"""
+"""Along the longest side of the box in training. The isosurface has the density that absorbs half of the light within
+one interval; a lower one would show a fringe that no image shows.
+"""
+_LOGIT_CLAMP = 8.0  # bound of logits, so that one outlier does not displace the surface
+_MIN_PIECE = 0.05  # scene units (an object's diagonal is 1): pieces with a smaller bounding box diagonal are dropped
 _SLAB = 16  # planes of the grid evaluated at a time
-_BLOCK = 16384  # points evaluated at a time: few enough that activations stay in cache
+_BLOCK = 16384  # points evaluated at a time, so that activations stay in cache
 _COLOUR_SAMPLES = 8  # samples of the short ray that colours a vertex
-_MESH_SHARE = 0.3  # of the time that a mesh with a texture takes; the rest is the texture's
-_GRID_SHARE = 0.6  # of the time that the grid takes; the rest is the colours'
+_MESH_SHARE = 0.3  # fraction of the time of a textured mesh; the rest is the texture
+_GRID_SHARE = 0.6  # fraction of the time for the grid; the rest is colours
 
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """How a mesh is written. Raises ``ValueError`` for values out of range."""
+    """Options of a mesh file. Raises ``ValueError`` for values out of range."""
 
     resolution: int | None = None
     """cells along the longest side of the model's box; None: as many as the object's detail needs"""
     metres: float | None = None
-    """the object's longest side, in m: it stands on the ground; None: in scene units, its middle at the origin"""
-    texture: int = 0  # px, about the width of the image that holds the colours (glb alone); 0: the vertices have them
-    triangles: int = 0  # at the most; 0: as many as the grid gives, with a texture TRIANGLES
+    """m, the object's longest side, standing on the ground; None: scene units, centred at the origin"""
+    texture: int = 0  # px, approximate width of the colour image (glb only); 0: colours per vertex
+    triangles: int = 0  # at most; 0: all of the grid, or TRIANGLES with a texture
 
     def __post_init__(self) -> None:
         if self.metres is not None and not 0 < self.metres < 1e6:
-            raise ValueError(f"an object is more than 0 m long, got {self.metres:g}")
+            raise ValueError(f"an object must be more than 0 m long, got {self.metres:g}")
         if self.texture and not 16 <= self.texture <= 8192:
             raise ValueError(f"a texture has 16 to 8192 px, got {self.texture}")
         if self.triangles and self.triangles < MIN_TRIANGLES:
@@ -77,15 +77,15 @@ class MeshSettings:
 def export_mesh(
     model: Model, codes: Codes, path: Path, settings: MeshSettings | None = None, camera: Camera | None = None
 ) -> Generator[float, None, None]:
-    """Write an object's mesh to ``path``, and in a .glb the camera that sees it.
+    """Write an object's mesh to ``path``; a .glb also contains the camera.
 
-    Yields the share that is done, many times and 1.0 at the end; nothing is left at ``path`` unless the mesh is whole:
-    to cancel, close the generator. Raises ``ValueError`` as :func:`extract_mesh` does, and for a name of another
-    format, a texture in a format that has none, or a path that cannot be written.
+    Yields the fraction done, 1.0 at the end. The file appears only when it is complete: to cancel, close the generator.
+    Raises ``ValueError`` like :func:`extract_mesh`, and for an unknown format, a texture in a format without textures,
+    or a path that cannot be written.
     """
     settings, suffix = settings or MeshSettings(), path.suffix.lower()
     if suffix not in FORMATS:
-        raise ValueError(f"{path.name}: a mesh is called {', '.join(FORMATS)}")
+        raise ValueError(f"{path.name}: a mesh file must end in {', '.join(FORMATS)}")
     if settings.texture and suffix not in TEXTURED:
         raise ValueError(f"{path.name}: only {', '.join(TEXTURED)} holds a texture")
     with atomic_file(path) as unfinished:
@@ -108,9 +108,7 @@ def export_mesh(
 
 
 def _placing(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> tuple[Float[np.ndarray, "3"], float]:
-    """Which point becomes the origin, and what a scene unit becomes: the object on the ground (z = 0), its longest
-    side so many m; as it is without.
-    """
+    """Return the new origin and the scale: the object on the ground, ``metres`` long; unchanged for None."""
     if metres is None:
         return np.zeros(3, np.float32), 1.0
     low, high = vertices.min(0), vertices.max(0)
@@ -120,7 +118,7 @@ def _placing(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) ->
 def _textured(
     model: Model, codes: Codes, mesh: Mesh, pixels: int, detail: DetailMaps | None
 ) -> Generator[float, None, TexturedMesh]:
-    """The mesh with the field's colours, and the photo's detail, in an image; world axes, scene units."""
+    """Put the field's colours and the photo detail into an image; world axes, scene units."""
     folded, interval = FoldedField(model, codes), 2 * max(model.extent) / _INTERVALS
 
     def colours(places: np.ndarray, normals: np.ndarray) -> Generator[float, None, np.ndarray]:
@@ -136,7 +134,7 @@ def _with_detail(
     normals: Float[np.ndarray, "points 3"],
     detail: DetailMaps | None,
 ) -> Float[np.ndarray, "points 3"]:
-    """Colours as a photo shows them, where it does."""
+    """Add the photo detail to colours."""
     if detail is None:
         return colours
     with torch.inference_mode():
@@ -148,15 +146,15 @@ def _with_detail(
 def extract_mesh(
     model: Model, codes: Codes, resolution: int | None = None, triangles: int = 0
 ) -> Generator[float, None, Mesh]:
-    """The surface of an object; yields the share that is done.
+    """Extract the surface of an object; yields the fraction done.
 
-    Pieces smaller than a twentieth of the object's diagonal are left out, and so are walls of hollows that nothing
-    sees from outside. Raises ``ValueError`` for a resolution out of range, or where there is no surface.
+    Drops pieces smaller than a twentieth of the object's diagonal, and walls of cavities that are invisible from
+    outside. Raises ``ValueError`` for a resolution out of range, or if there is no surface.
 
     Args:
-        resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose
-            surface is as large as the one before and lies where it belongs to within :data:`TOLERANCE`, else the last.
-        triangles: at the most, by quadric error; 0: all.
+        resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose area
+            has stopped growing and whose surface lies within :data:`TOLERANCE`, else the last.
+        triangles: at most, by quadric error; 0: all.
     """
     if resolution is not None and not 8 <= resolution <= MAX_RESOLUTION:
         raise ValueError(f"a mesh has a resolution of 8 to {MAX_RESOLUTION}, got {resolution}")
@@ -172,14 +170,14 @@ def extract_mesh(
         vertices, faces = found
         of_faces = face_normals(vertices, faces)
         before, area = area, float(np.linalg.norm(of_faces, axis=1).sum())
-        # What is thinner than a cell is missing, and shows in the area once it is there.
+        # Parts thinner than a cell are missing and add to the area once a finer grid finds them.
         if (
             area < (1 + _MAX_OFF_SURFACE) * before
             and _off_surface_fraction(folded, grid, vertices, faces, of_faces) < _MAX_OFF_SURFACE
         ):
             break
     if found is None:
-        raise ValueError("the object has no surface: it is nowhere dense enough")
+        raise ValueError("the object has no surface: its density is too low everywhere")
     if 0 < triangles < len(faces):
         vertices, faces = yield from subprogress(simplify(vertices, faces, triangles), end, end)
         of_faces = face_normals(vertices, faces)
@@ -191,10 +189,10 @@ def extract_mesh(
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Corners over the model's box, and a layer of empty ones around them that closes every surface."""
+    """Corners over the model's box, with a layer of empty corners around it that closes every surface."""
 
     half: Float[np.ndarray, "3"]
-    counts: tuple[int, int, int]  # corners along x, y, z, with the empty ones
+    counts: tuple[int, int, int]  # corners along x, y, z, including the empty ones
     step: Float[np.ndarray, "3"]  # scene units from one corner to the next
     interval: float  # scene units
 
@@ -206,7 +204,7 @@ class _Grid:
         return cls(half, (cells[0] + 3, cells[1] + 3, cells[2] + 3), 2 * half / np.array(cells), interval)
 
     def points(self, first: int, last: int) -> Float[Tensor, "planes y z 3"]:
-        """The corners of planes ``first`` to ``last`` (not included) without the empty ones at the other sides."""
+        """Return corners of planes ``first`` to ``last`` (exclusive) without the empty ones at the other sides."""
         ranges = (np.arange(first, last), *(np.arange(1, count - 1) for count in self.counts[1:]))
         axes = [(r - 1) * s - h for r, s, h in zip(ranges, self.step, self.half, strict=True)]
         return torch.stack(torch.meshgrid(*(torch.from_numpy(axis).float() for axis in axes), indexing="ij"), -1)
@@ -215,7 +213,7 @@ class _Grid:
 def _marching_cubes(
     folded: FoldedField, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, tuple[np.ndarray, np.ndarray] | None]:
-    """Vertices (scene units) and triangles of the object's surface on a grid; None where the grid meets none."""
+    """Return vertices (scene units) and triangles of the surface on a grid; None if it does not meet the grid."""
     pieces = yield from _pieces(folded, occupancy, grid)
     if not pieces:
         return None
@@ -226,7 +224,7 @@ def _marching_cubes(
 def _off_surface_fraction(
     folded: FoldedField, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, of_faces: np.ndarray
 ) -> float:
-    """The share of a surface that lies further than :data:`TOLERANCE` from where the object's begins."""
+    """Return the fraction of the area that lies further than :data:`TOLERANCE` from the true surface."""
     areas = np.linalg.norm(of_faces, axis=1)
     chosen = np.searchsorted(areas.cumsum(), (np.arange(_PROBES) + 0.5) / _PROBES * areas.sum())
     middles = vertices[faces[chosen]].mean(1)
@@ -241,7 +239,7 @@ def _off_surface_fraction(
 def _pieces(
     folded: FoldedField, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray]]]:
-    """Vertices (in steps of the grid) and triangles of every slab that has any; slabs share their last plane."""
+    """Return vertices (in grid steps) and triangles of every non-empty slab; slabs share their last plane."""
     from skimage.measure import marching_cubes  # takes as long to import as half of torch
 
     pieces = []
@@ -258,10 +256,9 @@ def _pieces(
 def _logits(
     folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int, end: int
 ) -> Generator[float, None, Float[np.ndarray, "planes y z"]]:
-    """Positive inside: the logit of the share of light that an interval of this density takes.
+    """Return logits, positive inside: the logit of the opacity of one interval.
 
-    Unlike the density, which leaps by orders of magnitude between two corners, it is nearly straight there, so the
-    surface lies smoothly between them.
+    Densities jump by orders of magnitude between two corners; their logits are nearly linear, so the surface is smooth.
     """
     inner_first, inner_end = max(first, 1), min(end, grid.counts[0] - 1)
     logits = np.full((end - first, *grid.counts[1:]), -_LOGIT_CLAMP, np.float32)
@@ -275,7 +272,7 @@ def _logits(
         yield first / (grid.counts[0] - 1)
     if found:
         values = torch.cat(found)
-        # A corner that lies on the surface would be the corner of empty triangles: none lies nearer than this.
+        # A corner exactly on the surface would produce empty triangles.
         values = torch.where(values.abs() < 0.01, values.sign().add(0.5).sign() * 0.01, values)
         inner = np.full(within.shape, -_LOGIT_CLAMP, np.float32)
         inner[within.cpu().numpy()] = values.cpu().numpy()
@@ -284,7 +281,7 @@ def _logits(
 
 
 def _weld(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Join slabs to one surface: both sides of a shared plane have the same vertices, bit for bit."""
+    """Join slabs to one surface; slabs have bitwise equal vertices on shared planes."""
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in pieces])
     vertices = np.concatenate([vertices for vertices, _ in pieces])
     faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts[:-1], strict=True)])
@@ -296,7 +293,7 @@ def _weld(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.n
 
 
 def _remove_specks(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Without specks, walls of hollows and unused vertices; the largest piece stays whatever its size."""
+    """Remove specks, walls of cavities and unused vertices; the largest piece always stays."""
     edges = np.concatenate((faces[:, :2], faces[:, 1:]))
     graph = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
     count, piece = connected_components(graph, directed=False)
@@ -306,7 +303,7 @@ def _remove_specks(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) ->
     size = np.linalg.norm(high - low, axis=1)
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     volume = np.bincount(piece[faces[:, 0]], (np.cross(a, b) * c).sum(1), count)
-    size[volume <= 0] = -1.0  # a hollow's wall faces inward
+    size[volume <= 0] = -1.0  # the wall of a cavity faces inward
     kept = size >= min(_MIN_PIECE, size.max())
     faces = faces[kept[piece[faces[:, 0]]]]
     used, renamed = np.unique(faces, return_inverse=True)
@@ -316,7 +313,7 @@ def _remove_specks(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) ->
 def _vertex_colours(
     folded: FoldedField, vertices: np.ndarray, normals: np.ndarray, interval: float
 ) -> Generator[float, None, Float[np.ndarray, "vertices 3"]]:
-    """The paper's vertex colours: what a ray sees that meets the surface against its normal, from just outside."""
+    """Compute the paper's vertex colours: seen along the inverted normal, from just outside."""
     edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
     colours = []
     parts = [torch.from_numpy(array).split(_BLOCK // _COLOUR_SAMPLES) for array in (vertices, normals)]
@@ -336,7 +333,7 @@ def _surface_colours(
     outward: Float[Tensor, "rays 3"],
     edges: Float[Tensor, "edges"],
 ) -> Float[Tensor, "rays 3"]:
-    """The mean colour that short rays through these places see of the object."""
+    """Return the mean colour of the object along short rays through these points."""
     middles = (edges[1:] + edges[:-1]) / 2
     points = positions[:, None] - middles[:, None] * outward[:, None]
     density, y = folded.density(points.flatten(0, 1))

@@ -1,4 +1,4 @@
-"""Files of meshes: .glb, .ply, .obj, and .stl and .3mf for printers."""
+"""Mesh files: .glb, .ply, .obj, and .stl and .3mf for printing."""
 
 import zipfile
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from core.export.glb import Parts, glb
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.geometry.pixels import to_bytes
 
-_MILLIMETRES = 1000  # in a metre: what programs for printers take as the unit
+_MILLIMETRES = 1000  # per metre; programs for printing expect millimetres
 _3MF = "http://schemas.microsoft.com/3dmanufacturing"
 _PACKAGE = "http://schemas.openxmlformats.org/package/2006"
 _HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -29,13 +29,13 @@ _3MF_PARTS = {
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A closed surface. Its triangles are counter-clockwise seen from outside."""
+    """A closed surface whose triangles are counter-clockwise seen from outside."""
 
     vertices: Float[np.ndarray, "vertices 3"]  # world, scene units or m
     normals: Float[np.ndarray, "vertices 3"]  # unit length, outward
     colours: Float[np.ndarray, "vertices 3"]  # sRGB, 0..1
     faces: Int[np.ndarray, "faces 3"]
-    parts: Parts  # the triangles' names, in their order
+    parts: Parts  # names of the triangles, in their order
 
     def save(self, path: Path) -> None:
         """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
@@ -43,7 +43,7 @@ class Mesh:
 
 
 def _write_glb(mesh: Mesh, path: Path) -> None:
-    """glTF axes: y up, front +z."""
+    """Write with glTF axes: y up, front +z."""
     vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
     path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces, mesh.parts))
 
@@ -53,7 +53,7 @@ def _write_ply(mesh: Mesh, path: Path) -> None:
 
 
 def _write_obj(mesh: Mesh, path: Path) -> None:
-    """The axes of glTF, which readers expect of this format too; parts are objects that share vertices."""
+    """Write with glTF's axes, which readers of this format expect, too; parts are objects that share vertices."""
     turned = replace(mesh, vertices=mesh.vertices @ WORLD_FROM_GLTF, normals=mesh.normals @ WORLD_FROM_GLTF)
     head, *triangles = _trimesh(turned).export(file_type="obj").split("\nf ")
     rest = iter(triangles)
@@ -62,12 +62,12 @@ def _write_obj(mesh: Mesh, path: Path) -> None:
 
 
 def _write_stl(mesh: Mesh, path: Path) -> None:
-    """z up, in mm, without colours."""
+    """Write with z up, in mm, without colours."""
     _trimesh(replace(mesh, vertices=_MILLIMETRES * mesh.vertices)).export(path)
 
 
 def _write_3mf(mesh: Mesh, path: Path) -> None:
-    """z up, in mm, a colour at each vertex (the extension *Materials and Properties*)."""
+    """Write with z up, in mm, a colour at each vertex (the extension *Materials and Properties*)."""
     found, of_vertices = np.unique(to_bytes(mesh.colours), axis=0, return_inverse=True)
     colours = "".join(f'<m:color color="#{red:02X}{green:02X}{blue:02X}FF"/>' for red, green, blue in found.tolist())
     places = (_MILLIMETRES * mesh.vertices).tolist()
@@ -86,8 +86,8 @@ def _write_3mf(mesh: Mesh, path: Path) -> None:
 
 
 def _trimesh(mesh: Mesh) -> Any:
-    """The mesh in the world's axes as trimesh has it."""
-    import trimesh  # the window lists the formats long before it needs the library
+    """Convert the mesh, in the world's axes, to trimesh."""
+    import trimesh  # imported late: the window only lists the formats
 
     colours = to_bytes(mesh.colours)
     whole = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
@@ -101,5 +101,5 @@ FORMATS: dict[str, Callable[[Mesh, Path], None]] = {
     ".obj": _write_obj,
     ".stl": _write_stl,
     ".3mf": _write_3mf,
-}  # The writer of each format, by the name's ending.
-TEXTURED = (".glb",)  # Formats that can hold a texture.
+}  # writer of each format, by the name's ending
+TEXTURED = (".glb",)  # formats that can hold a texture

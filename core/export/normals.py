@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 def face_normals(
     vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> Float[np.ndarray, "faces 3"]:
-    """The outward normal of every triangle, as long as twice its area."""
+    """Return the outward normal of every triangle, with twice its area as length."""
     a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
     return np.cross(b - a, c - a)
 
@@ -15,7 +15,7 @@ def face_normals(
 def vertex_normals(
     count: int, faces: Int[np.ndarray, "faces 3"], of_faces: Float[np.ndarray, "faces 3"]
 ) -> Float[np.ndarray, "vertices 3"]:
-    """Unit normals of ``count`` vertices, averaged over the triangles by their areas; up where there are none."""
+    """Return unit normals of ``count`` vertices, the area-weighted mean of their triangles; up for unused vertices."""
     sums = [sum(np.bincount(faces[:, i], of_faces[:, axis], count) for i in range(3)) for axis in range(3)]
     normals = np.stack(sums, -1)
     length = np.linalg.norm(normals, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""How long a video will take, from what its parts take here and now: measured on the object, never assumed."""
+"""Estimated duration of a video, from timings of its steps measured on the object."""
 
 import os
 import tempfile
@@ -27,33 +27,31 @@ from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
 T = TypeVar("T")
-_EXACT_SIZE, _DRAWN, _SMALL = 96, 384, 64  # px: of the frame that is rendered exactly, and of those that are drawn
+_EXACT_SIZE, _DRAWN, _SMALL = 96, 384, 64  # px: the exact frame, and the rasterised frames
 
 
 @dataclass(frozen=True)
 class Pace:
-    """What parts of a video take, s."""
+    """Durations of the steps of a video, s."""
 
     exact: float  # a ray of an exact frame
-    start: float = 0.0
-    """until the first frame is drawn: the frame that is compared, and the object as two cameras see it"""
-    view: float = 0.0  # the same object for another camera
-    frame: float = 0.0  # a mixture of two views, however small it is drawn
-    ray: float = 0.0  # one that is drawn
-    baked: bool = False
-    """frames are drawn from a baked copy, unless they are few; else they are rendered, wanted or not"""
-    coding: Mapping[str, Coding] = field(default_factory=dict)  # a pixel written, by the ending of the file's name
+    start: float = 0.0  # until the first frame: the comparison and the object baked for two cameras
+    view: float = 0.0  # the same object baked for another camera
+    frame: float = 0.0  # mixing two bakes, at any size
+    ray: float = 0.0  # a rasterised ray
+    baked: bool = False  # False if baking is impossible, so that all frames are rendered
+    coding: Mapping[str, Coding] = field(default_factory=dict)  # of a written pixel, by the ending of the file's name
 
     def seconds(self, views: Sequence[View], suffix: str, size: int, exact: bool = False) -> float:
-        """What a video of these views will take, or a picture of one; exact frames are counted ray by ray.
+        """Return the expected duration of a video of these views, or of an image of one view, in s.
 
         Args:
-            suffix: the ending of its name; what is no video is written in no time.
+            suffix: ending of the file's name; images are written in no time.
         """
         coding = self.coding.get(suffix, Coding(0.0, 0.0))
         pixels = len(views) * size**2
         parts = self._rendering(views, size, exact), pixels * coding.frame
-        # Another thread encodes, which helps where there is another core.
+        # Encoding runs in another thread, at the same time if there is another core.
         return (max(parts) if (os.cpu_count() or 1) > 1 else sum(parts)) + pixels * coding.end
 
     def _rendering(self, views: Sequence[View], size: int, exact: bool) -> float:
@@ -68,11 +66,11 @@ class Pace:
 
 
 def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
-    """Do a little of each part of a video of this object, a second or two in all; None many times before."""
+    """Time each step of a video of this object, a second or two in total; yields None many times before."""
     camera = view.camera.resized(_EXACT_SIZE, _EXACT_SIZE)
     job = RenderJob(view.codes, camera, RenderSettings(divisors=(1,)))
     views = turntable(view.codes, view.camera, 72)[:9]
-    baked, start = yield from _timed(bake_views(model, views))  # before exact rays: it prepares what they need once
+    baked, start = yield from _timed(bake_views(model, views))  # first, because exact rays need its preparations
     frames, exact = yield from _timed(_collected(model, job))
     ray, coding = exact / _EXACT_SIZE**2, _coding(frames[-1])
     if baked is None:
@@ -81,7 +79,7 @@ def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
     first = yield from baked.at(0)
     second, another = yield from _timed(baked.at(len(views) - 1))
     with OffscreenPictures(_DRAWN) as large, OffscreenPictures(_SMALL) as small:
-        for pictures in (large, small):  # the first one uploads, and compiles
+        for pictures in (large, small):  # the first one uploads and compiles
             pictures.draw(first, view.camera)
         began = time.perf_counter()
         small.draw(mixed(first, second, 0.5), view.camera)
@@ -101,7 +99,7 @@ def _collected(model: Model, job: RenderJob) -> Generator[None, None, list[Frame
 
 
 def _timed(stream: Generator[None, None, T]) -> Generator[None, None, tuple[T, float]]:
-    """Its result, and the time it took itself: what happens between its steps is not its own."""
+    """Return a stream's result and its own duration, without the time between its steps."""
     spent = 0.0
     while True:
         began = time.perf_counter()

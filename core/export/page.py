@@ -1,7 +1,7 @@
-"""A page to send: one .html in which the object turns under the finger, in any browser and without a network.
+"""A web page to share: one .html with a turnable object, for any browser and without a network.
 
-The page holds the baked field, the photos' maps and the shaders that draw both here, in the WebGL 2 dialect; a picture
-stands in for them until they are loaded, and where there is no WebGL.
+The page holds the baked field, the photos' maps and this program's shaders in the WebGL 2 dialect; an image stands in
+until they are loaded, and where there is no WebGL.
 """
 
 import base64
@@ -33,11 +33,11 @@ from core.rendering.detail_maps import DetailMaps, PhotoMaps
 from core.rendering.ground_shadow import GroundShadow
 from core.runtime.files import atomic_file
 
-MAX_BYTES = 2_000_000  # of a page: small enough for every mail and messenger
+MAX_BYTES = 2_000_000  # of a page: accepted by every mail service and messenger
 SUFFIX = ".html"
 _POSTER = 512  # px
-_QUALITIES = (92, 85, 75, 60, 40)  # of the photos' WebP, from the best to what any page needs at most
-_VECTOR, _DISTANCE = 127.0, 8192.0  # whole numbers per unit: of normals and residuals, of distances in scene units
+_QUALITIES = (92, 85, 75, 60, 40)  # of the photos' WebP, tried from the best
+_VECTOR, _DISTANCE = 127.0, 8192.0  # quantisation steps per unit: of normals and residuals, of distances in scene units
 _DIALECT = """#version 300 es
 precision highp float;
 precision highp int;
@@ -48,16 +48,16 @@ precision highp usampler3D;
 
 
 def write_page(model: Model, codes: Codes, camera: Camera, path: Path, name: str) -> Iterator[None]:
-    """Write the page of an object; yields None many times, and nothing is left at ``path`` unless it is whole.
+    """Write the page of an object atomically; yields None many times.
 
     Raises ``ValueError`` for another ending than .html, or a path that cannot be written.
 
     Args:
-        camera: where the page begins; its image is a square.
+        camera: the initial view; its image is a square.
         name: of the object, shown below it and in the browser's title.
     """
     if path.suffix.lower() != SUFFIX:
-        raise ValueError(f"{path.name}: a page is called *{SUFFIX}")
+        raise ValueError(f"{path.name}: a page must end in {SUFFIX}")
     with atomic_file(path) as unfinished:
         baked: BakedField | None = None
         for finer in bake(model, codes):
@@ -70,7 +70,7 @@ def write_page(model: Model, codes: Codes, camera: Camera, path: Path, name: str
 
 
 def page(baked: BakedField, camera: Camera, poster: UInt8[np.ndarray, "height width 4"], name: str) -> str:
-    """Return the text of a page: the best photos that it has room for."""
+    """Return the text of a page with the best image quality that fits."""
     template = Template(resources.files("core.export").joinpath("page.html").read_text(encoding="utf-8"))
     for quality in _QUALITIES:
         scene = json.dumps(_scene(baked, camera, quality), separators=(",", ":")).replace("<", "\\u003c")
@@ -81,13 +81,13 @@ def page(baked: BakedField, camera: Camera, poster: UInt8[np.ndarray, "height wi
 
 
 def _poster(model: Model, codes: Codes, camera: Camera, baked: BakedField) -> UInt8[np.ndarray, "height width 4"]:
-    """The page's first picture, on nothing; by the network where the machine has no OpenGL."""
+    """Render the page's first image, transparent; by the network if the machine has no OpenGL."""
     drawn = draw_still(baked, camera, camera.width, shadow=True)
     return over(render_frame(model, codes, camera), None) if drawn is None else drawn
 
 
 def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
-    """Everything that the page's script needs, as JSON."""
+    """Return everything the page's script needs, as JSON."""
     view = {name: getattr(camera, name) for name in ("azimuth", "elevation", "distance")}
     shaders = {
         "object": (baked_shader.VERTEX, baked_shader.fragment_source(baked.detail is not None)),
@@ -97,7 +97,7 @@ def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
         "camera": {**view, "focal": camera.focal / camera.height},
         "field": {
             "uniforms": baked_shader.field_uniforms(baked),
-            "texels": _packed(np.moveaxis(baked.texels, -1, 0)),  # by channel, which packs better
+            "texels": _packed(np.moveaxis(baked.texels, -1, 0)),  # by channel, which compresses better
             "distance": _packed(baked.distance),
         },
         "detail": baked.detail and _detail(baked.detail, camera, quality),
@@ -110,7 +110,7 @@ def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
 
 def _detail(maps: DetailMaps, camera: Camera, quality: int) -> dict[str, Any]:
     uniforms = detail_shader.uniforms(maps, camera)
-    del uniforms["level"]  # of the page's camera
+    del uniforms["level"]  # depends on the page's camera
     return {
         "uniforms": {**uniforms, "strength": maps.strength},
         "photos": [_photo(photo, maps.other_side == "soft", quality) for photo in maps.photos],
@@ -120,7 +120,7 @@ def _detail(maps: DetailMaps, camera: Camera, quality: int) -> dict[str, Any]:
 def _photo(photo: PhotoMaps, soft: bool, quality: int) -> dict[str, Any]:
     fine = photo.fine[0].cpu()
     _, height, width = fine.shape
-    # What no view takes is of one colour, which packs to nothing.
+    # A constant colour where no view uses the photo compresses to nothing.
     colours = torch.where(fine[3] > 0, fine[:3], 0.5)
     mirrored = photo.mirrored if soft else photo.mirrored[:, :1, :1]
     return {
@@ -141,7 +141,7 @@ def _shadow(shadow: GroundShadow) -> dict[str, Any]:
 
 
 def _planes(map: Float[Tensor, "channels height width"], scales: tuple[float, ...]) -> dict[str, Any]:
-    """Channels as whole numbers, each less its neighbour on the left: smooth maps pack to a tenth."""
+    """Encode channels as differences to the left neighbour: smooth maps compress to a tenth."""
     steps = (map.cpu() * torch.tensor(scales)[:, None, None]).round().to(torch.int16).numpy()
     data = np.diff(steps, axis=-1, prepend=np.int16(0)).astype("<i2")
     return {"width": map.shape[2], "height": map.shape[1], "scales": scales, "data": _packed(data)}
@@ -152,7 +152,7 @@ def _packed(array: np.ndarray) -> str:
 
 
 def _image(pixels: UInt8[np.ndarray, "height width channels"], quality: int) -> str:
-    """A WebP image as a data URL."""
+    """Encode an image as a data URL in WebP."""
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "WEBP", quality=quality, method=4)
     return f"data:image/webp;base64,{base64.b64encode(file.getvalue()).decode()}"

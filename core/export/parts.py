@@ -1,8 +1,8 @@
-"""The parts of a mesh: which triangles are wheels, glass and body, or seat, back, legs and arms.
+"""Label the triangles of a mesh by part: wheels, glass and body, or seat, back, legs and arms.
 
-The features that the field's density comes from know parts (:class:`core.models.part_head.PartHead`). What they say of
-each triangle is averaged over its neighbours, rules say where no wheel, glass or seat can be, and patches too small
-for a part go to the part around them.
+A linear classifier of the density's features (:class:`core.models.part_head.PartHead`) predicts the part of each
+triangle. Predictions are averaged over neighbours, rules exclude impossible places, and small patches join the part
+around them.
 """
 
 import numpy as np
@@ -18,24 +18,25 @@ from core.models.part_head import PartHead
 from core.rendering.folded_field import FoldedField
 
 Pairs = Int[np.ndarray, "2 pairs"]  # triangles that share an edge
-_DEPTH = 0.004  # scene units below the surface, where the field is surest of what it is
+_DEPTH = 0.004  # scene units below the surface, where the classifier is most reliable
 _TRIANGLES_PER_PASS, _MOST_PASSES = 2500, 60
-"""of a mesh: averaging over neighbours so often reaches equally far in coarse and in fine ones; of very fine ones"""
-_TEETH = 4  # times that borders are straightened: two triangles might take each other's part for ever
-_PATCH = 0.01  # of the surface: smaller patches are no part
+"""passes over a mesh, so that averaging reaches equally far in coarse and fine ones; limit for very fine ones"""
+_TEETH = 4  # passes that straighten borders; limited because two triangles may swap parts for ever
+_PATCH = 0.01  # of the surface; smaller patches are not a part
 _BLOCK = 16384  # points evaluated at a time
 _WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
-"""of a car's height: wheels lie below the first and begin below the second; glass lies above the third, and every
-pane reaches the fourth, which a dark bumper does not"""
-_BUMPER, _BETWEEN_WHEELS = 0.03, 0.4  # of a car's length, at either end; of its width, in the middle: no wheel is there
+"""fractions of a car's height: wheels lie below the first and begin below the second; glass lies above the third and
+reaches the fourth, which a dark bumper does not
+"""
+_BUMPER, _BETWEEN_WHEELS = 0.03, 0.4  # without wheels: of a car's length at either end; of its width, amid
 _REACH = {"seat": (-np.inf, 0.05), "legs": (-np.inf, 0.03), "back": (-0.1, np.inf), "arms": (-0.3, np.inf)}
-"""scene units, from where to where, above the seat's top"""
+"""scene units above the seat's top, from and to"""
 
 
 def by_part(
     model: Model, folded: FoldedField, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> tuple[Int[np.ndarray, "faces 3"], Parts]:
-    """The triangles sorted by part, and the parts that there are; one where the model has no part head.
+    """Sort triangles by part and count each part's; a single part if the model has no part head.
 
     Args:
         vertices: world, scene units.
@@ -50,7 +51,7 @@ def by_part(
 def _part_of_faces(
     head: PartHead, folded: FoldedField, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> Int[np.ndarray, "faces"]:
-    """For each triangle, its part as an index into the head's names."""
+    """Return each triangle's part as an index into the head's names."""
     normals = face_normals(vertices, faces)
     area = np.linalg.norm(normals, axis=1)
     middles = vertices[faces].mean(1)
@@ -62,7 +63,7 @@ def _part_of_faces(
     if "seat" in head.names:
         facing_up = probability[:, head.names.index("seat")] * np.maximum(normals[:, 2], 0.0)
         above = middles[:, 2] - _weighted_median(middles[:, 2], facing_up)
-    probability = np.maximum(probability, 1e-6)  # what is ruled out comes behind what is unlikely
+    probability = np.maximum(probability, 1e-6)  # excluded parts rank below unlikely ones
     for index, name in enumerate(head.names):
         probability[_never(name, places, above), index] = 0.0
     pairs = _neighbours(faces)
@@ -88,7 +89,7 @@ def _weighted_median(values: Float[np.ndarray, "faces"], weights: Float[np.ndarr
 def _never(
     name: str, places: Float[np.ndarray, "faces 3"], above: Float[np.ndarray, "faces"]
 ) -> Bool[np.ndarray, "faces"]:
-    """Where a part cannot be: by places in the object's bounding box (0..1), and by how far above the seat's top."""
+    """Mark triangles that cannot be this part, by position in the bounding box (0..1) and height above the seat."""
     (x, y), z = np.abs(places[:, :2] - 0.5).T, places[:, 2]
     if name == "wheels":
         return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * _BETWEEN_WHEELS)
@@ -109,7 +110,7 @@ def _neighbours(faces: Int[np.ndarray, "faces 3"]) -> Pairs:
 def _averaged(
     probability: Float[np.ndarray, "faces parts"], pairs: Pairs, area: Float[np.ndarray, "faces"]
 ) -> Float[np.ndarray, "faces parts"]:
-    """Means over each triangle and its neighbours, weighted by area, again and again."""
+    """Average repeatedly over each triangle and its neighbours, weighted by area."""
     count = len(area)
     own = np.arange(count)
     to, of = np.concatenate((pairs, pairs[::-1], (own, own)), axis=1)
@@ -121,7 +122,7 @@ def _averaged(
 
 
 def _without_teeth(part: Int[np.ndarray, "faces"], pairs: Pairs) -> Int[np.ndarray, "faces"]:
-    """A triangle goes to the part of two of its three neighbours, so that borders are straight."""
+    """Straighten borders: a triangle joins the part of at least two of its three neighbours."""
     a, b = np.concatenate((pairs, pairs[::-1]), axis=1)
     for _ in range(_TEETH):
         votes = np.zeros((len(part), int(part.max()) + 1))
@@ -131,7 +132,7 @@ def _without_teeth(part: Int[np.ndarray, "faces"], pairs: Pairs) -> Int[np.ndarr
 
 
 def _patches(part: Int[np.ndarray, "faces"], pairs: Pairs) -> tuple[int, Int[np.ndarray, "faces"]]:
-    """How many patches of one part there are, and in which each triangle lies."""
+    """Return the number of connected patches of one part, and each triangle's patch."""
     within = pairs[:, part[pairs[0]] == part[pairs[1]]]
     graph = coo_array((np.ones(within.shape[1], bool), within), shape=(len(part), len(part)))
     return connected_components(graph, directed=False)
@@ -140,7 +141,7 @@ def _patches(part: Int[np.ndarray, "faces"], pairs: Pairs) -> tuple[int, Int[np.
 def _without_patches(
     part: Int[np.ndarray, "faces"], pairs: Pairs, area: Float[np.ndarray, "faces"]
 ) -> Int[np.ndarray, "faces"]:
-    """Small patches go to the part that most of their larger neighbours belong to, until none has one."""
+    """Merge small patches into the part of most of their larger neighbours, until none is left."""
     a, b = np.concatenate((pairs, pairs[::-1]), axis=1)
     while True:
         count, patch = _patches(part, pairs)
@@ -157,7 +158,7 @@ def _without_patches(
 def _without_strays(
     part: Int[np.ndarray, "faces"], pairs: Pairs, height: Float[np.ndarray, "faces"], names: tuple[str, ...]
 ) -> Int[np.ndarray, "faces"]:
-    """Wheels that begin too high, and glass that ends too low, become the first part."""
+    """Relabel wheels that begin too high and glass that ends too low as the first part."""
     count, patch = _patches(part, pairs)
     low, high = np.ones(count), np.zeros(count)
     np.minimum.at(low, patch, height)

@@ -1,21 +1,21 @@
-"""Fewer triangles for a closed surface, which stays closed."""
+"""Simplification of a closed mesh, which stays closed."""
 
 from collections.abc import Generator
 
 import numpy as np
 from jaxtyping import Float, Int
 
-_STEP = 0.75  # of the triangles stay in one call, which takes half a second of the interpreter at most
+_STEP = 0.75  # fraction of triangles kept in one call, which blocks the interpreter for half a second at most
 
 
 def simplify(
     vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"], triangles: int
 ) -> Generator[float, None, tuple[Float[np.ndarray, "fewer 3"], Int[np.ndarray, "few 3"]]]:
-    """Collapse edges by quadric error until ``triangles`` are left; yields the share that is done.
+    """Collapse edges by quadric error until ``triangles`` are left; yields the fraction done.
 
-    Every edge keeps two triangles and every body stays one body, so a few more triangles than wanted may be left.
+    Every edge keeps two triangles and every body stays one body, so a few more triangles may be left.
     """
-    import igl  # takes long to import, and few meshes need it
+    import igl  # imports slowly, and few meshes need it
 
     before = len(faces)
     while len(faces) > triangles:

@@ -1,4 +1,4 @@
-"""A mesh with its colours in an image: unwrapped by xatlas, each texel coloured by the field itself."""
+"""A mesh with its colours in an image: unwrapped by xatlas, every texel coloured by the field."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from core.export.normals import face_normals, vertex_normals
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
 
-TRIANGLES = 8000  # that a surface needs at the most: details are in the image
+TRIANGLES = 8000  # at most in a textured surface: details are in the image
 _PADDING = 4  # px between the pieces of the atlas
-_SHARE = 0.1  # of the time that unwrapping takes; the rest is the colours'
+_SHARE = 0.1  # fraction of the time for unwrapping; the rest is colours
 
 Colours = Callable[
     [Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"]],
     Generator[float, None, Float[np.ndarray, "points 3"]],
-]  # From places and outward normals to colours (sRGB, 0..1); yields the share that is done.
+]  # points and outward normals to colours (sRGB, 0..1); yields the fraction done
 
 
 @dataclass(frozen=True, eq=False)
 class TexturedMesh:
-    """A surface and its image. Vertices are doubled along the seams of the image."""
+    """A surface and its image. Vertices are duplicated along the seams of the image."""
 
     vertices: Float[np.ndarray, "vertices 3"]
     normals: Float[np.ndarray, "vertices 3"]  # unit length, outward
     faces: Int[np.ndarray, "faces 3"]
     uv: Float[np.ndarray, "vertices 2"]  # 0..1, from the image's left and bottom edge
     image: UInt8[np.ndarray, "height width 3"]
-    parts: Parts  # the triangles' names, in their order
+    parts: Parts  # names of the triangles, in their order
 
     def glb(self) -> bytes:
-        """The bytes of a .glb file, the material unlit: light is in the colours. Vertices are taken in glTF axes."""
+        """Return the bytes of an unlit .glb file (colours contain the light), with vertices already in glTF axes."""
         import trimesh
 
         material = trimesh.visual.material.PBRMaterial(
@@ -64,15 +64,15 @@ def textured(
     colours: Colours,
     pixels: int,
 ) -> Generator[float, None, TexturedMesh]:
-    """A surface with its colours in an image of about so many px; yields the share that is done.
+    """Texture a surface with an image about ``pixels`` wide; yields the fraction done.
 
-    Raises ``ValueError`` where the library that unwraps surfaces is missing.
+    Raises ``ValueError`` if the library that unwraps surfaces is missing.
     """
     yield 0.0
     kept, corners, uv, (width, height) = _unwrapped(vertices, faces, pixels)
     yield _SHARE
     places = vertices[kept].astype(np.float32)
-    faces = kept[corners]  # vertices on both sides of a seam share the normal of the one that they were
+    faces = kept[corners]  # both sides of a seam share the original vertex's normal
     normals = vertex_normals(len(vertices), faces, face_normals(vertices, faces))[kept]
     covered, triangle, weights = _texels(uv * (width, height), corners, (width, height))
     texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (places, normals)]
@@ -91,7 +91,7 @@ def _without_light(tree: dict[str, Any]) -> None:
 def _unwrapped(
     vertices: np.ndarray, faces: np.ndarray, pixels: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[int, int]]:
-    """Which vertex each new one is, triangles of the new ones, their places in the image (0..1), its size in px."""
+    """Unwrap a mesh. Return original vertex indices, triangles, uv (0..1) and the image's size in px."""
     try:
         import xatlas
     except ImportError:
@@ -108,7 +108,7 @@ def _unwrapped(
 def _texels(
     points: Float[np.ndarray, "vertices 2"], faces: Int[np.ndarray, "faces 3"], size: tuple[int, int]
 ) -> tuple[Bool[np.ndarray, "height width"], Int[np.ndarray, "texels"], Float[np.ndarray, "texels 3"]]:
-    """Which texels have their centre in a triangle; for these, row by row, which one and where in it (barycentric)."""
+    """Rasterise triangles: the texels covered and, row by row, their triangle and barycentric coordinates."""
     width, height = size
     owner, inside = np.full((height, width), -1), np.zeros((height, width, 3))
     for index, corners in enumerate(points[faces]):
@@ -129,7 +129,7 @@ def _texels(
 
 
 def _filled(image: np.ndarray, covered: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:
-    """Texels of no triangle take the colour of the nearest, so that no seam shows when the image is made smaller."""
+    """Copy the nearest colour into uncovered texels, so that smaller images show no seams."""
     from scipy.ndimage import distance_transform_edt
 
     nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)

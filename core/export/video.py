@@ -24,19 +24,19 @@ from core.runtime.files import atomic_file, atomic_folder
 
 WHITE: Rgb = (255, 255, 255)
 _BT709, _LIMITED_RANGE = 1, 1  # numbers of H.264 and FFmpeg
-_WAITING = 4  # frames that are held for the encoder at most
+_WAITING = 4  # frames queued for the encoder, at most
 
 
 @dataclass(frozen=True)
 class VideoSettings:
-    """How a video is written. Raises ``ValueError`` for values out of range."""
+    """Options of a video. Raises ``ValueError`` for values out of range."""
 
     size: int = 512  # px, width and height
     rate: int = 24  # frames per second
-    quality: int = 85  # 1 to 100: of mp4 and webp; a gif has so many of its 256 colours
+    quality: int = 85  # 1 to 100, of mp4 and webp; for gif, the fraction of its 256 colours
     background: Background | None = WHITE  # None is transparent
-    exact: bool = False  # every frame by the network; else as frames is soonest done
-    shadow: bool = False  # of the object, on the ground
+    exact: bool = False  # every frame by the network; else the faster way
+    shadow: bool = False  # of the object on the ground
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
@@ -49,17 +49,17 @@ class VideoSettings:
 def write_video(
     models: Model | OpenModels, views: Sequence[View], path: Path, settings: VideoSettings | None = None
 ) -> Generator[int, None, None]:
-    """Render and write views, one after another.
+    """Render and write views in order.
 
-    Yields the number of frames rendered so far, many times a frame so that a worker can do other things between, and
-    nothing is left at ``path`` unless all of them were written: to cancel, close the generator. Another thread encodes.
+    Yields the number of finished frames, many times a frame so that a worker can interleave other tasks. The file
+    appears only when it is complete: to cancel, close the generator. Another thread encodes.
 
-    Raises ``ValueError`` for a name of another format, a transparent background in a format that has none, or a path
+    Raises ``ValueError`` for an unknown format, a transparent background in a format without transparency, or a path
     that cannot be written.
     """
     settings, suffix = settings or VideoSettings(), path.suffix.lower()
     if suffix not in FORMATS:
-        raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
+        raise ValueError(f"{path.name}: a video must end in {', '.join(FORMATS)}")
     chosen = FORMATS[suffix]
     if settings.background is None and not chosen.transparent:
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
@@ -78,20 +78,20 @@ def write_video(
 
 
 class Coding(NamedTuple):
-    """What a pixel takes, s: while frames are added, and when all were."""
+    """Encoding time of a pixel, s: while frames are added, and at the end."""
 
     frame: float
     end: float
 
 
 def coding_of(image: UInt8[np.ndarray, "height width channels"], path: Path, settings: VideoSettings) -> Coding:
-    """Measure it: a few frames of this image, written to a path whose ending names the format."""
+    """Measure the encoding time with a few frames, written to a path whose ending names the format."""
     chosen, count = FORMATS[path.suffix], 2 * _WAITING
     if chosen.folder:
         path.mkdir()
     with closing(chosen.sink(path, settings)) as sink:
         began = time.perf_counter()
-        for turn in range(count):  # not the same twice: that would be coded in no time
+        for turn in range(count):  # shifted, since equal frames would be encoded in no time
             sink.add(np.roll(image, 3 * turn, axis=1))
         middle = time.perf_counter()
         sink.finish()
@@ -109,7 +109,7 @@ class _Sink(Protocol):
 
 
 class _Encoder:
-    """A thread that gives images to a sink, so that the next ones can be rendered meanwhile; its errors come here."""
+    """A thread that passes images to a sink while the next ones are rendered; :meth:`finish` re-raises its errors."""
 
     def __init__(self, sink: _Sink) -> None:
         self._sink, self._thread = sink, ThreadPoolExecutor(1, "encoder")
@@ -134,14 +134,14 @@ class _Encoder:
 
 class _Mp4:
     def __init__(self, path: Path, settings: VideoSettings) -> None:
-        import av  # the window lists the formats long before it needs the library
+        import av  # imported late: the window only lists the formats
 
-        # The index goes before the frames, so that a browser shows the first one before it has the last.
+        # The index precedes the frames, so that a browser shows the first one before it has the last.
         self._av, self._container = av, av.open(str(path), "w", options={"movflags": "+faststart"})
-        # From nearly lossless (12) at 100 to blocks (40) at 1; 85 cannot be told from the original by eye.
+        # From nearly lossless (12) at 100 to blocks (40) at 1; 85 looks like the original.
         crf = f"{40 - 0.28 * settings.quality:.0f}"
         self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
-        # H.264 with 4:2:0 colour has even sizes only.
+        # H.264 with 4:2:0 colour needs even sizes.
         self._stream.width = self._stream.height = settings.size - settings.size % 2
         self._stream.pix_fmt = "yuv420p"
         self._stream.time_base = Fraction(1, settings.rate)
@@ -156,7 +156,7 @@ class _Mp4:
 
     @staticmethod
     def _label(coded: Any) -> None:
-        """Say by which matrix colours were converted: players guess differently where nothing says it."""
+        """State the colour matrix of the conversion: players guess differently without it."""
         coded.colorspace = coded.color_primaries = coded.color_trc = _BT709
         coded.color_range = _LIMITED_RANGE
 
@@ -175,7 +175,7 @@ class _Pillow:
         self._images.append(Image.fromarray(image))
 
     def _save(self, unit: int, **options: Any) -> None:
-        """Write the images, each shown for whole units of time (ms)."""
+        """Write the images with durations in whole units (ms)."""
         first, *rest = self._images
         ends = [round(1000 / unit * index / self._settings.rate) * unit for index in range(len(self._images) + 1)]
         durations = [after - before for before, after in pairwise(ends)]
@@ -192,7 +192,7 @@ class _Gif(_Pillow):
         if self._settings.background is not None:
             self._images.append(frame.quantize(colours))
             return
-        # A pixel of a gif is there or not; index 255 is kept for those that are not.
+        # Gif has no partial opacity; index 255 marks transparent pixels.
         reduced = frame.convert("RGB").quantize(min(255, colours))
         reduced.paste(255, mask=frame.getchannel("A").point(lambda opacity: 255 * (opacity < 128)))
         self._images.append(reduced)
@@ -222,16 +222,16 @@ class _Frames:
 
 
 class VideoFormat(NamedTuple):
-    """One way to write a video."""
+    """A video file format."""
 
     label: str
     sink: Callable[[Path, VideoSettings], _Sink]
-    transparent: bool = True  # can leave the background out
+    transparent: bool = True  # supports a transparent background
     folder: bool = False  # a folder of files instead of one
-    translucent: bool = True  # a pixel can be there in part; else half a shadow on nothing would be all of one
+    translucent: bool = True  # supports partial opacity, which a soft shadow needs
 
     def shows_shadow(self, background: Background | None) -> bool:
-        """Whether frames on this background can have a soft shadow."""
+        """True if frames on this background can have a soft shadow."""
         return self.translucent or background is not None
 
 
@@ -240,4 +240,4 @@ FORMATS = {
     ".gif": VideoFormat("gif", _Gif, translucent=False),
     ".webp": VideoFormat("webp", _Webp),
     ".frames": VideoFormat("png frames", _Frames, folder=True),
-}  # By the name's ending.
+}  # by the name's ending

@@ -17,18 +17,17 @@ from torch import Tensor
 
 from core.runtime.reading import whole
 
-FRONT_AZIMUTH = math.pi / 2  # rad, from where the front of an object is seen
+FRONT_AZIMUTH = math.pi / 2  # rad; from here the front of an object is seen
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and the front at +z. Its own inverse's transpose: a row vector times it goes from the world to glTF."""
-MAX_SIDE = 16_384
-"""px of a square image's width and height, as most OpenGL has it; another has as many pixels at the most"""
+"""glTF has y up and the front at +z. Equal to its own inverse transpose: row vectors times it go from world to glTF."""
+MAX_SIDE = 16_384  # px of a square image's side that most OpenGL drivers support; other shapes may have as many pixels
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
-"""Turns the camera axes of pose files (x right, y down, looking along +z) into ours, and back."""
+"""Turns the camera axes of pose files (x right, y down, looking along +z) into ours, and back"""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera on an orbit: looks at the origin, z up. Raises ``ValueError`` for values no camera has."""
+    """A pinhole camera on an orbit: looks at the origin, z up. Raises ``ValueError`` for impossible values."""
 
     azimuth: float  # rad, from +x towards +y; the front of an object is seen from pi / 2.
     elevation: float  # rad above the horizontal plane, within [-pi / 2, pi / 2].
@@ -51,23 +50,20 @@ class Camera:
             raise ValueError(f"camera size must be 1 to {MAX_SIDE} px a side, got {self.width}x{self.height}")
 
     def resized(self, width: int, height: int) -> "Camera":
-        """The same view at another size: the vertical field of view stays."""
+        """Return the same view at another size; the vertical field of view stays."""
         return replace(self, focal=self.focal * height / self.height, width=width, height=height)
 
     def world_to_camera(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
-        """The paper's R and p: the rotation from world to camera, and the camera's position in the world.
-
-        Cached: not to be written to.
-        """
+        """Return the paper's R and p: world-to-camera rotation, camera position in the world. Cached, do not modify."""
         return _world_to_camera(self, device)
 
     def to_camera_axes(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-        """World points in the camera's axes: x right, y up, in front where z is negative."""
+        """Return world points in the camera's axes: x right, y up, z negative in front."""
         rotation, origin = self.world_to_camera(points.device)
         return (points - origin) @ rotation.T
 
     def project(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 2"]:
-        """The image points of world points in front of the camera.
+        """Return the image points of world points in front of the camera.
 
         Example:
             >>> Camera(0.3, 0.4, 1.3, 131.25, 128, 96).project(torch.zeros(3)).round().tolist()
@@ -76,7 +72,7 @@ class Camera:
         return project(self.to_camera_axes(points), self.focal, (self.width, self.height))
 
     def clip_from_world(self, near: float, far: float) -> Float[np.ndarray, "4 4"]:
-        """OpenGL's projection matrix, float32: x, y of the image in -1..1 (y up), depth from ``near`` to ``far``."""
+        """Return OpenGL's projection matrix, float32: image x, y in -1..1 (y up), depth from ``near`` to ``far``."""
         projection = np.zeros((4, 4))
         projection[0, 0], projection[1, 1] = 2 * self.focal / self.width, 2 * self.focal / self.height
         projection[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
@@ -85,7 +81,7 @@ class Camera:
         return (projection @ np.linalg.inv(camera_to_world)).astype(np.float32)
 
     def pose(self) -> Float[Tensor, "4 4"]:
-        """Camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
+        """Return the camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
         angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
         matrix = torch.eye(4, dtype=torch.float64)
         rotation = camera_rotation(angles[0], angles[1])
@@ -94,7 +90,7 @@ class Camera:
 
     @classmethod
     def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":
-        """The orbit camera at an SRN pose. Raises ``ValueError`` where the pose does not look at the origin upright.
+        """Return the orbit camera at an SRN pose. Raises ``ValueError`` unless the pose looks at the origin upright.
 
         Example:
             >>> camera = Camera(0.3, 0.4, 1.3, 131.25, 128, 128)
@@ -120,7 +116,7 @@ class Camera:
 
 @lru_cache(maxsize=8)
 def _world_to_camera(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
-    with torch.inference_mode(False):  # cached, and others may differentiate
+    with torch.inference_mode(False):  # cached, and a later caller may differentiate
         azimuth, elevation = torch.tensor([camera.azimuth, camera.elevation], device=device)
         turn = camera_rotation(azimuth, elevation)
         return turn, camera.distance * turn[2]
@@ -129,7 +125,7 @@ def _world_to_camera(camera: Camera, device: torch.device) -> tuple[Tensor, Tens
 def camera_rotation(
     azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch 3 3"]:
-    """World-to-camera rotation, the paper's R: its rows are the camera's right, up and backward axes."""
+    """Return the world-to-camera rotation, the paper's R: its rows are the camera's right, up and backward axes."""
     sin_a, cos_a, sin_e, cos_e = azimuth.sin(), azimuth.cos(), elevation.sin(), elevation.cos()
     right = -sin_a, cos_a, torch.zeros_like(sin_a)
     up = -sin_e * cos_a, -sin_e * sin_a, cos_e
@@ -140,8 +136,9 @@ def camera_rotation(
 def project(
     points: Float[Tensor, "*batch 3"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
 ) -> Float[Tensor, "*batch 2"]:
-    """The image points of points in camera axes, all in front of the camera; in focal lengths from the middle with a
-    focal length of 1 and size (0, 0).
+    """Project points in camera axes, all in front of the camera, to image points.
+
+    With focal 1 and size (0, 0) the result is in focal lengths from the image's middle.
     """
     scale = focal / -points[..., 2]
     return torch.stack((size[0] / 2 + points[..., 0] * scale, size[1] / 2 - points[..., 1] * scale), -1)
@@ -150,7 +147,7 @@ def project(
 def camera_directions(
     pixels: Float[Tensor, "*batch 2"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
 ) -> Float[Tensor, "*batch 3"]:
-    """Unit directions in camera axes through image points: the inverse of :func:`project`."""
+    """Return unit directions in camera axes through image points: the inverse of :func:`project`."""
     right = (pixels[..., 0] - size[0] / 2) / focal
     down = (pixels[..., 1] - size[1] / 2) / focal
     directions = torch.stack(torch.broadcast_tensors(right, -down, -torch.ones_like(right)), -1)
@@ -158,7 +155,7 @@ def camera_directions(
 
 
 def pixel_centres(width: int, height: int, device: torch.device | None = None) -> Float[Tensor, "height width 2"]:
-    """The image points of every pixel's centre."""
+    """Return the image points of every pixel's centre."""
     y, x = torch.meshgrid(
         torch.arange(height, device=device) + 0.5, torch.arange(width, device=device) + 0.5, indexing="ij"
     )

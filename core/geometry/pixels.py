@@ -1,4 +1,4 @@
-"""Images as arrays: as bytes, and where the object of a mask is."""
+"""Images as arrays: conversion to bytes, and the bounding box of a mask."""
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -6,7 +6,7 @@ from torch import Tensor
 
 
 def to_bytes(image: Float[Tensor | np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape"]:
-    """Numbers of 0..1 as bytes of 0..255, rounded; numbers beyond become the nearest.
+    """Convert numbers of 0..1 to bytes of 0..255, rounded and clipped.
 
     Example:
         >>> to_bytes(np.array([-1.0, 0.5, 1.0]))
@@ -17,7 +17,7 @@ def to_bytes(image: Float[Tensor | np.ndarray, "*shape"]) -> UInt8[np.ndarray, "
 
 
 def bounding_box(mask: Bool[Tensor | np.ndarray, "height width"]) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the object in px; right and bottom lie just behind it.
+    """Return left, top, right, bottom of the object in px; right and bottom are exclusive.
 
     Example:
         >>> bounding_box(np.array([[False, True, True], [False, False, False]]))

@@ -1,4 +1,4 @@
-"""Pose files: the 16 numbers of a camera's matrix, as ShapeNet-SRN has them, or in other programs' axes."""
+"""Pose files: the 16 numbers of a camera's matrix, with ShapeNet-SRN's axes or OpenGL's."""
 
 from pathlib import Path
 
@@ -18,14 +18,14 @@ _LIKELY = {
 
 
 def read_pose(path: Path, axes: str = "opencv") -> Float[Tensor, "4 4"]:
-    """The camera-to-world matrix of a file in OpenCV axes, float64.
+    """Read a camera-to-world matrix with OpenCV axes, float64.
 
     Args:
-        axes: of the file's camera, whose matrix is camera to world: "opencv" (x right, y down, looking along +z:
-            ShapeNet-SRN) or "opengl" (x right, y up, looking along -z: Blender, NeRF's transforms.json).
+        axes: of the file's camera: "opencv" (x right, y down, looking along +z: ShapeNet-SRN) or "opengl" (x right, y
+            up, looking along -z: Blender, NeRF's transforms.json).
 
-    Raises ``ValueError`` naming the file where it is no pose of an upright camera that looks at the origin, and its
-    convention where that of another program would make it one.
+    Raises ``ValueError`` naming the file unless it holds a pose of an upright camera that looks at the origin. The
+    message names the file's convention if another one would make it such a pose.
     """
     with reading(path, "a pose"):
         matrix = torch.tensor(read_numbers(path, 16), dtype=torch.float64).reshape(4, 4)
@@ -41,7 +41,7 @@ def read_pose(path: Path, axes: str = "opencv") -> Float[Tensor, "4 4"]:
 
 
 def _as_opencv(matrix: Float[Tensor, "4 4"], axes: str) -> Float[Tensor, "4 4"]:
-    """A camera's matrix with OpenCV axes, from one of these axes, or from its ``inverse``."""
+    """Convert a matrix with these axes, or its ``inverse``, to OpenCV axes."""
     convention, _, inverse = axes.partition(" ")
     if inverse:
         matrix = torch.linalg.inv(matrix)

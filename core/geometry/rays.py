@@ -11,7 +11,7 @@ from core.geometry.camera import Camera, camera_directions, camera_rotation, pix
 
 @dataclass(frozen=True)
 class Rays:
-    """Half-lines clipped to the scene. A ray that misses it has ``near == far``, so that no mask is needed."""
+    """Half-lines clipped to the scene's box. A ray that misses the box has ``near == far``, so no mask is needed."""
 
     origins: Float[Tensor, "*batch 3"]  # world
     directions: Float[Tensor, "*batch 3"]  # world, unit length
@@ -31,7 +31,7 @@ def cast_rays(
     size: tuple[int, int],
     extent: Float[Tensor, "3"],
 ) -> Rays:
-    """Rays from orbit cameras through points of the image; differentiable in the camera's parameters.
+    """Cast rays from orbit cameras through points of the image; differentiable in the camera's parameters.
 
     Args:
         pixels: (x, y) in px from the top left corner of the image.
@@ -40,7 +40,7 @@ def cast_rays(
         size: (width, height) in px; the optical axis passes through the middle.
         extent: half the size of the scene's box along each world axis.
 
-    Sample positions along a ray are no function of the camera: ``near`` and ``far`` carry no gradient.
+    ``near`` and ``far`` carry no gradient: sample positions along a ray do not depend on the camera.
     """
     rotation = camera_rotation(azimuth, elevation)
     directions = (camera_directions(pixels, focal, size)[..., None, :] @ rotation)[..., 0, :]
@@ -50,16 +50,16 @@ def cast_rays(
 
 
 def camera_rays(camera: Camera, extent: Float[Tensor, "3"], pixel_offset: float = 0.0) -> Rays:
-    """The rays through all pixel centres of a camera, shaped (height, width), on ``extent``'s device.
+    """Return the rays through all pixel centres of a camera, shaped (height, width), on ``extent``'s device.
 
     Args:
-        pixel_offset: px, by how much further to the left and up they pass.
+        pixel_offset: px, shift of the rays to the left and up.
     """
     return rays_at_pixels(pixel_centres(camera.width, camera.height, extent.device) - pixel_offset, camera, extent)
 
 
 def rays_at_pixels(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
-    """The rays of a camera through some points of its image: (x, y) in px from the top left corner."""
+    """Return the rays of a camera through points of its image: (x, y) in px from the top left corner."""
     rotation, origin = camera.world_to_camera(extent.device)
     directions = camera_directions(pixels, camera.focal, (camera.width, camera.height)) @ rotation
     origins = origin.expand_as(directions)
@@ -69,7 +69,7 @@ def rays_at_pixels(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Fl
 def clip_to_box(
     origins: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"], extent: Float[Tensor, "3"]
 ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
-    """Where rays enter and leave the box [-extent, extent] (slab method); equal where they miss it."""
+    """Return entry and exit distances of rays for the box [-extent, extent] (slab method); equal for a miss."""
     safe = torch.where(directions.abs() < 1e-9, torch.full_like(directions, 1e-9), directions)
     first, second = (-extent - origins) / safe, (extent - origins) / safe
     near = torch.minimum(first, second).amax(-1).clamp_min(0.0)
@@ -78,24 +78,24 @@ def clip_to_box(
 
 
 def uniform_edges(rays: Rays, samples: int) -> Float[Tensor, "*batch samples_and_one"]:
-    """Edges of ``samples`` equal intervals from near to far, in scene units along the ray."""
+    """Divide each ray from near to far into ``samples`` equal intervals; return their edges in scene units."""
     steps = torch.linspace(0.0, 1.0, samples + 1, device=rays.near.device)
     return rays.near[..., None] + (rays.far - rays.near)[..., None] * steps
 
 
 def midpoints(edges: Float[Tensor, "*batch samples_and_one"]) -> Float[Tensor, "*batch samples"]:
-    """The middle of every interval."""
+    """Return the middle of every interval."""
     return (edges[..., 1:] + edges[..., :-1]) / 2
 
 
 def stratified(
     edges: Float[Tensor, "*batch samples_and_one"], generator: torch.Generator
 ) -> Float[Tensor, "*batch samples"]:
-    """A uniformly random depth in every interval (stratified sampling)."""
+    """Return a uniformly random depth in every interval (stratified sampling)."""
     fractions = torch.rand(edges[..., 1:].shape, generator=generator, device=edges.device)
     return torch.lerp(edges[..., :-1], edges[..., 1:], fractions)
 
 
 def ray_points(rays: Rays, depths: Float[Tensor, "*batch samples"]) -> Float[Tensor, "*batch samples 3"]:
-    """World points at these distances along the rays."""
+    """Return world points at these distances along the rays."""
     return rays.origins[..., None, :] + depths[..., None] * rays.directions[..., None, :]

@@ -1,7 +1,7 @@
-"""The two other architectures of the paper's figure on disentanglement, M1 and M2, to be measured beside the field.
+"""M1 and M2, the two other architectures of the paper's figure on disentanglement.
 
-Both give up one of the two signatures that keep shape, texture and viewpoint apart. They are trained, and
-rendered exactly; neither the fast renderer nor fitting, which rely on those signatures, takes them.
+Each gives up one of the two signatures that keep shape, texture and viewpoint apart. Training and the exact renderer
+support them; the fast renderer and fitting rely on those signatures and do not.
 """
 
 import torch
@@ -14,7 +14,7 @@ from core.models.field_config import FieldConfig
 
 
 def build_field(config: FieldConfig) -> Field:
-    """An untrained field of this architecture and size."""
+    """Return an untrained field of the configured architecture and size."""
     return {"codenerf": Field, "M1": ViewDependentDensity, "M2": SharedEmbedding}[config.architecture](config)
 
 
@@ -26,13 +26,13 @@ class ViewDependentDensity(Field):
         self.early_direction = nn.Linear(3 + 6 * config.direction_frequencies, config.width, bias=False)
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
-        """The direction's part of the first layer."""
+        """Return the direction's contribution to the first layer."""
         return self.early_direction(encode(directions, self.config.direction_frequencies))
 
     def density(
         self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
-        """As :meth:`core.models.field.Field.density`, seen from outside, towards the middle of the scene."""
+        """Evaluate :meth:`core.models.field.Field.density` as seen from outside, towards the middle of the scene."""
         return self._density_towards(points, self.direction_bias(-functional.normalize(points, dim=-1)), shape_bias)
 
     def radiance(
@@ -42,7 +42,7 @@ class ViewDependentDensity(Field):
         shape_bias: Float[Tensor, "*#batch blocks width"],
         texture_bias: Float[Tensor, "*#batch more_blocks width"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
-        """As :meth:`core.models.field.Field.radiance`, with a density that depends on the direction."""
+        """Evaluate :meth:`core.models.field.Field.radiance` with a density that depends on the direction."""
         density, features = self._density_towards(points, direction_bias, shape_bias)
         return density, self.colour(features, self.direction_layer.bias, texture_bias)
 
@@ -57,7 +57,7 @@ class ViewDependentDensity(Field):
 
 
 class SharedEmbedding(Field):
-    """M2: both codes enter the shape part, and none the texture part, which amounts to a single embedding."""
+    """M2: both codes enter the shape part and neither the texture part, which amounts to a single embedding."""
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__(config)
@@ -68,7 +68,7 @@ class SharedEmbedding(Field):
     def biases(
         self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
     ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
-        """As :meth:`core.models.field.Field.biases`; the texture blocks have their own alone."""
+        """Return :meth:`core.models.field.Field.biases`; the texture blocks have only their own biases."""
         own = torch.stack([block.get_parameter("bias") for block in self.texture_block])
         both = torch.cat((shape, texture), -1)
         return folded_biases(self.shape_latent, self.shape_block, both), own.expand(*both.shape[:-1], *own.shape)

@@ -23,15 +23,14 @@ _LAYERS = {
     "rgb.0": "colour_hidden",
     "rgb.2": "colour_layer",
 }
-_PARALLEL = "module."  # prefix of tensors that torch's DataParallel adds
-_CELLS = 12  # Points along each axis at which density is evaluated to find collapsed objects.
+_PARALLEL = "module."  # prefix that torch's DataParallel adds to tensor names
+_CELLS = 12  # points along each axis at which density is evaluated to find collapsed objects
 _COLLAPSED_BELOW = 0.025
-"""Share of the median object's solid volume. In their 500 cars, collapsed ones have at most 0.015 and the smallest
-whole car 0.043."""
+"""of the median object's solid volume: among the authors' cars, collapsed ones reach 0.015, whole ones 0.043"""
 
 
 class _Hyperparameters(NamedTuple):
-    """The network's sizes, by the authors' names."""
+    """Sizes of the network, by the authors' names."""
 
     W: int
     shape_blocks: int
@@ -42,7 +41,7 @@ class _Hyperparameters(NamedTuple):
 
     @property
     def config(self) -> FieldConfig:
-        """As this program has them."""
+        """The same sizes as this program's configuration."""
         return FieldConfig(
             width=self.W,
             shape_blocks=self.shape_blocks,
@@ -70,14 +69,14 @@ class _Settings(NamedTuple):
 
 
 def load_authors(path: Path, config: Path | None = None) -> Model:
-    """A model from ``models.pth`` and ``hpam.json``; nothing in the files is executed.
+    """Read a model from ``models.pth`` and ``hpam.json``; nothing in the files is executed.
 
-    Their network paints the white background itself (``white_from_network``) and its colours are unbounded. Objects
-    that collapsed in training are found by their emptiness (:attr:`core.models.codes.CodeBook.collapsed`). Raises
-    ``ValueError`` naming the file where one of the two is missing or holds something else.
+    The authors' network paints the white background itself (``white_from_network``) and its colours are unbounded.
+    Objects that collapsed in training are marked (:attr:`core.models.codes.CodeBook.collapsed`). Raises ``ValueError``
+    naming the file if one of the two is missing or holds something else.
 
     Args:
-        config: ``hpam.json``; beside the checkpoint unless given.
+        config: ``hpam.json``; by default beside the checkpoint.
     """
     settings_path = config or path.with_name("hpam.json")
     for file in (path, settings_path):
@@ -101,12 +100,12 @@ def _to_model(field: Field, shapes: Tensor, textures: Tensor, settings: "_Settin
     category, middle = settings.data.cat.removeprefix("srn_"), (settings.near + settings.far) / 2
     names = tuple(Entry(f"{index:04d}", index, index) for index in range(len(shapes)))
     codes = CodeBook(shapes, textures, names, _collapsed(field, shapes))
-    # Their rays run 0.5 to either side of the middle: the box that holds every object is that of diagonal 1.
+    # The authors' rays run 0.5 to either side of the middle: a box of diagonal 1 holds every object.
     return Model(field, codes, (0.5, 0.5, 0.5), category, 128, 131.25, middle, white_from_network=True)
 
 
 def _load_tensors(path: Path) -> Any:
-    """The values that torch saved; nothing in the file is executed."""
+    """Load the values that torch saved; nothing in the file is executed."""
     if zipfile.is_zipfile(path):
         with open_zip(path):  # refuses what would unpack to more than memory holds
             pass
@@ -114,10 +113,10 @@ def _load_tensors(path: Path) -> Any:
 
 
 def _tensors(state: Any, part: str) -> dict[str, Tensor]:
-    """A part of a checkpoint: tensors by their names, without the prefix of DataParallel."""
+    """Return the tensors of one part of a checkpoint by name, without the prefix of DataParallel."""
     found = state.get(part) if isinstance(state, dict) else None
     if not isinstance(found, dict) or not all(isinstance(one, Tensor) for one in found.values()):
-        raise ValueError(f"it holds no {part}, which are tensors by their names")
+        raise ValueError(f"it has no table {part} of tensors")
     return {str(name).removeprefix(_PARALLEL): tensor for name, tensor in found.items()}
 
 
@@ -129,10 +128,9 @@ def _codes(state: dict[str, Tensor]) -> Float[Tensor, "objects latent"]:
 
 @torch.no_grad()
 def _collapsed(field: Field, shapes: Float[Tensor, "objects latent"]) -> frozenset[int]:
-    """Objects that show next to nothing.
+    """Find objects that show next to nothing.
 
-    The share of light that an interval of their training takes is squared before it is averaged over the box: what is
-    solid counts, mist hardly does.
+    The opacity of one training interval is squared before averaging over the box: solid matter counts, fog hardly does.
     """
     axis = (torch.arange(_CELLS) + 0.5) / _CELLS - 0.5
     points = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)

@@ -7,7 +7,7 @@ from torch.nn import functional
 
 
 def corner_points(extent: Float[Tensor, "3"], count: int) -> Float[Tensor, "corners 3"]:
-    """The corners of a grid of ``count`` cells along each axis, row by row.
+    """Return the corners of a grid of ``count`` cells along each axis, row by row.
 
     Args:
         extent: half the size of the box, scene units.
@@ -17,16 +17,16 @@ def corner_points(extent: Float[Tensor, "3"], count: int) -> Float[Tensor, "corn
 
 
 def unravelled(index: Int[Tensor, "*corners"], count: int) -> Int[Tensor, "*corners 3"]:
-    """Where the corners with these numbers, row by row, are on a grid with ``count`` of them along each axis.
+    """Return the grid positions of flat corner indices (row by row), ``count`` corners along each axis.
 
-    As :func:`torch.unravel_index`, which loads a library for symbols first: a third of a second.
+    Replaces :func:`torch.unravel_index`, whose first call imports a symbolic library for a third of a second.
     """
     row = index // count
     return torch.stack((row // count, row % count, index % count), -1)
 
 
 def max_of_corners(corners: Shaped[Tensor, "*batch _ _ _"]) -> Shaped[Tensor, "*batch _ _ _"]:
-    """The largest of each cell's eight corners; True where one is."""
+    """Return the largest of each cell's eight corners; of booleans, True if any corner is."""
     for axis in (-3, -2, -1):
         length = corners.shape[axis] - 1
         corners = torch.maximum(corners.narrow(axis, 0, length), corners.narrow(axis, 1, length))
@@ -34,17 +34,17 @@ def max_of_corners(corners: Shaped[Tensor, "*batch _ _ _"]) -> Shaped[Tensor, "*
 
 
 def corners_of(cells: Bool[Tensor, "*batch _ _ _"]) -> Bool[Tensor, "*batch _ _ _"]:
-    """Which corners of the grid belong to one of these cells."""
+    """Mark the corners of the grid that belong to one of these cells."""
     return max_of_corners(functional.pad(cells, (1,) * 6))
 
 
 def with_neighbours(cells: Bool[Tensor, "*batch x y z"]) -> Bool[Tensor, "*batch x y z"]:
-    """The cells and all that touch them."""
+    """Return the cells and all that touch them."""
     return max_of_corners(corners_of(cells))
 
 
 def divide(cells: Bool[Tensor, "_ _ _"], parts: int) -> Bool[Tensor, "_ _ _"]:
-    """The same cells on a grid that is finer by so many parts along each axis."""
+    """Return the same cells on a grid that is ``parts`` times finer along each axis."""
     for axis in range(3):
         cells = cells.repeat_interleave(parts, axis)
     return cells
@@ -55,7 +55,7 @@ def contains(
     points: Float[Tensor, "objects points 3"],
     extent: Float[Tensor, "3"],
 ) -> Bool[Tensor, "objects points"]:
-    """Whether each point lies in a cell of its object; one outside the box counts to the cell beside it."""
+    """Tell which points lie in a cell of their object; a point outside the box counts to the nearest cell."""
     count = cells.shape[-1]
     scale = count / (2 * extent)
     x, y, z = torch.addcmul(scale * extent, points, scale).nan_to_num_(0).clamp_(0, count - 1).floor_().unbind(-1)

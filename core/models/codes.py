@@ -13,13 +13,13 @@ from core.models.photo_detail import PhotoDetail
 
 @dataclass(frozen=True, eq=False)
 class Codes:
-    """One shape code and one texture code, or a batch of pairs. Raises ``ValueError`` where a number is not finite."""
+    """A shape code and a texture code, or a batch of pairs. Raises ``ValueError`` for numbers that are not finite."""
 
     shape: Float[Tensor, "*batch shape_latent"]
     texture: Float[Tensor, "*batch texture_latent"]
     detail: PhotoDetail | None = None
-    """Photos of a fitted object. They lie on its surface, so they go with the shape; a texture repaints them."""
-    model: str = ""  # fingerprint of the model that gives them a meaning; empty for codes of no object, such as a batch
+    """Photos of a fitted object. They lie on the surface, so they go with the shape; a texture repaints them."""
+    model: str = ""  # fingerprint of the model the codes belong to; empty for codes of no object, such as a batch
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
@@ -39,9 +39,10 @@ class Codes:
         return hash((*self.shape.tolist(), *self.texture.tolist()))
 
     def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
-        """These codes at 0, the other's at 1, straight lines between, for shape and texture separately.
+        """Interpolate linearly between two objects' codes, from these at 0 to the other's at 1.
 
-        The photo's detail is that of the nearer shape. Raises ``ValueError`` for codes of another model.
+        Shape and texture have separate positions; the photo detail is that of the nearer shape. Raises ``ValueError``
+        for codes of another model.
         """
         self._require_same_model(other)
         detail = self.detail if shape <= 0.5 else other.detail
@@ -49,7 +50,7 @@ class Codes:
         return Codes(*codes, detail, self.model)
 
     def taking(self, part: str, other: "Codes") -> "Codes":
-        """With the shape and the detail that goes with it, or the texture, of others.
+        """Return these codes with the shape (and its photo detail) or the texture of another object.
 
         Raises ``ValueError`` for codes of another model.
         """
@@ -60,12 +61,12 @@ class Codes:
 
     def _require_same_model(self, other: "Codes") -> None:
         if self.model and other.model and self.model != other.model:
-            raise ValueError("codes of different models cannot be mixed")
+            raise ValueError("codes of different models cannot be combined")
 
 
 @dataclass(frozen=True, eq=False)
 class CodeSpace:
-    """The cloud of one kind of trained codes: its mean and its principal directions, strongest first."""
+    """The distribution of one kind of trained codes: mean and principal directions, strongest first."""
 
     mean: Float[Tensor, "latent"]
     directions: Float[Tensor, "rank latent"]  # orthonormal rows
@@ -73,7 +74,7 @@ class CodeSpace:
 
     @classmethod
     def from_codes(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
-        """PCA of the rows; the sign of each direction is fixed by its largest component."""
+        """Fit a PCA to the rows; the sign of each direction is fixed by its largest component."""
         # Cached, so no inference tensor: the first caller may be rendering, and a fit needs gradients.
         with torch.inference_mode(False), torch.no_grad():
             mean = codes.mean(0)
@@ -86,46 +87,44 @@ class CodeSpace:
 
     @classmethod
     def identity(cls, latent: int) -> "CodeSpace":
-        """The space whose coordinates are the code's own numbers."""
+        """Return the space whose coordinates are the code's own numbers."""
         return cls(torch.zeros(latent), torch.eye(latent), torch.ones(latent))
 
     def coordinates(self, code: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch rank"]:
-        """A code in standard deviations along the principal directions."""
+        """Return a code's coordinates: standard deviations along the principal directions."""
         return (code - self.mean) @ self.directions.T / self.std
 
     def code(self, coordinates: Float[Tensor, "*batch some"]) -> Float[Tensor, "*batch latent"]:
-        """The code at these coordinates (standard deviations); directions left out count as zero."""
+        """Return the code at these coordinates (standard deviations); directions left out count as zero."""
         return self.mean + coordinates @ self.basis[: coordinates.shape[-1]]
 
     @property
     def basis(self) -> Float[Tensor, "rank latent"]:
-        """How each coordinate moves a code, per standard deviation."""
+        """Change of a code per standard deviation of each coordinate."""
         return self.std[:, None] * self.directions
 
     def one_deviation(self, way: Float[Tensor, "latent"]) -> Float[Tensor, "latent"]:
-        """The step that leads one standard deviation of the cloud along a way, whose length does not matter; zero where
-        the cloud has no extent.
-        """
+        """Return the step of one standard deviation along a direction of any length; zero in a space of no extent."""
         unit = torch.nn.functional.normalize(way, dim=0)
         return (self.basis @ unit).norm() * unit
 
     def distance(
         self, code: Float[Tensor, "*batch latent"], start: Float[Tensor, "*#batch latent"] | None = None
     ) -> Float[Tensor, "*batch"]:
-        """How far a code is from another, or from the mean: the root mean square of the coordinates between.
+        """Return the root mean square difference of coordinates between a code and ``start``, or the mean.
 
-        In standard deviations: over the cloud, the mean square of the distance from the mean is 1.
+        In standard deviations: over the trained codes the mean square distance from the mean is 1.
         """
         return self.coordinates(code if start is None else code - start + self.mean).square().mean(-1).sqrt()
 
     @property
     def explained_variance(self) -> Float[Tensor, "rank"]:
-        """The share of the cloud's variance along each direction."""
+        """Fraction of the codes' variance along each direction."""
         return self.std**2 / (self.std**2).sum()
 
 
 class Entry(NamedTuple):
-    """An object of a code book: a name and the rows of its shape and its texture code."""
+    """An object of a code book: its name and the rows of its shape and texture code."""
 
     name: str
     shape: int
@@ -163,43 +162,43 @@ class CodeBook:
 
     @cached_property
     def index(self) -> dict[str, int]:
-        """Of every object, by name."""
+        """Index of every object by name."""
         return {entry.name: index for index, entry in enumerate(self.objects)}
 
     @cached_property
     def valid(self) -> tuple[int, ...]:
-        """The objects that are not collapsed."""
+        """Indices of the objects that are not collapsed."""
         return tuple(index for index in range(len(self.objects)) if index not in self.collapsed)
 
     @cached_property
     def shape_space(self) -> CodeSpace:
-        """The cloud of the shape codes."""
+        """Distribution of the shape codes."""
         return CodeSpace.from_codes(self._valid_rows(self.shapes, [entry.shape for entry in self.objects]))
 
     @cached_property
     def texture_space(self) -> CodeSpace:
-        """The cloud of the texture codes."""
+        """Distribution of the texture codes."""
         return CodeSpace.from_codes(self._valid_rows(self.textures, [entry.texture for entry in self.objects]))
 
     @property
     def mean(self) -> Codes:
-        """The mean shape in the mean texture, where the paper's fit begins."""
+        """The mean shape with the mean texture, where the paper's fit begins."""
         return Codes(self.shape_space.mean, self.texture_space.mean, model=self.model)
 
     def nearest_shape(self, code: Float[Tensor, "shape_latent"]) -> int:
-        """The valid object with the nearest shape, by :meth:`CodeSpace.distance`.
+        """Return the valid object with the nearest shape by :meth:`CodeSpace.distance`.
 
-        Raises ``ValueError`` where there is no such object.
+        Raises ``ValueError`` if the book has no valid object.
         """
         return self._nearest(self.shape_space, self.shapes, [self.objects[index].shape for index in self.valid], code)
 
     def nearest_texture(self, code: Float[Tensor, "texture_latent"]) -> int:
-        """The valid object with the nearest texture, as :meth:`nearest_shape`."""
+        """Return the valid object with the nearest texture, like :meth:`nearest_shape`."""
         rows = [self.objects[index].texture for index in self.valid]
         return self._nearest(self.texture_space, self.textures, rows, code)
 
     def sample(self, generator: torch.Generator) -> Codes:
-        """A random pair from the two code spaces, taken as normal distributions."""
+        """Sample a random pair from the two code spaces, taken as normal distributions."""
         shape, texture = (
             space.code(torch.randn(len(space.std), generator=generator))
             for space in (self.shape_space, self.texture_space)
@@ -209,24 +208,24 @@ class CodeBook:
     def _nearest(
         self, space: CodeSpace, codes: Float[Tensor, "rows latent"], rows: list[int], code: Float[Tensor, "latent"]
     ) -> int:
-        """``rows`` holds the row of each valid object."""
+        """Return the nearest valid object; ``rows`` holds the row of each."""
         if not rows:
             raise ValueError("the book has no objects to compare with")
         return self.valid[int(space.distance(codes[rows], code).argmin())]
 
     def _valid_rows(self, codes: Float[Tensor, "rows latent"], rows: list[int]) -> Float[Tensor, "some latent"]:
-        """The rows, less those that only collapsed objects use."""
+        """Return the rows except those used by collapsed objects alone."""
         lost = {rows[index] for index in self.collapsed} - {rows[index] for index in self.valid}
         return codes[[row for row in range(len(codes)) if row not in lost]] if lost else codes
 
 
 def farthest_first(points: Float[Tensor, "points size"]) -> list[int]:
-    """Indices of points: the first, then always the one that is farthest from all before it (Gonzalez 1985)."""
+    """Order points so that each is the farthest from all before it, beginning with the first (Gonzalez 1985)."""
     if not len(points):
         return []
     order, left = [0], (points - points[0]).norm(dim=1)
     while len(order) < len(points):
-        left[order[-1]] = -1.0  # also where points are equal, each comes once
+        left[order[-1]] = -1.0  # equal points, too, come only once
         order.append(int(left.argmax()))
         left = torch.minimum(left, (points - points[order[-1]]).norm(dim=1))
     return order

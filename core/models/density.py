@@ -1,8 +1,8 @@
 """Density from the network's logit: a scaled softplus, then contrast.
 
-Contrast makes surfaces crisp. Around an edge, which training images show as a mean over pixels, a softplus is neither
-empty nor opaque. :math:`\\sigma' = \\sigma \\min(\\sigma / \\sigma_0, g)` thins what is thinner than
-:math:`\\sigma_0` and makes the rest up to g times denser.
+Contrast makes surfaces crisp. Training images show an edge as a mean over pixels, so a softplus there is neither empty
+nor opaque. :math:`\\sigma' = \\sigma \\min(\\sigma / \\sigma_0, g)` thins densities below :math:`\\sigma_0` and
+multiplies the rest by up to g.
 """
 
 import torch
@@ -14,7 +14,7 @@ from core.models.field_config import FieldConfig
 
 
 def logits_to_density(logits: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
-    """Return density per scene unit of the network's logits."""
+    """Return the density (per scene unit) of the network's logits."""
     density = config.density_scale * functional.softplus(logits)
     if not config.contrast:
         return density
@@ -22,7 +22,7 @@ def logits_to_density(logits: Float[Tensor, "*batch"], config: FieldConfig) -> F
 
 
 def density_derivative(density: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
-    """Return the derivative of :func:`logits_to_density` along the logit, from the density itself."""
+    """Return the derivative of :func:`logits_to_density` with respect to the logit, from the density itself."""
     soft, slope = density, torch.ones_like(density)
     if config.contrast:
         soft = without_contrast(density, config)
@@ -42,6 +42,6 @@ def without_contrast(density: Float[Tensor, "*batch"], config: FieldConfig) -> F
 
 
 def density_to_logits(density: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
-    """Return logits of densities; infinite where a density is beyond what float32 tells apart."""
+    """Return the logits of densities; infinite for densities too large for float32."""
     share = (without_contrast(density, config) / config.density_scale).clamp_min(1e-6)
     return share + torch.log(-torch.expm1(-share))

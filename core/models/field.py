@@ -1,7 +1,7 @@
 """The conditional radiance field: one MLP for a whole category (Eqs. 1 and 2 and the architecture figure).
 
-Density is computed from a point and a shape code alone, colour from the features found there, the viewing
-direction and a texture code. That texture cannot move density is a property of the two signatures.
+Density depends on a point and a shape code alone; colour depends on the resulting features, the viewing direction and a
+texture code. The two signatures guarantee that texture cannot change density.
 """
 
 import torch
@@ -24,13 +24,12 @@ def encode(values: Float[Tensor, "*batch 3"], frequencies: int) -> Float[Tensor,
 
 
 class Field(nn.Module):
-    """The network. Its shape part ends in density and features, its texture part turns features into colour.
+    """The network: a shape part that ends in density and features, and a texture part that turns features into colour.
 
-    Every code enters through a latent layer whose output is added to the features in front of a block:
-    ``block(y + latent(z))``. As the block begins with a linear map, the code's part is an additional bias,
-    ``W (y + latent(z)) + b = W y + (W latent(z) + b)``, the same for all points of an object. It is computed once
-    per code (:meth:`shape_bias`, :meth:`texture_bias`), which is exact and makes the cost per point independent
-    of the size of the codes.
+    Every code enters through a latent layer whose output is added to the features in front of a block: ``block(y +
+    latent(z))``. As the block begins with a linear map, the code amounts to an additional bias, ``W (y + latent(z)) + b
+    = W y + (W latent(z) + b)``, the same for all points of an object. Computing this bias once per code
+    (:meth:`shape_bias`, :meth:`texture_bias`) is exact and makes the cost per point independent of the size of codes.
     """
 
     def __init__(self, config: FieldConfig) -> None:
@@ -51,29 +50,29 @@ class Field(nn.Module):
         self.colour_layer = nn.Linear(width // 2, 3)
 
     def shape_bias(self, shape: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
-        """The biases of the shape blocks with a shape code folded in."""
+        """Return the biases of the shape blocks with a shape code folded in."""
         return folded_biases(self.shape_latent, self.shape_block, shape)
 
     def texture_bias(self, texture: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
-        """The biases of the texture blocks with a texture code folded in."""
+        """Return the biases of the texture blocks with a texture code folded in."""
         return folded_biases(self.texture_latent, self.texture_block, texture)
 
     def shape_bias_jacobian(
         self, shape: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
     ) -> Float[Tensor, "*batch blocks width some"]:
-        """The Jacobian of :meth:`shape_bias` along some directions of the code."""
+        """Return the jacobian of :meth:`shape_bias` along some directions of the code."""
         return _folded_bias_jacobian(self.shape_latent, self.shape_block, shape, directions)
 
     def texture_bias_jacobian(
         self, texture: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
     ) -> Float[Tensor, "*batch blocks width some"]:
-        """The Jacobian of :meth:`texture_bias` along some directions of the code."""
+        """Return the jacobian of :meth:`texture_bias` along some directions of the code."""
         return _folded_bias_jacobian(self.texture_latent, self.texture_block, texture, directions)
 
     def biases(
         self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
     ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
-        """The biases of the shape blocks and of the texture blocks."""
+        """Return the biases of the shape blocks and of the texture blocks."""
         return self.shape_bias(shape), self.texture_bias(texture)
 
     def radiance(
@@ -83,14 +82,14 @@ class Field(nn.Module):
         shape_bias: Float[Tensor, "*#batch blocks width"],
         texture_bias: Float[Tensor, "*#batch more_blocks width"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
-        """Density per scene unit and rgb: :meth:`density`, then :meth:`colour`."""
+        """Return density per scene unit and rgb: :meth:`density`, then :meth:`colour`."""
         density, features = self.density(points, shape_bias)
         return density, self.colour(features, direction_bias, texture_bias)
 
     def density(
         self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
-        """Eq. 2's :math:`F^s`: density per scene unit, and features for the texture part.
+        """Evaluate Eq. 2's :math:`F^s`: density per scene unit, and features for the texture part.
 
         Args:
             points: world, within the scene's box.
@@ -103,7 +102,7 @@ class Field(nn.Module):
     def density_from_activations(
         self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
-        """:meth:`density` from the activations of the first layer on."""
+        """Evaluate :meth:`density` from the activations of the first layer on."""
         for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
             y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         features = self.feature_layer(y)
@@ -111,7 +110,7 @@ class Field(nn.Module):
         return logits_to_density(logit, self.config), features
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
-        """The viewing direction's part of the layer that it enters, its bias included: one for all samples of a ray.
+        """Return the direction's contribution to the texture part's first layer, with that layer's bias; one per ray.
 
         Args:
             directions: world, unit length.
@@ -127,7 +126,7 @@ class Field(nn.Module):
         direction_bias: Float[Tensor, "*#batch width"],
         texture_bias: Float[Tensor, "*#batch blocks width"],
     ) -> Float[Tensor, "*batch 3"]:
-        """Eq. 2's :math:`F^t`: rgb, in [0, 1] where ``bounded_colour``.
+        """Evaluate Eq. 2's :math:`F^t`: rgb, in [0, 1] if ``bounded_colour``.
 
         Args:
             features: from :meth:`density`.
@@ -149,7 +148,7 @@ def _matrices(blocks: nn.ModuleList) -> list[Tensor]:
 def folded_biases(
     latent: nn.ModuleList, blocks: nn.ModuleList, code: Float[Tensor, "*batch latent"]
 ) -> Float[Tensor, "*batch blocks width"]:
-    """The biases of blocks with a code, wherever it is kept, folded in through their latent layers."""
+    """Return the biases of blocks with a code (on any device) folded in through their latent layers."""
     code = code.to(blocks[0].get_parameter("weight").device)
     biases = [block(layer(code).relu()) for layer, block in zip(latent, blocks, strict=True)]
     return torch.stack(biases, -2).float()
@@ -161,7 +160,7 @@ def _folded_bias_jacobian(
     code: Float[Tensor, "*batch latent"],
     directions: Float[Tensor, "some latent"],
 ) -> Float[Tensor, "*batch blocks width some"]:
-    """The Jacobian of :func:`folded_biases`: a block's matrix times that of the latent layer, where that is active."""
+    """Jacobian of :func:`folded_biases`: a block's matrix times the latent layer's matrix where its ReLU is active."""
     device = blocks[0].get_parameter("weight").device
     code, directions = code.to(device), directions.to(device)
     jacobians = []

@@ -12,12 +12,12 @@ _SIZES = {
     "texture_latent": (1, 4096),
     "position_frequencies": (0, 32),
     "direction_frequencies": (0, 32),
-}  # The least and the greatest. A field is made before its weights are read, so its sizes are checked first.
+}  # Least and greatest values, checked first because a field is built before its weights are read.
 
 
 @dataclass(frozen=True)
 class FieldConfig:
-    """The size and the conventions of a field. The defaults are the shipped models' sizes; the paper has others."""
+    """The size and the conventions of a field. The defaults are those of the shipped models, not the paper's."""
 
     width: int = 96
     shape_blocks: int = 3
@@ -27,16 +27,15 @@ class FieldConfig:
     position_frequencies: int = 6
     direction_frequencies: int = 4
     density_scale: float = 30.0
-    """Multiplies the softplus: an object is opaque within a hundredth of a scene unit, so the layer before it
-    need not grow to hundreds. 1 in the authors' files."""
-    contrast: float = 0.0  # density (per scene unit) that contrast leaves as it is; 0: none (core.models.density)
-    contrast_gain: float = 4.0  # by how much it multiplies density at most
-    bounded_colour: bool = True  # A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1].
-    architecture: str = "codenerf"  # "M1" and "M2" are those of architecture_variants.
+    """Scale of the density. At 30 an object is opaque within 0.01 scene units, so logits stay small; the authors' 1."""
+    contrast: float = 0.0  # density (per scene unit) that contrast leaves unchanged; 0: no contrast (density.py)
+    contrast_gain: float = 4.0  # largest factor by which contrast multiplies density
+    bounded_colour: bool = True  # a sigmoid on rgb; False in the authors' files, whose colours leave [0, 1]
+    architecture: str = "codenerf"  # or "M1", "M2" (architecture_variants)
 
     def __post_init__(self) -> None:
         if self.architecture not in ("codenerf", "M1", "M2"):
-            raise ValueError(f"no field has this architecture: {self.architecture}")
+            raise ValueError(f"unknown architecture: {self.architecture}")
         for name, (low, high) in _SIZES.items():
             if not low <= whole(getattr(self, name), name) <= high:
                 raise ValueError(f"{name} of a field is {low} to {high}, got {getattr(self, name)}")

@@ -1,4 +1,4 @@
-"""Which models there are: the shipped ones by name, any other by its path; and images to try them with."""
+"""The available models: shipped ones by name, others by path; and sample images to try them with."""
 
 from functools import cache
 from pathlib import Path
@@ -13,23 +13,23 @@ DEFAULT_MODEL = "chairs"
 
 
 def shipped_models() -> tuple[str, ...]:
-    """The names of the models that come with the program."""
+    """Return the names of the models that come with the program."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
 
 
 @cache
 def sample_images(category: str) -> tuple[Path, ...]:
-    """Images to try a model with: objects of its category that it was not trained on."""
+    """Return images of objects of a category that its model was not trained on."""
     return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
 
 
 def load_model(name: str, device: str = "cpu") -> Model:
-    """The model of a shipped name (``chairs``) or of a path; ``.pth`` is a checkpoint of the authors' trainer.
+    """Load a model by its shipped name (``chairs``) or its path; ``.pth`` is a checkpoint of the authors' trainer.
 
     Args:
-        device: where its network runs, "cpu" or "cuda"; codes, cameras and images stay with the processor.
+        device: "cpu" or "cuda", for the network; codes, cameras and images stay on the processor.
 
-    Raises ``ValueError`` where there is no such model or no such device.
+    Raises ``ValueError`` if there is no such model or no such device.
     """
     model = _read(name)
     model.field.to(require_device(device))

@@ -26,7 +26,7 @@ from core.runtime.files import atomic_file
 from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
 
 FORMAT = "codenerf-1"
-_LARGEST = 1e6  # of lengths in scene units and px
+_LARGEST = 1e6  # upper bound of lengths in scene units and px
 _CELLS = "occupied_cells"
 _CLASSIFIER = "viewpoint."  # prefix of the viewpoint classifier's tensors
 _PARTS = "parts.weight", "parts.bias"
@@ -34,25 +34,24 @@ _PARTS = "parts.weight", "parts.bias"
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A trained category, as rendering and fitting need it. Neither ever changes it."""
+    """A trained category for rendering and fitting, neither of which changes it."""
 
     field: Field
     codes: CodeBook
     extent: tuple[float, float, float]
     """Half the size of the box that holds every training object, along x, y, z (scene units)."""
-    category: str  # its plural: "chairs"; '' where that is not known
+    category: str  # in the plural: "chairs"; '' if unknown
     image_size: int  # px, the size of the training images
     focal: float  # px at `image_size`
-    distance: float  # scene units, from which the training images were taken
+    distance: float  # scene units, of the training cameras
     white_from_network: bool = False
     """The network itself paints the white background (the authors' checkpoints): the last sample is always opaque."""
-    viewpoint_classifier: ViewpointClassifier | None = None
-    """predicts from where an image was probably taken; on the processor"""
-    extends: tuple[str, ...] = ()  # The fingerprints of the models that its training started from, the latest first.
-    metres: float = 1.0  # the longest side of a usual object
+    viewpoint_classifier: ViewpointClassifier | None = None  # on the processor
+    extends: tuple[str, ...] = ()  # fingerprints of the models that training started from, the latest first
+    metres: float = 1.0  # length of a usual object's longest side
     stored_cells: Bool[Tensor, "x y z"] | None = None
-    """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
-    part_head: PartHead | None = None  # tells the parts of a mesh apart, on the processor; None: a mesh is one part
+    """:attr:`occupied_cells` as in the file; None: computed from the codes"""
+    part_head: PartHead | None = None  # labels the parts of a mesh, on the processor; None: a mesh is one part
 
     def __post_init__(self) -> None:
         sizes = {"focal": self.focal, "distance": self.distance, "metres": self.metres}
@@ -64,16 +63,14 @@ class Model:
             raise ValueError(f"image_size of a model is 1 to {MAX_SIDE} px, got {self.image_size}")
         latent = self.field.config.shape_latent, self.field.config.texture_latent
         if (self.codes.shapes.shape[-1], self.codes.textures.shape[-1]) != latent:
-            raise ValueError(
-                f"the codes of a model do not fit its field, which takes {latent[0]} and {latent[1]} numbers"
-            )
+            raise ValueError(f"the codes do not fit the field, which needs {latent[0]} and {latent[1]} numbers")
         if self.codes.objects and not self.codes.valid:
             raise ValueError("all objects of the model collapsed in training")
         for name, weights in self.field.state_dict().items():
             if not bool(torch.isfinite(weights).all()):
                 raise ValueError(f"the weights {name} of a model must be finite")
         if self.part_head and self.part_head.weight.shape[1] != self.field.config.width:
-            raise ValueError("the part head of a model does not fit its field")
+            raise ValueError("the part head does not fit the field")
         self.field.requires_grad_(False).eval()
         object.__setattr__(self, "codes", replace(self.codes, model=self.fingerprint))
         if self.viewpoint_classifier:
@@ -81,17 +78,17 @@ class Model:
 
     @property
     def noun(self) -> str:
-        """One object of the category: "chair"."""
+        """Name of one object of the category: "chair"."""
         return singular(self.category)
 
     @property
     def device(self) -> torch.device:
-        """Where the field lives."""
+        """Device of the field."""
         return self.field.density_layer.weight.device
 
     @cached_property
     def soft(self) -> "Model":
-        """The same model without contrast, for fits to search; itself where the field has none.
+        """The same model without contrast, for the search of fits.
 
         Fits through a field with contrast find worse codes: its gradients vanish beside surfaces.
         """
@@ -108,27 +105,27 @@ class Model:
 
     @property
     def pixel_offset(self) -> float:
-        """px, by how much rays pass left of and above pixel centres: the authors' go through pixel corners."""
+        """Shift of rays to the left and up of pixel centres, px: the authors' rays go through pixel corners."""
         return 0.5 if self.white_from_network else 0.0
 
     @property
     def is_ablation(self) -> bool:
-        """Whether it is one of :mod:`core.models.architecture_variants`, which the exact renderer alone takes."""
+        """True for the paper's M1 and M2, which only the exact renderer supports."""
         return self.field.config.architecture != "codenerf"
 
     @cached_property
     def occupied_cells(self) -> Bool[Tensor, "cells cells cells"] | None:
-        """Which cells of the box its objects may occupy (:mod:`core.models.occupied_cells`), on the processor.
+        """Cells of the box that objects may occupy (:mod:`core.models.occupied_cells`), on the processor.
 
-        None where the field is evaluated outside the box too, or is one that fits do not take. Model files hold it; of
-        a model that comes from none, or from an older one, finding it takes seconds.
+        None if the field is evaluated outside the box too, or is M1 or M2. Read from the model file; computing missing
+        cells takes seconds.
         """
         for _ in self.find_occupied_cells():
             pass
         return vars(self).get(_CELLS, self.stored_cells)
 
     def find_occupied_cells(self) -> Iterator[None]:
-        """Find :attr:`occupied_cells` in small steps, where they are not known yet."""
+        """Find :attr:`occupied_cells` in small steps, unless they are known."""
         if self.stored_cells is not None or _CELLS in vars(self):
             return
         cells = None
@@ -140,7 +137,7 @@ class Model:
 
     @cached_property
     def fingerprint(self) -> str:
-        """A hash of the field's weights and the codes, by which a scene recognises its model."""
+        """Hash of the field's weights and the codes, by which a scene recognises its model."""
         digest = hashlib.sha256()
         for name, tensor in sorted(_rendering_tensors(self).items()):
             digest.update(name.encode())
@@ -148,13 +145,11 @@ class Model:
         return digest.hexdigest()[:16]
 
     def shares_codes_with(self, fingerprint: str) -> bool:
-        """Whether codes of the model with this fingerprint mean the same here, or nearly: it is this one, or this one
-        extends it.
-        """
+        """Tell whether codes of the model with this fingerprint fit: this model is, or extends, that model."""
         return fingerprint in (self.fingerprint, *self.extends)
 
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
-        """A camera (rad, rad, scene units) at the training images' size, focal length and, unless given, distance."""
+        """Return a camera (rad, rad, scene units) with the training images' size, focal length and default distance."""
         size = self.image_size
         return Camera(azimuth, elevation, distance or self.distance, self.focal, size, size)
 
@@ -179,7 +174,7 @@ class Model:
 
     @classmethod
     def load(cls, path: Path) -> "Model":
-        """Read a model file. Raises ``ValueError`` naming the file where it is none."""
+        """Read a model file. Raises ``ValueError`` naming the file if it is not one."""
         with reading(path, "a model file"):
             metadata, tensors = read_tensors(path)
             if "model" not in metadata:
@@ -201,7 +196,7 @@ class Model:
 
 
 def singular(category: str) -> str:
-    """The noun for one object of a category.
+    """Return the noun for one object of a category.
 
     Example:
         >>> singular("chairs")
@@ -211,7 +206,7 @@ def singular(category: str) -> str:
 
 
 class _About(NamedTuple):
-    """The metadata of a model file: what :class:`Model` holds beside tensors."""
+    """The metadata of a model file: all of :class:`Model` that is not a tensor."""
 
     config: FieldConfig
     objects: tuple[tuple[str, int, int], ...]
@@ -227,11 +222,11 @@ class _About(NamedTuple):
     parts: tuple[str, ...] = ()  # names of the part head's parts
 
 
-_ELSEWHERE = ("config", "objects", "collapsed", "parts")  # of these the model's other values are made
+_ELSEWHERE = ("config", "objects", "collapsed", "parts")  # not passed on to the model by name
 
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
-    """The viewpoint classifier, its tensors taken out of those of a file; None where the file has none."""
+    """Take the viewpoint classifier's tensors out of those of a file; None if there are none."""
     state = {name.removeprefix(_CLASSIFIER): name for name in tensors if name.startswith(_CLASSIFIER)}
     if not state:
         return None
@@ -241,9 +236,7 @@ def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
 
 
 def _all_tensors(model: Model) -> dict[str, Tensor]:
-    """All that is saved: what renders in single precision, codes in half where that loses nothing, the viewpoint
-    classifier in half, occupied cells as bits.
-    """
+    """Return all tensors to save: field in float32, codes in float16 if lossless, classifier in float16, cells."""
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
     looking = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
@@ -254,7 +247,7 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
 
 
 def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:
-    """In half precision, if that has the same values."""
+    """Return the tensor in half precision if that has the same values."""
     half = tensor.half()
     return half if torch.equal(half.float(), tensor) else tensor
 

@@ -1,8 +1,8 @@
-"""The cells of the scene's box that an object of a model may occupy: what fits ask the field for densities in.
+"""The cells of the scene's box that any object of a model may occupy: fits evaluate the field nowhere else.
 
-The densities of every training shape are evaluated at the corners of the cells. A cell is occupied where one of its
-corners is in any of them, and so are its neighbours. That leaves room for new codes: those of five standard deviations
-along a single direction stay inside.
+The densities of every training shape are evaluated at the corners of the cells. A cell is occupied if any shape is
+dense enough at one of its corners; neighbours of occupied cells count too. That leaves room for new codes: shapes five
+standard deviations along a single direction stay inside.
 """
 
 import math
@@ -17,14 +17,14 @@ from core.models.field import Field, encode
 from core.runtime.precision import autocast
 
 CELLS = 32  # along each axis of the box
-MIN_OPACITY = 0.03  # A corner whose cell would take less of the light than this is empty.
-_BLOCK = 16384  # Corners evaluated at a time.
+MIN_OPACITY = 0.03  # a corner whose cell would absorb less of the light than this is empty
+_BLOCK = 16384  # corners evaluated at a time
 
 
 def cells_at_corners(
     density: Float[Tensor, "*batch all"], extent: Float[Tensor, "3"]
 ) -> Bool[Tensor, "*batch cells cells cells"]:
-    """The cells with an occupied corner; a density that is no number counts as occupied, so that it shows."""
+    """Return the cells with an occupied corner; a density of NaN counts as occupied, so that the error shows."""
     limit = -math.log1p(-MIN_OPACITY) / float(2 * extent.amin() / CELLS)
     return max_of_corners(~(density.unflatten(-1, (CELLS + 1,) * 3) <= limit))
 
@@ -32,10 +32,10 @@ def cells_at_corners(
 def find_occupied_cells(
     field: Field, shapes: Float[Tensor, "shapes latent"], extent: Float[Tensor, "3"]
 ) -> Generator[None, None, Bool[Tensor, "cells cells cells"]]:
-    """The cells that any of these shapes occupies, and their neighbours; some seconds for a thousand shapes.
+    """Find the cells that any of these shapes occupies, and their neighbours; seconds for a thousand shapes.
 
-    Yields None every now and then. Every second corner along each axis is evaluated of all shapes, the others only
-    around cells that are occupied.
+    Yields None after each shape. Every second corner along each axis is evaluated first, the others only around
+    occupied cells.
     """
     with torch.no_grad():
         points = corner_points(extent, CELLS)
@@ -68,13 +68,13 @@ def _raise_to_densities(
 
 
 def pack(cells: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "bytes"]:
-    """As bits, eight to a byte, as model files hold them."""
+    """Pack cells as bits, eight to a byte, for model files."""
     bits = cells.cpu().flatten().reshape(-1, 8).to(torch.uint8)
     return (bits << torch.arange(8, dtype=torch.uint8)).sum(-1, dtype=torch.uint8)
 
 
 def unpack(packed: UInt8[Tensor, "bytes"]) -> Bool[Tensor, "cells cells cells"]:
-    """The inverse of :func:`pack`. Raises ``ValueError`` where it is of other cells."""
+    """Invert :func:`pack`. Raises ``ValueError`` for another number of cells."""
     if packed.numel() * 8 != CELLS**3:
         raise ValueError(f"occupied cells take {CELLS**3 // 8} bytes, got {packed.numel()}")
     return ((packed[:, None] >> torch.arange(8, dtype=torch.uint8)) & 1).bool().reshape(CELLS, CELLS, CELLS)

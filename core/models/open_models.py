@@ -1,4 +1,4 @@
-"""The open models, in which the model of any object is found by the fingerprint that its codes carry."""
+"""The open models: each object's model is found by the fingerprint in its codes."""
 
 from collections.abc import Callable, Iterator
 
@@ -10,7 +10,7 @@ class OpenModels:
     """Models by name, in the order of opening. Models join and never leave, so codes that found theirs always will."""
 
     def __init__(self, load: Callable[[str], Model]) -> None:
-        """``load`` reads the model of a shipped name or a path, as :func:`core.models.library.load_model`."""
+        """``load`` reads the model of a shipped name or a path, like :func:`core.models.library.load_model`."""
         self.load = load
         self._names: dict[str, str] = {}
         self._models: dict[str, Model] = {}  # by fingerprint
@@ -24,27 +24,27 @@ class OpenModels:
         return tuple(self._names)
 
     def open(self, name: str) -> Model:
-        """Load a model unless it is open. Raises ``ValueError`` where that fails."""
+        """Load a model unless it is open. Raises ``ValueError`` if loading fails."""
         if name not in self._names:
             self.add(name, self.load(name))
         return self._models[self._names[name]]
 
     def add(self, name: str, model: Model) -> None:
-        """Take in a loaded model; one of a known fingerprint only gives the known model another name."""
+        """Add a loaded model; a known fingerprint only gives the known model another name."""
         self._models.setdefault(model.fingerprint, model)
         self._names[name] = model.fingerprint
 
     def of(self, codes: Codes) -> Model:
-        """Return the model of an object. Raises ``ValueError`` where it is not open."""
+        """Return the model of an object. Raises ``ValueError`` if it is not open."""
         return self[codes.model]
 
     def __getitem__(self, fingerprint: str) -> Model:
-        """The model of a fingerprint, or the open one that extends it. Raises ``ValueError`` where there is none."""
+        """Return the model of a fingerprint, or an open one that extends it. Raises ``ValueError`` if there is none."""
         if found := self._models.get(fingerprint):
             return found
         if extending := next((one for one in self if one.shares_codes_with(fingerprint)), None):
             return extending
-        raise ValueError("it was made with a model that is not open: drop the model's file on the window first")
+        raise ValueError("it belongs to a model that is not open: drop the model's file on the window first")
 
     def of_category(self, category: str) -> Model | None:
         """Return the first open model of a category ("cars"), if any."""
@@ -52,5 +52,5 @@ class OpenModels:
 
 
 def model_of(models: Model | OpenModels, codes: Codes) -> Model:
-    """Return the model of an object, where all objects may be of one model."""
+    """Return the model of an object from a single model or the open ones."""
     return models if isinstance(models, Model) else models.of(codes)

@@ -1,4 +1,4 @@
-"""Which part of an object a place belongs to: a linear classifier of the features that the density comes from."""
+"""Part labels of points: a linear classifier of the features that the density is computed from."""
 
 from dataclasses import dataclass
 
@@ -10,23 +10,22 @@ from torch.nn import functional
 
 @dataclass(frozen=True, eq=False)
 class PartHead:
-    """The parts of a category's objects. Raises ``ValueError`` where its parts do not fit together."""
+    """The parts of a category's objects. Raises ``ValueError`` for inconsistent names and weights."""
 
-    names: tuple[str, ...]  # what is no other part is the first: ("body", "wheels", "glass")
+    names: tuple[str, ...]  # the first is the rest of the object: ("body", "wheels", "glass")
     weight: Float[Tensor, "parts width"]
     bias: Float[Tensor, "parts"]
 
     def __post_init__(self) -> None:
         count = len(self.names)
         if count < 2 or len(set(self.names)) < count or not all(self.names):
-            raise ValueError(f"an object has two parts or more, each of its own name, got {self.names}")
+            raise ValueError(f"a part head needs at least two parts with distinct names, got {self.names}")
         if self.weight.shape[:1] != (count,) or self.bias.shape != (count,):
             raise ValueError(f"{count} parts need as many rows of weights, got {tuple(self.weight.shape)}")
         if not bool(torch.isfinite(self.weight).all() and torch.isfinite(self.bias).all()):
             raise ValueError("the weights of a part head must be finite")
 
     def __call__(self, features: Float[Tensor, "points width"]) -> Float[Tensor, "points parts"]:
-        """The probability of each part, of the second value of
-        :meth:`core.rendering.folded_field.FoldedField.density`."""
+        """Return each part's probability from features of :meth:`core.rendering.folded_field.FoldedField.density`."""
         device = features.device
         return functional.linear(features.float(), self.weight.to(device), self.bias.to(device)).softmax(1)

@@ -1,4 +1,4 @@
-"""What photos show of an object beyond its codes, as a value: the photos, and from where they were taken."""
+"""Photos of a fitted object with their cameras, from which detail beyond the codes is computed."""
 
 import base64
 import io
@@ -16,29 +16,29 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.runtime.reading import open_image, reading
 
-SIDE = 1024  # px of the longer side at most: lettering on a door is still read
-MAX_BYTES = 200_000  # of a photo's file, in scenes, projects and pictures
-MAX_PHOTOS = 4  # of one object whose detail is kept: graphics cards look up 16 images at least, three of each photo
+SIDE = 1024  # px of the longer side at most; keeps lettering on a door legible
+MAX_BYTES = 200_000  # of a photo's file in scenes, projects and images
+MAX_PHOTOS = 4  # photos kept with an object; graphics cards support at least 16 textures, a photo takes three
 BACKGROUND = 0.1  # opacity below which a pixel certainly shows background: it bounds the object
 OtherSide = Literal["model", "soft", "mirrored"]
 OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
-"""Sources of colours that only the mirror image shows: the model alone, the photo blurred, the photo."""
-_QUALITIES = (96, 92, 85, 75, 60, 40)  # of WebP, from the best to what any photo needs at most
+"""Sources of colours that only the mirror image shows: the model alone, the blurred photo, the photo."""
+_QUALITIES = (96, 92, 85, 75, 60, 40)  # of WebP, tried from the best
 
 
 class Erasure(NamedTuple):
-    """A line drawn over a photo: what is under it does not belong to the object, or is none of its paint."""
+    """A brush stroke over a photo: pixels below it are not used."""
 
-    points: tuple[tuple[float, float], ...]  # shares of the photo's width and height
-    radius: float  # a share of its longer side
+    points: tuple[tuple[float, float], ...]  # fractions of the photo's width and height
+    radius: float  # fraction of the photo's longer side
 
 
 @dataclass(frozen=True)
 class PhotoView:
-    """A photo of an object, and from where it was taken. Raises ``ValueError`` for a file that is too large."""
+    """A photo of an object and its camera. Raises ``ValueError`` for a file that is too large."""
 
     image: bytes = field(repr=False)
-    """a WebP file: the object on white, how much of each pixel is its as opacity; as the camera sees it, upright"""
+    """WebP, upright as the camera sees it: the object on white, opacity is the object's coverage of each pixel"""
     camera: Camera  # at the size of the image
     erased: tuple[Erasure, ...] = ()
     outline_margin: float | None = None
@@ -51,25 +51,25 @@ class PhotoView:
             )
         numbers = [number for one in self.erased for number in (one.radius, *itertools.chain(*one.points))]
         if not all(math.isfinite(number) for number in numbers):
-            raise ValueError("what is erased of a photo must be finite")
+            raise ValueError("erasures of a photo must be finite")
         if self.outline_margin is not None and not 0 < self.outline_margin < math.inf:
             raise ValueError(f"the margin of a photo's outline must be positive, got {self.outline_margin}")
 
     @classmethod
     def of(cls, rgba: UInt8[np.ndarray, "height width 4"], camera: Camera) -> "PhotoView":
-        """Of pixels on white with the object's opacity; compressed, and where that is too large, made smaller."""
+        """Build a view from pixels on white with the object's opacity; compressed, and scaled down if too large."""
         image = compressed(rgba)
         return cls(image, camera.resized(*decompressed(image).shape[1::-1]))
 
     def pixels(self) -> UInt8[np.ndarray, "height width 4"]:
-        """Colours on white and opacity. Raises ``ValueError`` for a damaged file, or one not of the camera's size."""
+        """Decode colours on white and opacity. Raises ``ValueError`` if damaged or of another size than the camera."""
         pixels = decompressed(self.image)
         if pixels.shape[1::-1] != (self.camera.width, self.camera.height):
-            raise ValueError("the photo has another size than its camera")
+            raise ValueError("the photo's size differs from its camera's")
         return pixels
 
     def kept(self, width: int, height: int) -> Bool[np.ndarray, "height width"]:
-        """What is not erased, at a size."""
+        """Return the mask of pixels that are not erased, at a given size."""
         image = Image.new("1", (width, height), 1)
         draw = ImageDraw.Draw(image)
         for points, radius in self.erased:
@@ -83,13 +83,13 @@ class PhotoView:
 
 @dataclass(frozen=True, eq=False)
 class PhotoDetail:
-    """Photos of an object, and the codes that were fitted to them. Raises ``ValueError`` where it cannot be one."""
+    """Photos of an object and the codes fitted to them. Raises ``ValueError`` for inconsistent values."""
 
     views: tuple[PhotoView, ...]  # one to MAX_PHOTOS
     shape: Float[Tensor, "shape_latent"] = field(repr=False)
     texture: Float[Tensor, "texture_latent"] = field(repr=False)
-    confidence: float = 1.0  # the probability that the cameras are right, 0..1
-    strength: float = 1.0  # how much of it is shown, 0..1
+    confidence: float = 1.0  # probability that the cameras are right, 0..1
+    strength: float = 1.0  # how strongly the detail is shown, 0..1
     other_side: OtherSide = "mirrored"
 
     def __post_init__(self) -> None:
@@ -112,21 +112,21 @@ class PhotoDetail:
 
     @property
     def codes_key(self) -> tuple[float, ...]:
-        """The codes, to be compared."""
+        """The codes as a comparable key."""
         return (*self.shape.tolist(), *self.texture.tolist())
 
     @property
     def key(self) -> tuple:
-        """All but the strength, to be compared."""
+        """Everything but the strength, as a comparable key."""
         return (*self.views, self.confidence, self.other_side, *self.codes_key)
 
     def erasing(self, number: int, erased: tuple[Erasure, ...]) -> "PhotoDetail":
-        """With just this erased of one of the photos."""
+        """Return a copy in which one photo has exactly these erasures."""
         views = [replace(view, erased=erased) if at == number else view for at, view in enumerate(self.views)]
         return replace(self, views=tuple(views))
 
     def to_json(self) -> dict:
-        """As JSON; the files in base64."""
+        """Return a JSON-compatible dictionary; image files in base64."""
         views = [
             {
                 "image": base64.b64encode(view.image).decode(),
@@ -147,12 +147,12 @@ class PhotoDetail:
 
 
 def compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:
-    """A WebP file of :data:`MAX_BYTES` at most: as good as that allows, and smaller where not even the worst does."""
+    """Compress pixels to a WebP file of at most :data:`MAX_BYTES`: lower quality first, then smaller images."""
     image = Image.fromarray(rgba)
     while True:
         for quality in _QUALITIES:
             file = io.BytesIO()
-            # Without `exact`, what is under transparent pixels would not stay white.
+            # Without `exact`, the colour under transparent pixels would not stay white.
             image.save(file, "WEBP", quality=quality, method=4, exact=True)
             if file.tell() <= MAX_BYTES:
                 return file.getvalue()
@@ -160,6 +160,6 @@ def compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:
 
 
 def decompressed(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
-    """The pixels of such a file. Raises ``ValueError`` where it is damaged."""
+    """Decode a file of :func:`compressed`. Raises ``ValueError`` if it is damaged."""
     with reading("its photo", "an image"), open_image(io.BytesIO(file), most=8 * SIDE**2) as image:
         return np.array(image.convert("RGBA"))

@@ -1,6 +1,6 @@
-"""A scene is what a person edits: the codes of an object, and a camera. Saved as JSON, exact to float32.
+"""A scene: the state of the editor, an object's codes and a camera. Saved as JSON, exact to float32.
 
-A PNG image can hold the scene that it shows: its JSON is a text of the file, so the image alone brings it back.
+A PNG image can embed the scene it shows as a text chunk, so the image alone restores the scene.
 """
 
 import base64
@@ -21,8 +21,8 @@ from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 
-IMAGE_FORMATS = (".png", ".jpg", ".webp")  # The endings to offer: images that nearly every program opens.
-OPAQUE_FORMATS = (".jpg", ".jpeg")  # Those that have no transparent pixels.
+IMAGE_FORMATS = (".png", ".jpg", ".webp")  # endings to offer: nearly every program opens these
+OPAQUE_FORMATS = (".jpg", ".jpeg")  # formats without transparent pixels
 _KEY = "CodeNeRF scene"
 
 
@@ -34,12 +34,12 @@ class Scene:
     camera: Camera
 
     def save(self, path: Path) -> None:
-        """Write the scene as JSON, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
+        """Write the scene as JSON, atomically. Raises ``ValueError`` for a path that cannot be written."""
         with atomic_file(path, lambda partial: typed(_About, read_json(partial))) as partial:
             partial.write_text(self.to_json() + "\n")
 
     def to_json(self) -> str:
-        """The scene as JSON text."""
+        """Return the scene as JSON text."""
         camera = {name: getattr(self.camera, name) for name in Camera.__dataclass_fields__}
         about = {
             "model": self.codes.model,
@@ -53,15 +53,15 @@ class Scene:
 
     @classmethod
     def load(cls, path: Path, model: Model) -> "Scene":
-        """Read a scene for a model. Raises ``ValueError`` where it is none, or one of another model."""
+        """Read a scene for a model. Raises ``ValueError`` if the file is not a scene or belongs to another model."""
         with reading(path, "a scene"):
             return cls.from_json(read_text(path), model)
 
     @classmethod
     def from_json(cls, text: str, model: Model) -> "Scene":
-        """Read JSON text. Raises ``ValueError`` where it is no scene, or one of another model.
+        """Parse JSON text. Raises ``ValueError`` if it is not a scene or belongs to another model.
 
-        A scene of a model that this one extends becomes one of this model: it looks nearly as it did.
+        A scene of a model that this one extends becomes a scene of this model and looks nearly the same.
         """
         about = typed(_About, parse_json(text), name="scene")
         detail = about.detail and about.detail.read()
@@ -71,13 +71,13 @@ class Scene:
         pairs = [(one.shape.shape, one.texture.shape) for one in (codes, codes.detail) if one]
         if not model.shares_codes_with(about.model) or any(pair != sizes for pair in pairs):
             raise ValueError(
-                f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
+                f"the scene belongs to another model, not to this one of {model.category or 'unnamed objects'}"
             )
         return cls(codes, about.camera)
 
 
 class _View(NamedTuple):
-    """One of a detail's photos as JSON."""
+    """JSON of one of a detail's photos."""
 
     image: str
     camera: Camera
@@ -86,12 +86,12 @@ class _View(NamedTuple):
 
     def read(self) -> PhotoView:
         view = PhotoView(base64.b64decode(self.image, validate=True), self.camera, self.erased, self.outline_margin)
-        view.pixels()  # raises where it is damaged
+        view.pixels()  # raises if damaged
         return view
 
 
 class _Detail(NamedTuple):
-    """The photos' detail as JSON."""
+    """JSON of the photo detail."""
 
     views: tuple[_View, ...]
     shape: tuple[float, ...]
@@ -99,7 +99,7 @@ class _Detail(NamedTuple):
     confidence: float = 1.0
     strength: float = 1.0
     other_side: OtherSide | None = None
-    both_sides: bool = False  # of scenes written before there was a third choice
+    both_sides: bool = False  # of older scenes
 
     def read(self) -> PhotoDetail:
         views = tuple(view.read() for view in self.views)
@@ -109,7 +109,7 @@ class _Detail(NamedTuple):
 
 
 class _About(NamedTuple):
-    """A scene as JSON."""
+    """JSON of a scene."""
 
     model: str
     camera: Camera
@@ -119,35 +119,35 @@ class _About(NamedTuple):
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:
-    """Write an image, RGB or with opacity, by the name's ending; a PNG holds model, codes and camera, exact to float32.
+    """Write an image, RGB or with opacity, in the format of the name's ending; a PNG also embeds the scene.
 
-    Raises ``ValueError`` for an ending that no image has, or that has no opacity, or a path that cannot be written.
+    Raises ``ValueError`` for an unknown ending, opacity in a format without it, or a path that cannot be written.
     """
     if path.suffix.lower() not in Image.registered_extensions():
-        raise ValueError(f"cannot write {path}: an image's name ends in {', '.join(IMAGE_FORMATS)} or the like")
+        raise ValueError(f"cannot write {path}: an image must end in {', '.join(IMAGE_FORMATS)} or similar")
     if image.shape[2] == 4 and path.suffix.lower() in OPAQUE_FORMATS:
         raise ValueError(f"{path.name}: a jpg cannot have a transparent background")
     about = PngImagePlugin.PngInfo()
     about.add_text(_KEY, scene.to_json(), zip=True)
     with atomic_file(path) as partial:
-        Image.fromarray(image).save(partial, pnginfo=about)  # which only a PNG takes
+        Image.fromarray(image).save(partial, pnginfo=about)  # only PNG uses `pnginfo`
 
 
 def embedded_scene(path: Path) -> str | None:
-    """The scene's JSON that an image holds; None for any other file."""
+    """Return the scene's JSON that an image embeds; None for any other file."""
 
     def read() -> object:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
-            return image.info.get(_KEY)  # ours comes before the pixels; `image.text` would decode them to look behind
+            return image.info.get(_KEY)  # our text precedes the pixels; `image.text` would decode them to look behind
 
-    text = optional(read)  # what is no whole PNG is none of ours
+    text = optional(read)  # a damaged PNG counts as none of ours
     return None if text is None else str(text)
 
 
 def open_scene(path: Path, model: Model) -> Scene:
-    """Read a scene for a model from its JSON file or from an image that holds it.
+    """Read a scene for a model from its JSON file or from an image that embeds it.
 
-    Raises ``ValueError`` where it is none, or one of another model.
+    Raises ``ValueError`` if the file is neither or belongs to another model.
     """
     text = embedded_scene(path)
     if text is None:
@@ -157,6 +157,6 @@ def open_scene(path: Path, model: Model) -> Scene:
 
 
 def scene_model(path: Path) -> str | None:
-    """The fingerprint of the model that a scene, or an image that holds one, belongs to; None where it is no scene."""
+    """Return the fingerprint of the model of a scene, or of an image that embeds one; None for other files."""
     about = optional(lambda: typed(_About, parse_json(embedded_scene(path) or read_text(path))))
     return about and about.model

@@ -1,1 +1,1 @@
-"""Images as they come: decoded, segmented, cropped, and compared with views of known objects."""
+"""Photos: decoding, segmentation, cropping, and comparison with views of known objects."""

@@ -1,4 +1,4 @@
-"""Masks that may be an object's cut-out: in a box around it, that of the saliency network and that of its colours."""
+"""Candidate masks of the object in a box: the saliency network's, and one by colours."""
 
 import math
 from contextlib import suppress
@@ -15,28 +15,28 @@ from core.photos.detector import Box, box_overlap
 from core.photos.grabcut import grabcut
 from core.photos.saliency import predict_saliency
 
-_ROOM = 1.3  # side of what the network sees over that of the box; 1.05 and 1.15 lose thin parts of 60 composites
-_LEARNT = 1.5  # side of the window whose colours outside the box are the background's
-_HINT = 0.25  # opacity from which the network may have seen a leg: thin things are nothing but edge to it
-_NETWORK_ERROR = 0.006  # of what the network sees, by which its edges may be off: two of its own pixels
-_PREFERRED = 0.1  # box overlap by which GrabCut's mask has to fit better than the network's
-_CONSTANT, _AGREEMENT = -1.8, 4.2  # of the odds that a mask overlaps the true one by 0.75: of composites
-_ALONE = 0.5  # confidence of a mask that no other confirms
-_WINDOWS = 0.4, 0.75  # of the image's longer side: what the network sees around a point
-_POINTED = 0.25  # of the same: the box around a point where the network sees nothing
-_MIN_BOX = 0.05  # sides of the image: what the network sees in less is a speck
-_MIDDLE: Box = (0.1, 0.1, 0.9, 0.9)  # the box of an image in which nothing is found
+_ROOM = 1.3  # network's crop over the box, per side; 1.05 and 1.15 lose thin parts of 60 composites
+_LEARNT = 1.5  # side of the window around the box whose colours are the background's
+_HINT = 0.25  # saliency from which a thin part, such as a leg, may be present: the network sees it as edge only
+_NETWORK_ERROR = 0.006  # edge uncertainty of a saliency mask, relative to the crop: two pixels at the network's input
+_PREFERRED = 0.1  # box overlap by which GrabCut's mask must exceed the network's
+_CONSTANT, _AGREEMENT = -1.8, 4.2  # of the log-odds that a mask overlaps the true one by 0.75, fitted on composites
+_ALONE = 0.5  # confidence of a single mask
+_WINDOWS = 0.4, 0.75  # crops around a point, relative to the image's longer side
+_POINTED = 0.25  # likewise: the box around a point without salient object
+_MIN_BOX = 0.05  # sides relative to the image: smaller salient objects are specks
+_MIDDLE: Box = (0.1, 0.1, 0.9, 0.9)  # used if no object is found
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A mask that may be the object's."""
 
-    found_by: str  # how, for people
+    found_by: str  # method, for people
     opacity: Float[np.ndarray, "height width"]  # 0..1
-    edge_error: float = 0.0  # px by which the edges may be off
-    white: bool = False  # the background is white, as in training images
-    certain: bool = False  # found by alpha, a plain background or a person
+    edge_error: float = 0.0  # px, uncertainty of the edges
+    white: bool = False  # white background, as in training images
+    certain: bool = False  # from alpha, a plain background or a person
 
 
 class Ranked(NamedTuple):
@@ -63,22 +63,22 @@ def rank_candidates(image: Image.Image, box: Box) -> list[Ranked]:
 
 
 def _fit(candidate: Candidate, box: Box) -> float:
-    """How well a mask fills its box, 0..1, and a preference for the network."""
+    """Score how well a mask fills its box, 0..1, with a preference for the network."""
     return box_overlap(share_box(candidate.opacity > 0.5), box) + _PREFERRED * (candidate.found_by == "network")
 
 
 def by_network(image: Image.Image, box: Box) -> Candidate:
-    """The saliency network's mask of what it sees in a box, and all faint in it too."""
+    """Return the saliency network's mask in a box, including faint parts."""
     window = _in_pixels(_scaled(box, _ROOM), image)
     salient = (_salient(image, window) * (0.5 / _HINT)).clip(0, 1)
     side = max(window[2] - window[0], window[3] - window[1])
-    # Inside an object the network may be unsure what it sees, but not that there is something.
+    # Inside an object the network may be unsure of its kind, but not of its presence.
     inside = binary_erosion(salient > 0.5, iterations=max(1, round(_NETWORK_ERROR * side)))
     return Candidate("network", np.where(inside, np.float32(1), salient), _NETWORK_ERROR * side)
 
 
 def by_colours(image: Image.Image, box: Box) -> Candidate | None:
-    """GrabCut's mask of what differs in colour from the surroundings of a box."""
+    """Return GrabCut's mask of pixels whose colours differ from the surroundings of a box."""
     colours = np.asarray(image, np.float32) / 255
     left, top, right, bottom = _in_pixels(box, image)
     labels = np.zeros(colours.shape[:2], np.uint8)
@@ -90,7 +90,7 @@ def by_colours(image: Image.Image, box: Box) -> Candidate | None:
 
 
 def by_place(image: Image.Image, boxes: list[Box]) -> Candidate:
-    """All of some boxes: where nothing is found in them."""
+    """Return a mask that fills the boxes, for boxes without a detected object."""
     opacity = np.zeros((image.height, image.width), np.float32)
     for left, top, right, bottom in (_in_pixels(box, image) for box in boxes):
         opacity[top:bottom, left:right] = 1
@@ -98,7 +98,7 @@ def by_place(image: Image.Image, boxes: list[Box]) -> Candidate:
 
 
 def salient_box(image: Image.Image, inside: tuple[int, int, int, int]) -> Box:
-    """Return the box of what the saliency network sees in a part of an image (px), or the middle for a speck."""
+    """Return the box of the salient object in a part of an image (px); the middle for a speck or nothing."""
     salient = _salient(image, inside) > 0.5
     if not salient.any():
         return _MIDDLE
@@ -107,7 +107,7 @@ def salient_box(image: Image.Image, inside: tuple[int, int, int, int]) -> Box:
 
 
 def box_at(image: Image.Image, point: tuple[float, float]) -> Box:
-    """The box of what the saliency network sees at a point (shares of width and height)."""
+    """Return the box of the salient object at a point (fractions of width and height)."""
     for share in _WINDOWS:
         salient = _salient(image, _in_pixels(_around(point, share, image), image))
         if (piece := _piece_at(salient > 0.5, point)).any():
@@ -116,7 +116,7 @@ def box_at(image: Image.Image, point: tuple[float, float]) -> Box:
 
 
 def _salient(image: Image.Image, window: tuple[int, int, int, int]) -> Float[np.ndarray, "height width"]:
-    """What the saliency network sees in a window (px) of an image, 0..1; nothing without the network."""
+    """Return the saliency map of a window (px) of an image, 0..1; zero without the network."""
     left, top, right, bottom = window
     whole, found = np.zeros((image.height, image.width), np.float32), predict_saliency(image.crop(window))
     if found is not None:
@@ -125,7 +125,7 @@ def _salient(image: Image.Image, window: tuple[int, int, int, int]) -> Float[np.
 
 
 def _piece_at(mask: Bool[np.ndarray, "height width"], point: tuple[float, float]) -> Bool[np.ndarray, "height width"]:
-    """The connected piece of a mask that holds a point; nothing where the point is beside the mask."""
+    """Return the connected piece of a mask at a point; empty if the point is beside the mask."""
     height, width = mask.shape
     pieces, _ = label(mask, np.ones((3, 3)))
     number = pieces[min(height - 1, int(point[1] * height)), min(width - 1, int(point[0] * width))]
@@ -133,26 +133,26 @@ def _piece_at(mask: Bool[np.ndarray, "height width"], point: tuple[float, float]
 
 
 def share_box(mask: Bool[np.ndarray, "height width"]) -> Box:
-    """The bounding box of a mask in shares of width and height."""
+    """Return the bounding box of a mask in fractions of width and height."""
     height, width = mask.shape
     left, top, right, bottom = bounding_box(mask)
     return left / width, top / height, right / width, bottom / height
 
 
 def mask_overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "height width"]) -> float:
-    """Intersection over union of two masks."""
+    """Return the intersection over union of two masks."""
     return float((one & other).sum() / max(1, (one | other).sum()))
 
 
 def _scaled(box: Box, factor: float) -> Box:
-    """A box about the same middle, ``factor`` times as large, as far as it is in the image."""
+    """Scale a box about its middle, clipped to the image."""
     left, top, right, bottom = box
     across, down = (factor - 1) * (right - left) / 2, (factor - 1) * (bottom - top) / 2
     return max(0.0, left - across), max(0.0, top - down), min(1.0, right + across), min(1.0, bottom + down)
 
 
 def _around(point: tuple[float, float], share: float, image: Image.Image) -> Box:
-    """A square around a point, as far as it is in the image; its side is a share of the image's longer one."""
+    """Return a square around a point, clipped to the image; its side is a fraction of the image's longer side."""
     across, down = (share * max(image.size) / size / 2 for size in image.size)
     x, y = point
     return max(0.0, x - across), max(0.0, y - down), min(1.0, x + across), min(1.0, y + down)

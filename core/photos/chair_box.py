@@ -1,4 +1,4 @@
-"""The 3D box of a chair in a photograph, by Objectron (Ahmadyan et al., CVPR 2021): from which side it is seen."""
+"""The 3D box of a chair in a photograph, and its viewing direction, by Objectron (Ahmadyan et al., CVPR 2021)."""
 
 import logging
 import math
@@ -11,23 +11,23 @@ from core.photos.detector import Box
 from core.runtime.networks import NETWORKS, run_network
 
 _SIDE = 224  # px of the network's input
-_ROOM = 1.5  # side of the crop over that of the object's box; of 1.0 to 1.6 best on renders of validation objects
-_FOCAL = 1.5  # image heights; from 0.8 to 2.5 the azimuth hardly changes
+_ROOM = 1.5  # side of the crop over the object's box; best of 1.0 to 1.6 on renders of validation objects
+_FOCAL = 1.5  # image heights; the azimuth is insensitive to it from 0.8 to 2.5
 _ELEVATION_BIAS = math.radians(20)  # median over 97 renders of validation and foreign chairs: 23 degrees, test 14
 EDGES = tuple((1 + one, 1 + one + step) for step in (1, 2, 4) for one in range(8) if not one & step)
-"""Pairs of corners that an edge of the box joins."""
+"""Pairs of corners joined by an edge of the box."""
 _SIGNS = np.array([(0, 0, 0), *((x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))])
-"""The centre and the corners as sums of the half edges X (right), Y (up) and Z (to the front)."""
+"""Centre and corners as sums of the half edges X (right), Y (up) and Z (to the front)."""
 
 
 def chair_corners(image: Image.Image, box: Box) -> Float[np.ndarray, "9 2"] | None:
-    """Find the centre and the eight corners of a chair's 3D box, in shares of the image's width and height.
+    """Find the centre and the eight corners of a chair's 3D box, in fractions of the image's width and height.
 
     Args:
         image: RGB.
         box: around the chair in the image.
 
-    None, with a warning, where the network's file is missing or damaged.
+    None, with a warning, if the network's file is missing or damaged.
     """
     crop, left, top, scale = _crop(image, box)
     try:
@@ -39,21 +39,21 @@ def chair_corners(image: Image.Image, box: Box) -> Float[np.ndarray, "9 2"] | No
 
 
 def chair_direction(corners: Float[np.ndarray, "9 2"], aspect: float) -> tuple[float, float]:
-    """Return the azimuth and the elevation (rad) from which a 3D box is seen.
+    """Return the azimuth and elevation (rad) from which a 3D box is seen.
 
-    Front and back may be mistaken for each other. The elevation is corrected by the network's bias.
+    Front and back may be confused. The elevation is corrected by the network's bias.
 
     Each corner C + xX + yY + zZ lies on the ray through its pixel, which gives two linear equations. The singular
-    vector of the least singular value is (C, X, Y, Z) up to its scale.
+    vector of the least singular value is (C, X, Y, Z) up to scale.
 
     Args:
-        corners: as :func:`chair_corners` finds them.
+        corners: from :func:`chair_corners`.
         aspect: width over height of the image.
     """
     across, down = ((corners - 0.5) * (aspect, 1) / _FOCAL).T
     signs = np.concatenate((np.ones((9, 1)), _SIGNS), 1)  # of C, X, Y and Z
     zeros = np.zeros_like(signs)
-    # Camera axes: x right, y up, looking along -z, so a point is seen at (x, -y) / -z.
+    # Camera axes: x right, y up, looking along -z, so a point appears at (x, -y) / -z.
     rows = np.concatenate(
         (
             np.stack((signs, zeros, across[:, None] * signs), -1),
@@ -67,9 +67,9 @@ def chair_direction(corners: Float[np.ndarray, "9 2"], aspect: float) -> tuple[f
 
 
 def _crop(image: Image.Image, box: Box) -> tuple[Image.Image, float, float, float]:
-    """Return a square around a box at the network's size, its corner in the image (px), and px of the image per px.
+    """Return a square around a box at the network's size, its corner (px), and image px per network px.
 
-    Pixels of the border are repeated beyond the image.
+    Border pixels are repeated beyond the image.
     """
     left, top, right, bottom = (side * size for side, size in zip(box, image.size * 2, strict=True))
     side = _ROOM * max(right - left, bottom - top)

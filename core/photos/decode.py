@@ -1,4 +1,4 @@
-"""Image files of any usual kind, as upright RGBA of 8 bits and moderate size."""
+"""Image files of any common format, as upright 8-bit RGBA of moderate size."""
 
 import io
 import math
@@ -10,20 +10,19 @@ from PIL import ExifTags, Image, ImageCms
 
 from core.runtime.reading import open_image, optional, read_bytes, reading
 
-WORKING_SIDE = 1024  # px: the longer side at which images are cut out
-_NARROWEST = 128
-"""The longest side of an image, in its shorter ones: of a narrower one 8 px would not be left at the working size."""
+WORKING_SIDE = 1024  # px: longer side at which images are cut out
+_NARROWEST = 128  # largest aspect ratio; beyond, the shorter side would be under 8 px at the working size
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif")
-"""of the files that a dialog offers"""
+"""offered by file dialogs"""
 _FILM_DIAGONAL = math.hypot(36, 24)  # mm
-_LENSES = 8, 600  # mm, the shortest and the longest focal length that is believed
+_LENSES = 8, 600  # mm, plausible focal lengths
 _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
-"""of whole photographs, longer by shorter side; and how far they may be off"""
-NOTE = "note"  # in ``Image.info``: which of several readings of a file was used
+"""of whole photographs, longer by shorter side; and their relative tolerance"""
+NOTE = "note"  # in ``Image.info``: how an ambiguous file was read
 _DEPTHS = 255, 1023, 4095, 16383, 65535
-"""white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into files of 16"""
-_MAX_FRAMES, MAX_LOOKED = 64, 100_000_000  # frames of an animation that are looked at, and their pixels in all
-_FADED = 0.8  # of the contrast of the clearest frame, below which a frame is fading in or out
+"""white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into 16-bit files"""
+_MAX_FRAMES, MAX_LOOKED = 64, 100_000_000  # examined frames of an animation, and their pixels in total
+_FADED = 0.8  # contrast, relative to the clearest frame, below which a frame is fading
 _TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that exchange width and height
 _TURNS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -33,15 +32,15 @@ _TURNS = {
     6: Image.Transpose.ROTATE_270,
     7: Image.Transpose.TRANSVERSE,
     8: Image.Transpose.ROTATE_90,
-}  # by EXIF orientation, what makes the image upright
-_NO_COLOURS_OF_SCREENS = ("L", "CMYK")  # modes that have colour profiles of their own
+}  # transform to upright, by EXIF orientation
+_NO_COLOURS_OF_SCREENS = ("L", "CMYK")  # modes with colour profiles of their own
 
 
 def read_rgba(path: Path) -> Image.Image:
-    """The image upright, in sRGB, as RGBA with 8 bits, its longer side at most :data:`WORKING_SIDE`.
+    """Read an image upright, in sRGB, as 8-bit RGBA, its longer side at most :data:`WORKING_SIDE`.
 
-    Of several images in a file the largest is read, and of an animation the first clear frame; ``info[NOTE]`` says so.
-    Raises ``ValueError`` naming the file for what is no image, or one that is too large.
+    Reads the largest of several images in a file, and the first clear frame of an animation, as ``info[NOTE]`` tells.
+    Raises ``ValueError`` naming the file if it is not an image, or too large.
     """
     with reading(path, "an image"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -57,15 +56,15 @@ def read_rgba(path: Path) -> Image.Image:
 
 
 def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
-    """The opacity of a photo's object, from an image that is white on it, or clear elsewhere.
+    """Read a photo's mask from an image that is white on the object, or transparent elsewhere.
 
-    A mask of the proportions that the photo has before it is turned upright is turned too.
+    A mask with the proportions of the photo before rotation is rotated, too.
 
     Args:
         size: of the result in px, upright.
 
-    Raises ``ValueError`` naming the file where it is no image, has other proportions than the photo, or all of it is
-    object or none.
+    Raises ``ValueError`` naming the file if it is not an image, has other proportions than the photo, or is all object
+    or all background.
     """
     image, note = read_rgba(path), ""
     upright, drawn, orientation = upright_size(photo), upright_size(path), _orientation(photo)
@@ -84,27 +83,27 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     mask = alpha if (np.asarray(alpha) < 255).any() else image.convert("L")
     object_there = np.asarray(mask) > 127
     if object_there.all() or not object_there.any():
-        raise ValueError(f"{path}: a mask is white on the object and black elsewhere; this has one of both only")
+        raise ValueError(f"{path}: the mask is all black or all white; it must be white on the object only")
     mask = mask.resize(size, Image.Resampling.BILINEAR)
     mask.info = {NOTE: note}
     return mask
 
 
 def upright_size(path: Path) -> tuple[int, int]:
-    """(width, height) in px of a file's upright image. Raises ``ValueError`` naming the file for what is no image."""
+    """Return (width, height) in px of a file's upright image. Raises ``ValueError`` naming a file that is no image."""
     transposed = _orientation(path) in _TRANSPOSED
     with reading(path, "an image"), open_image(path) as image:
         return (image.height, image.width) if transposed else image.size
 
 
 def _orientation(path: Path) -> int:
-    """The EXIF orientation; 1, upright, where the file does not tell."""
+    """Return the EXIF orientation; 1 (upright) if the file has none."""
     with reading(path, "an image"), open_image(path) as image:
         return int(_exif(image).get(ExifTags.Base.Orientation, 1))
 
 
 def _same_proportions(first: tuple[int, int], second: tuple[int, int]) -> bool:
-    """Sizes that differ in scale alone, but for a px of rounding."""
+    """True if two sizes differ only in scale, up to a px of rounding."""
     return abs(first[0] * second[1] - first[1] * second[0]) <= max(*first, *second)
 
 
@@ -113,19 +112,19 @@ def _by(size: tuple[int, int]) -> str:
 
 
 def lens_focal(image: Image.Image) -> float | None:
-    """The focal length (px) that a camera wrote beside its image, as the one that gives 35 mm film the same view."""
+    """Return the focal length in px from an image's EXIF, which gives it as 35 mm equivalent; None if unknown."""
     details = optional(lambda: _exif(image).get_ifd(ExifTags.IFD.Exif)) or {}
     written = details.get(ExifTags.Base.FocalLengthIn35mmFilm)
     if not isinstance(written, int | float) or not _LENSES[0] <= written <= _LENSES[1]:
         return None
     short, long = sorted(image.size)
     if all(abs(long / short / ratio - 1) > _SAME_RATIO for ratio in _SENSOR_RATIOS):
-        return None  # a part of what the camera saw, of which nobody knows how large a part
+        return None  # a crop of unknown extent
     return float(written) / _FILM_DIAGONAL * math.hypot(*image.size)
 
 
 def _exif(image: Image.Image) -> Image.Exif:
-    """Empty where it cannot be read: the image is there without it."""
+    """Return the EXIF data; empty if unreadable."""
     return optional(image.getexif) or Image.Exif()
 
 
@@ -138,17 +137,17 @@ def _seek_clearest(image: Image.Image) -> None:
     contrast = list[float]()
     for number in range(frames):
         image.seek(number)
-        frame = _shrunk(image, WORKING_SIDE // 4).convert("RGBA")  # expanded, all of it takes four times the memory
+        frame = _shrunk(image, WORKING_SIDE // 4).convert("RGBA")  # a fully expanded frame takes four times the memory
         contrast.append(float(np.asarray(Image.alpha_composite(Image.new("RGBA", frame.size, "white"), frame)).std()))
     image.seek(next(number for number, one in enumerate(contrast) if one >= _FADED * max(contrast)))
 
 
 def _deep_colours(image: Image.Image, path: Path) -> Image.Image:
-    """Colours of fewer than 16 bits in a file of 16, which Pillow would show nearly black."""
+    """Rescale colours of fewer than 16 bits in a 16-bit file, which Pillow would show nearly black."""
     deep = image.mode in ("RGB", "RGBA") and any(";16" in str(tile[3]) for tile in getattr(image, "tile", ()))
     if not deep or np.asarray(image)[..., :3].max() > _DEPTHS[-2] >> 8:
         return image
-    import cv2  # takes long to import, and few images need it
+    import cv2  # imports slowly, and few images need it
 
     values = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None or values.dtype != np.uint16:
@@ -162,17 +161,17 @@ def _deep_colours(image: Image.Image, path: Path) -> Image.Image:
 
 
 def _white(largest: float) -> int:
-    """The number that is white, by the largest one that an image holds."""
+    """Return the value of white, judged by the largest value of an image."""
     return next((depth for depth in _DEPTHS if largest <= depth), _DEPTHS[-1])
 
 
 def _small_rgba(image: Image.Image) -> Image.Image:
-    """Upright RGBA of 8 bits, made small before it is converted, so that a huge image costs memory once."""
+    """Convert to upright 8-bit RGBA, shrinking before the conversion to save memory."""
     profile, exif = image.info.get("icc_profile"), _exif(image)
     if image.mode.startswith(("I", "F")):
         image = _eight_bits(_shrunk(image, 4 * WORKING_SIDE))
     if image.mode in ("P", "1", "PA") or "transparency" in image.info:
-        # A palette cannot be averaged, and expanded it takes four times the memory.
+        # A palette cannot be averaged, and takes four times the memory expanded.
         image = _shrunk(image, 4 * WORKING_SIDE).convert("RGBA")
     factor = max(image.size) // (2 * WORKING_SIDE)
     if factor > 1 and min(image.size) >= factor:
@@ -190,9 +189,9 @@ def _small_rgba(image: Image.Image) -> Image.Image:
 
 
 def _in_srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
-    """Colours of another space, such as the Display P3 of phones, in sRGB.
+    """Convert colours of another space, such as the Display P3 of phones, to sRGB.
 
-    As they are where the profile is broken, or of another kind of image.
+    Unchanged if the profile is broken or of another kind of image.
     """
     if not profile or b"sRGB" in profile[:1024]:
         return image
@@ -203,7 +202,7 @@ def _in_srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
 
 
 def _shrunk(image: Image.Image, side: int, resampling: Image.Resampling = Image.Resampling.NEAREST) -> Image.Image:
-    """The image, made smaller where its longer side is larger than this."""
+    """Shrink an image whose longer side exceeds ``side``."""
     scale = side / max(image.size)
     if scale >= 1:
         return image
@@ -212,7 +211,7 @@ def _shrunk(image: Image.Image, side: int, resampling: Image.Resampling = Image.
 
 
 def _eight_bits(image: Image.Image) -> Image.Image:
-    """Grey of 16 or 32 bits or of floating point, by the range its numbers use."""
+    """Convert grey of 16 or 32 bits or floating point to 8 bits by the range of its values."""
     values = np.nan_to_num(np.asarray(image, dtype=np.float32))
     largest = float(values.max(initial=0))
     full = 1.0 if largest <= 1 and image.mode == "F" else _white(largest)

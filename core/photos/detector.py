@@ -1,4 +1,4 @@
-"""Chairs and cars in photographs, by SSD-MobileNetV2 (Sandler et al. 2018), trained on Open Images V4 by MediaPipe."""
+"""Detection of chairs and cars by SSD-MobileNetV2 (Sandler et al. 2018), trained on Open Images V4 by MediaPipe."""
 
 import logging
 import math
@@ -13,26 +13,26 @@ from PIL import Image
 from core.geometry.pixels import bounding_box
 from core.runtime.networks import NETWORKS, run_network
 
-Box = tuple[float, float, float, float]  # left, top, right, bottom in shares of the image's width and height
+Box = tuple[float, float, float, float]  # left, top, right, bottom as fractions of the image's width and height
 
 _SIDE = 300  # px of the network's input
 _CLASSES = {"chairs": (5,), "cars": (18, 23)}  # of Open Images: chair; vehicle and car
-_MIN_SCORE = 0.16  # 26 of 26 photographs have the right category above it
-_MIN_OTHER = 0.3  # the same of objects beside the most prominent one
-_SAME = 0.5  # intersection over union from which two boxes show one object
-_CENTRE_SCALE, _SIZE_SCALE = 10.0, 5.0  # of the encoded boxes, as the network was trained
-_MISSED = 0.2  # probability of each category where nothing is detected: the detector misses some toys and drawings
+_MIN_SCORE = 0.16  # above it, 26 of 26 photographs have the right category
+_MIN_OTHER = 0.3  # the same for objects other than the most prominent one
+_SAME = 0.5  # intersection over union from which two boxes count as one object
+_CENTRE_SCALE, _SIZE_SCALE = 10.0, 5.0  # of the encoded boxes, from the network's training
+_MISSED = 0.2  # probability of each category without detection: the detector misses some toys and drawings
 
 
 class Detection(NamedTuple):
-    """An object that was found in an image."""
+    """A detected object."""
 
     box: Box
-    scores: dict[str, float]  # of each category, 0..1
+    scores: dict[str, float]  # by category, 0..1
 
     @property
     def category(self) -> str:
-        """The category of the higher score."""
+        """Category with the higher score."""
         return max(self.scores, key=self.scores.__getitem__)
 
     @property
@@ -42,14 +42,14 @@ class Detection(NamedTuple):
 
     @property
     def prominence(self) -> float:
-        """Score, weighed by size and by the distance from the image's centre."""
+        """Score weighted by size and closeness to the image's centre."""
         left, top, right, bottom = self.box
         off_centre = math.hypot((left + right) / 2 - 0.5, (top + bottom) / 2 - 0.5)
         return self.score * ((right - left) * (bottom - top)) ** 0.25 * (1 - off_centre / 2)
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """The probability of each category; the rest to 1 is that of neither."""
+        """Probability of each category; the rest to 1 is neither."""
         total = sum(self.scores.values()) + _MIN_SCORE
         return {category: score / total for category, score in self.scores.items()}
 
@@ -57,7 +57,7 @@ class Detection(NamedTuple):
 def detect(image: Image.Image) -> tuple[Detection, ...] | None:
     """Find chairs and cars in an RGBA image, the most prominent first.
 
-    None, with a warning, where the network's files are missing or damaged.
+    None, with a warning, if the network's files are missing or damaged.
     """
     white = Image.new("RGBA", image.size, "white")
     small = Image.alpha_composite(white, image.convert("RGBA")).convert("RGB")
@@ -69,7 +69,7 @@ def detect(image: Image.Image) -> tuple[Detection, ...] | None:
 
 
 def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detection]) -> Detection | None:
-    """Return the detection whose box fits a mask best; None where none overlaps it by half."""
+    """Return the detection whose box fits a mask best; None if none overlaps it by half."""
     height, width = mask.shape
     left, top, right, bottom = bounding_box(mask)
     box = left / width, top / height, right / width, bottom / height
@@ -78,12 +78,12 @@ def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detecti
 
 
 def missed() -> dict[str, float]:
-    """The probabilities of a photograph in which nothing is detected."""
+    """Return the category probabilities of a photograph without detections."""
     return dict.fromkeys(_CLASSES, _MISSED)
 
 
 def box_overlap(one: Box, other: Box) -> float:
-    """Intersection over union of two boxes.
+    """Return the intersection over union of two boxes.
 
     Example:
         >>> box_overlap((0.0, 0.0, 1.0, 1.0), (0.0, 0.0, 0.5, 1.0))
@@ -97,7 +97,7 @@ def box_overlap(one: Box, other: Box) -> float:
 
 @lru_cache(maxsize=8)
 def _detect(pixels: bytes) -> tuple[Detection, ...]:
-    """Cached: a photo is cut out again after every stroke."""
+    """Run the network; cached, since a photo is cut out again after every stroke."""
     values = np.frombuffer(pixels, np.uint8).reshape(1, _SIDE, _SIDE, 3)
     found = run_network(NETWORKS / "ssd_oidv4.onnx", values.astype(np.float32) / 127.5 - 1)
     boxes = _decode(found["raw_outputs_box_encodings"][0])
@@ -116,7 +116,7 @@ def _detect(pixels: bytes) -> tuple[Detection, ...]:
 
 
 def _decode(encoded: Float[np.ndarray, "anchors 4"]) -> Float[np.ndarray, "anchors 4"]:
-    """Left, top, right and bottom of all boxes, from offsets and sizes relative to the anchors."""
+    """Decode boxes (left, top, right, bottom) from offsets and sizes relative to the anchors."""
     low, high = _anchors()[:, :2], _anchors()[:, 2:]
     centre = (low + high) / 2 + encoded[:, :2] / _CENTRE_SCALE * (high - low)
     half = np.exp(encoded[:, 2:] / _SIZE_SCALE) * (high - low) / 2
@@ -125,7 +125,7 @@ def _decode(encoded: Float[np.ndarray, "anchors 4"]) -> Float[np.ndarray, "ancho
 
 @cache
 def _anchors() -> Float[np.ndarray, "anchors 4"]:
-    """Top, left, bottom and right in shares of the image. Raises ``ValueError`` where the file cannot be read."""
+    """Load top, left, bottom and right as fractions of the image. Raises ``ValueError`` for an unreadable file."""
     try:
         return np.load(NETWORKS / "ssd_anchors.npy")
     except (OSError, ValueError, EOFError) as error:

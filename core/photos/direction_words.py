@@ -1,8 +1,7 @@
-"""Words for the principal directions of a model's codes, such as *taller* or *redder*, by measuring what they change.
+"""Words for the principal directions of a model's codes, such as *taller* or *redder*, from measured effects.
 
-The mean object is moved to either side along a direction; how its surface and colours differ then, in units that an
-eye notices alike, decides on the word. No word is given twice; a direction that changes nothing it could be called
-after has none.
+The mean object is moved to both sides along a direction. The differences of its surface and colours, in units of equal
+visibility, decide the word. No word is used twice; a direction without a visible effect gets none.
 """
 
 import math
@@ -21,10 +20,10 @@ from core.rendering.surface import surface_points
 Kind = Literal["shape", "texture"]
 Words = dict[Kind, tuple[str, ...]]
 _REACH = 1.5  # standard deviations to either side of the mean
-_EDGE = 0.01  # of the points, that may lie beyond what counts as an object's extent: specks
-_CORNER = 0.2  # of a silhouette's width and height, that its corners take
+_EDGE = 0.01  # fraction of the points that may lie outside an object's extent: specks
+_CORNER = 0.2  # corner size relative to a silhouette's width and height
 _LEAST_POINTS = 50
-_LEAST = 0.5  # of what an eye notices: what changes less is no name
+_LEAST = 0.5  # of the visibility unit: smaller changes give no name
 _SHAPE: dict[str, tuple[str, str, float]] = {
     "width": ("wider", "narrower", 0.05),
     "depth": ("longer", "shorter", 0.05),
@@ -34,7 +33,7 @@ _SHAPE: dict[str, tuple[str, str, float]] = {
     "front": ("fuller front", "fuller back", 0.04),
     "upper width": ("wider top", "narrower top", 0.08),
     "upper depth": ("longer top", "shorter top", 0.08),
-}  # of a measure the words for more and for less of it, and how much of it an eye notices
+}  # measure: words for an increase and a decrease, and the change that becomes visible
 _TEXTURE: dict[str, tuple[str, str, float]] = {
     "lightness": ("lighter", "darker", 8.0),
     "red": ("redder", "greener", 7.0),
@@ -49,9 +48,9 @@ _TABLES: dict[Kind, dict[str, tuple[str, str, float]]] = {"shape": _SHAPE, "text
 
 
 def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
-    """Words for the first directions of shape and of texture: what more of them makes of the mean object.
+    """Find words for the first directions of shape and texture, describing their effect on the mean object.
 
-    Yields None after each direction, in the end for each kind ``count`` words, empty where there is none.
+    Yields None after each direction, and at the end for each kind ``count`` words, empty for unnamed directions.
 
     Example:
         >>> from core.models.library import load_model
@@ -72,12 +71,12 @@ def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
 
 
 def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) -> Codes:
-    """Return codes moved along the direction of a name by standard deviations; the opposite word moves backwards.
+    """Move codes along a named direction by standard deviations; the opposite word moves backwards.
 
     Args:
         words: from :func:`direction_words`.
 
-    Raises ``ValueError`` for a name that no direction has.
+    Raises ``ValueError`` for an unknown name.
     """
     known = dict[str, tuple[Kind, int, int]]()
     for kind, table in _TABLES.items():
@@ -86,13 +85,13 @@ def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) ->
             if word:
                 known |= {word: (kind, number, 1), opposite[word]: (kind, number, -1)}
     if name not in known:
-        raise ValueError(f"no direction is called {name!r}; there are {', '.join(known)}")
+        raise ValueError(f"no direction {name!r}; choose one of {', '.join(known)}")
     kind, number, sign = known[name]
     return _moved(codes, kind, sign * amount * getattr(model.codes, f"{kind}_space").basis[number])
 
 
 def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:
-    """The word for each change of measures: the clearest change of all gets its word first, and each word goes once.
+    """Assign words to changes of measures, clearest change first; each word is used once.
 
     Example:
         >>> table = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
@@ -119,13 +118,13 @@ def _moved(codes: Codes, kind: Kind, by: Tensor) -> Codes:
 
 
 def _measured(model: Model, codes: Codes) -> dict[str, float]:
-    """All measures of an object; none where it has hardly a surface."""
+    """Return all measures of an object; none if it hardly has a surface."""
     points, colours = (part.cpu() for part in surface_points(model, codes))
     return {**_of_shape(points), **_of_colours(points, colours)} if len(points) >= _LEAST_POINTS else {}
 
 
 def _of_shape(points: Float[Tensor, "points 3"]) -> dict[str, float]:
-    """Sizes are spreads, which points on a grid tell finer than ends do."""
+    """Measure sizes by standard deviations, which are finer than extents for points on a grid."""
     low, high = _ends(points)
     place = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
     upper = points[place[:, 2] > 0.5]
@@ -151,7 +150,7 @@ def _ends(points: Float[Tensor, "points 3"]) -> tuple[Tensor, Tensor]:
 
 
 def _empty_corners(place: Float[Tensor, "points 2"]) -> float:
-    """How much of the corners of a silhouette (0..1 both ways) is empty, 0..1."""
+    """Return the empty fraction of a silhouette's corners, 0..1."""
     cells, corner = 20, round(20 * _CORNER)
     filled = torch.zeros(cells, cells, dtype=torch.bool)
     filled[tuple((place * cells).long().clamp(0, cells - 1).T)] = True
@@ -178,9 +177,9 @@ def _of_colours(points: Float[Tensor, "points 3"], colours: Float[Tensor, "point
 
 
 def _lab(colours: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
-    """CIE L*a*b* of sRGB colours (0..1) under D65."""
+    """Convert sRGB colours (0..1) to CIE L*a*b* under D65."""
     linear = torch.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055).clamp_min(0) ** 2.4)
     to_xyz = torch.tensor([[0.4339, 0.3762, 0.1899], [0.2126, 0.7152, 0.0722], [0.0178, 0.1095, 0.8727]])
-    xyz = linear @ to_xyz.T  # of white: ones
+    xyz = linear @ to_xyz.T  # ones for white
     x, y, z = torch.where(xyz > 0.008856, xyz.clamp_min(1e-6) ** (1 / 3), 7.787 * xyz + 16 / 116).unbind(-1)
     return torch.stack((116 * y - 16, 500 * (x - y), 200 * (y - z)), -1)

@@ -1,4 +1,4 @@
-"""Frames around a photo in its own file: black frames, bars that fill a format up, corners cut round."""
+"""Frames around a photo in its file: black borders, bars that fill a format, rounded corners."""
 
 from typing import NamedTuple
 
@@ -6,20 +6,20 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt
 
-_SAME = 0.16  # of 1: channels that differ by less, as JPEG leaves them, are of one colour
-_DARK = 0.1  # of 1: the brightest channel of a black frame
+_SAME = 0.16  # of 1: smaller channel differences, as JPEG causes, count as one colour
+_DARK = 0.1  # of 1: largest channel of a black frame
 _EDGE = 0.75
-"""the share of a photo's edge that differs from the frame; an object on black that reaches its box differs in parts"""
+"""fraction of a photo's edge that must differ from the frame; an object on black reaches its box only in parts"""
 _BAR_EDGE = 0.95
-"""the same of bars of any colour: on a plain background, straight furniture may look like a photo between bars"""
-_SLIVER = 0.03  # the share of an image that rounded corners cut off at the most
-_UNIFORM = 0.99  # the share of a line that is of the frame's colour
-_RINGING = 3  # px beside a frame that are left out at the most, as JPEG mixes both there
-_MIN_SHARE = 0.5  # of the image's width and height that is left within a frame: a smaller box may be an object
+"""the same for bars of any colour, since straight furniture on a plain background resembles a photo between bars"""
+_SLIVER = 0.03  # largest fraction of an image cut off by rounded corners
+_UNIFORM = 0.99  # fraction of a line that must have the frame's colour
+_RINGING = 3  # px beside a frame that may be skipped, as JPEG mixes colours there
+_MIN_SHARE = 0.5  # least fraction of width and height inside a frame; a smaller box may be an object
 
 
 class Box(NamedTuple):
-    """A part of an image, px; right and bottom lie just behind it."""
+    """A part of an image, px; right and bottom are exclusive."""
 
     left: int
     top: int
@@ -28,7 +28,7 @@ class Box(NamedTuple):
 
 
 def find_frame(colours: Float[np.ndarray, "height width 3"]) -> Box | None:
-    """The photo within a black frame, or between two bars of one colour; None where there is neither.
+    """Find the photo within a black frame or between two bars of one colour; None without frame.
 
     Args:
         colours: 0..1.
@@ -41,7 +41,7 @@ def find_frame(colours: Float[np.ndarray, "height width 3"]) -> Box | None:
 
 
 def _within(colours: Float[np.ndarray, "height width 3"], frame: Float[np.ndarray, "3"]) -> Box | None:
-    """The photo in a frame of this colour."""
+    """Find the photo in a frame of this colour."""
     same = (np.abs(colours - frame) < _SAME).all(-1)
     rows, columns = (np.flatnonzero(same.mean(axis) < _UNIFORM) for axis in (1, 0))
     if not len(rows) or not len(columns):
@@ -59,7 +59,7 @@ def _within(colours: Float[np.ndarray, "height width 3"], frame: Float[np.ndarra
 def _to_edges(
     same: Bool[np.ndarray, "height width"], box: Box, bars: tuple[bool, bool, bool, bool], least: float
 ) -> Box | None:
-    """The box made smaller, past what JPEG mixes, until its edges beside bars differ from the frame."""
+    """Shrink the box past JPEG artefacts until its edges beside bars differ from the frame."""
     height, width = same.shape
     for inset in range(min(_RINGING, round(0.015 * min(height, width))) + 1):
         inner = Box(*(side + step * inset * bar for side, step, bar in zip(box, (1, 1, -1, -1), bars, strict=True)))
@@ -73,7 +73,7 @@ def _to_edges(
 
 
 def is_sliver(clear: Bool[np.ndarray, "height width"]) -> bool:
-    """Whether so little of an image is transparent that it is no cut-out: rounded corners."""
+    """True if so little of an image is transparent that it has rounded corners, not a cut-out."""
     border = np.concatenate((clear[0], clear[-1], clear[:, 0], clear[:, -1]))
     return bool(clear.mean() < _SLIVER and border.mean() < 0.5)
 
@@ -81,6 +81,6 @@ def is_sliver(clear: Bool[np.ndarray, "height width"]) -> bool:
 def fill(
     colours: Float[np.ndarray, "height width 3"], clear: Bool[np.ndarray, "height width"]
 ) -> Float[np.ndarray, "height width 3"]:
-    """With the nearest colour where there is none."""
+    """Fill transparent pixels with the nearest colour."""
     rows, columns = distance_transform_edt(clear, return_distances=False, return_indices=True)
     return colours[rows, columns]

@@ -1,4 +1,4 @@
-"""Images to fit: read, cut out on white, cropped as the training images are."""
+"""Photos to fit: read, cut out on white, and cropped like training images."""
 
 import math
 from collections.abc import Iterator
@@ -24,39 +24,39 @@ from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.sharpness import edge_softness, measure_blur
 from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
-DOUBTFUL_MASK = 0.5  # the confidence of a mask below which people are told
-_MAX_OFFSET = 0.02  # focal lengths: an object that lies further from where it should was moved in its image
+DOUBTFUL_MASK = 0.5  # confidence of a mask below which people are warned
+_MAX_OFFSET = 0.02  # focal lengths: an object further from its expected position was moved in its image
 
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """An image of an object on white. Raises ``ValueError`` where its parts do not fit together."""
+    """An image of an object on white. Raises ``ValueError`` for parts that do not match."""
 
     pixels: Float[Tensor, "height width 3"]  # 0..1
     mask: Bool[Tensor, "height width"]  # True on the object
-    camera: Camera | None = None  # None: find it
-    cropped: bool = False  # The image was moved, so that its centre is not where the camera looks.
+    camera: Camera | None = None  # None: unknown
+    cropped: bool = False  # moved: the image's centre is not where the camera looks
     unseen: Bool[Tensor, "height width"] | None = None
-    """True where nothing was seen, beyond an edge that truncates the object; None where none does"""
-    scaled: bool = False  # It was scaled too, so that the object's size says nothing: such a crop is a zoom.
-    opacity: Float[Tensor, "height width"] | None = None  # 0..1 where it is known more finely than by the mask
-    edge_error: float = 0.0  # px by which the mask's edges may be off
-    focal: float | None = None  # px, where the image tells; a given camera has its own
-    blur: float = 0.0  # px, standard deviation of what a pixel sees; 0 where it sees a point
+    """True on pixels beyond an image edge that truncates the object; None: no such edge"""
+    scaled: bool = False  # also scaled, so that the object's size says nothing: such a crop is a zoom
+    opacity: Float[Tensor, "height width"] | None = None  # 0..1, if finer than the mask
+    edge_error: float = 0.0  # px, uncertainty of the mask's edges
+    focal: float | None = None  # px, if the image tells; a given camera has its own
+    blur: float = 0.0  # px, standard deviation of the image's blur
     fine: bytes | None = field(default=None, repr=False)
-    """the same part of the image as finely as it was taken, up to :data:`core.models.photo_detail.SIDE` px, as
-    :func:`core.models.photo_detail.compressed` has it: colours on white and opacity; None where no more is known"""
-    mask_confidence: float = 1.0  # the probability that the mask is the object, the whole of it and little else
-    note: str = ""  # which of several readings of the file was used
+    """The same part of the image up to :data:`core.models.photo_detail.SIDE` px, encoded by
+    :func:`core.models.photo_detail.compressed`: colours on white and opacity. None if no finer pixels exist."""
+    mask_confidence: float = 1.0  # probability that the mask is the whole object and little else
+    note: str = ""  # how an ambiguous file was read
     categories: dict[str, float] = field(default_factory=dict)
-    """the probability of each category that has a model; empty where nothing is known"""
+    """probability of each category that has a model; empty if unknown"""
     direction: tuple[float, float] | None = None
-    """azimuth and elevation (rad) that the 3D box of a chair tells; front and back may be mistaken for each other"""
+    """azimuth and elevation (rad) from a chair's 3D box; front and back may be confused"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
         if self.unseen is not None and (self.unseen.shape != self.mask.shape or bool((self.unseen & self.mask).any())):
-            raise ValueError("the unseen pixels of an image must fit its mask and leave out the object")
+            raise ValueError("the unseen pixels must fit the mask and exclude the object")
         if self.opacity is not None and self.opacity.shape != self.mask.shape:
             raise ValueError("the opacity of an image must fit its mask")
         if self.pixels.shape != (height, width, 3):
@@ -69,15 +69,15 @@ class Photo:
 
 @dataclass(frozen=True)
 class Crop:
-    """How an object is moved and scaled against the usual crop. Raises ``ValueError`` for a size of 0."""
+    """Shift and scale of an object against the usual crop. Raises ``ValueError`` for a size of 0."""
 
-    scale: float = 1.0  # of the usual size
-    right: float = 0.0  # to the right, in shares of the image
+    scale: float = 1.0  # relative to the usual size
+    right: float = 0.0  # fraction of the image
     down: float = 0.0
 
     def __post_init__(self) -> None:
         if not (0 < self.scale < math.inf and math.isfinite(self.right) and math.isfinite(self.down)):
-            raise ValueError(f"an image cannot be cropped like this: {self}")
+            raise ValueError(f"invalid crop: {self}")
 
 
 def load_photo(
@@ -88,22 +88,22 @@ def load_photo(
     crop: Crop | None = None,
     pose_axes: str = "opencv",
 ) -> Photo:
-    """Read an image in any usual format, cut its object out and crop it for a model.
+    """Read an image in any common format, cut out its object and crop it for a model.
 
-    The object is cut out by :func:`core.photos.segmentation.cut_out`. An image framed as the training images are
-    stays as it is, since its size gives the distance; one whose object has the right size but is off its place is
-    moved; any other is cropped so that the object is in the middle in the size usual in training. Where it reaches an
-    edge of the image, what lies beyond is not known.
+    The object is cut out by :func:`core.photos.segmentation.cut_out`. An image framed like training images stays as it
+    is, since the object's size determines the distance. If only the position is off, the image is recentred. Any other
+    image is cropped so that the object is centred with the usual size. Beyond an image edge that the object touches,
+    pixels are unknown.
 
     Args:
-        pose: a text file with the camera-to-world matrix of SRN (16 numbers); the image is then only resized.
-        hints: where the object is, for an image without a plain background.
+        pose: a text file with SRN's camera-to-world matrix (16 numbers); the image is then only resized.
+        hints: to the object, for an image without a plain background.
         crop: against the usual one.
-        pose_axes: of the pose, as :func:`core.geometry.pose_files.read_pose` takes them.
+        pose_axes: of the pose, see :func:`core.geometry.pose_files.read_pose`.
 
-    Without a pose the model's view bank must be there (:func:`core.photos.view_bank.build_view_bank`). Raises
-    ``ValueError``, one line naming the file, where it is not and for anything that is no image of an object, and
-    :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
+    Without a pose the model's view bank must exist (:func:`core.photos.view_bank.build_view_bank`). Raises
+    ``ValueError`` naming the file if it does not, or for anything but an image of an object, and
+    :class:`core.photos.segmentation.NoBackgroundError` if hints could help.
     """
     path = Path(path)
     matrix = None if pose is None else read_pose(pose, pose_axes)
@@ -113,14 +113,14 @@ def load_photo(
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
-    """The object of an image file. Raises as :func:`load_photo` does."""
+    """Cut out the object of an image file. Raises like :func:`load_photo`."""
     with naming(path):
         return cut_out(read_rgba(path), hints)
 
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Errors of an image say which file it is."""
+    """Add the file's name to errors about an image."""
     try:
         yield
     except ValueError as error:
@@ -133,7 +133,7 @@ def photo_from_array(
     model: Model,
     pose: Float[Tensor, "4 4"] | None = None,
 ) -> Photo:
-    """:func:`load_photo` for pixels in memory: 3 or 4 channels, bytes or numbers in [0, 1]."""
+    """Prepare pixels in memory like :func:`load_photo`: 3 or 4 channels, bytes or numbers in [0, 1]."""
     if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4):
         raise ValueError(f"an image has 3 or 4 channels, got an array of shape {pixels.shape}")
     if pixels.dtype != np.uint8:
@@ -146,7 +146,7 @@ def photo_from_array(
 def prepare_photo(
     cut: CutOut, model: Model, pose: Float[Tensor, "4 4"] | None = None, crop: Crop | None = None
 ) -> Photo:
-    """A cut-out at the model's size, as its training images are; with a pose it is only resized."""
+    """Prepare a cut-out at the model's size like a training image; with a pose it is only resized."""
     height, width = cut.mask.shape
     size = model.image_size
     if pose is not None:
@@ -160,13 +160,13 @@ def prepare_photo(
             raise ValueError(f"the object is too thin to be seen at {size} px")
         if offset_from_expected(view_bank(model), ObjectImage(photo.pixels, photo.mask, model.focal)) < _MAX_OFFSET:
             return photo
-        scaled, half = False, width / 2  # only moved: of its size, which is right, the perspective is a part
+        scaled, half = False, width / 2  # recentre only: the apparent size determines the distance
     else:
         scaled, half = True, _half(cut, usual.median * crop.scale)
     square = _square(cut, half, crop)
     photo = _resampled(cut, square, (size, size))
     if not bool(photo.mask.any()):
-        raise ValueError("the object is moved out of its image")
+        raise ValueError("the crop moves the object out of the image")
     focal = cut.focal and cut.focal * size / (2 * half)
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 
@@ -175,7 +175,7 @@ def prepare_photo(
 
 
 def _like_training(cut: CutOut, usual: SizeRange) -> bool:
-    """A square image on white whose object is as large as a training image shows it."""
+    """True for a square image on white with an object of the size usual in training."""
     height, width = cut.mask.shape
     if not cut.white or width != height:
         return False
@@ -185,13 +185,13 @@ def _like_training(cut: CutOut, usual: SizeRange) -> bool:
 
 
 def _half(cut: CutOut, share: float) -> float:
-    """Half the side, in px, of a square of which the object's longer side is so large a share."""
+    """Return half the side, in px, of a square in which the object's longer side takes this fraction."""
     left, top, right, bottom = bounding_box(cut.mask)
     return max(right - left, bottom - top) / share / 2
 
 
 def _square(cut: CutOut, half: float, crop: Crop) -> tuple[float, float, float, float]:
-    """The square, in px of the cut-out, that shows the object in the middle, but for crop."""
+    """Return the square, in px of the cut-out, that centres the object, changed by ``crop``."""
     left, top, right, bottom = bounding_box(cut.mask)
     across = (left + right) / 2 - crop.right * 2 * half
     down = (top + bottom) / 2 - crop.down * 2 * half
@@ -201,9 +201,9 @@ def _square(cut: CutOut, half: float, crop: Crop) -> tuple[float, float, float, 
 def _unseen(
     cut: CutOut, box: tuple[float, float, float, float], mask: Bool[Tensor, "size size"]
 ) -> Bool[Tensor, "size size"] | None:
-    """Which pixels of a square lie beyond an edge of the image that the object touches, which may truncate it.
+    """Return pixels of a square beyond an image edge that the object touches, which may truncate it.
 
-    An image that the object touches all round was trimmed to it, and cuts nothing off.
+    An image that the object touches on all sides was trimmed and truncates nothing.
     """
     left, top, right, bottom = bounding_box(cut.mask)
     height, width = cut.mask.shape
@@ -218,9 +218,7 @@ def _unseen(
 
 
 def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]) -> Photo:
-    """A part of the image at a size, with what that makes of its blur and the error of its edges; what lies outside the
-    image is white background.
-    """
+    """Resample a part of the image and measure its blur and edge error; outside the image is white background."""
     pixels, opacity = _resampled_pixels(cut, box, size)
     mask, blur = opacity > 0.5, measure_blur(pixels)
     edge_error = math.hypot(cut.edge_error * size[1] / (box[3] - box[1]), edge_softness(opacity, blur))
@@ -240,7 +238,7 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
 
 
 def _fine_pixels(cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]) -> bytes:
-    """The same part as a size of fewer px shows, as a file."""
+    """Encode the same part at a higher resolution."""
     scale = min(SIDE, math.ceil(max(box[2] - box[0], box[3] - box[1]))) / max(size)
     pixels, opacity = _resampled_pixels(cut, box, (max(1, round(scale * size[0])), max(1, round(scale * size[1]))))
     return compressed(to_bytes(torch.cat((pixels, opacity[..., None]), -1)))

@@ -7,17 +7,17 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_gradient_magnitude, label
 from skimage.color import rgb2lab
 
-_BACKGROUND_DISTANCE = 9.0  # CIE76 up to which a pixel is of the background's colour: four noticeable differences
-_SHADOW_LIGHTNESS = 30.0  # lightness that soft light or shadow may change
-_EDGE_SLOPE = 1000.0  # CIE76 per length of the image: a steeper slope is an edge
-_EVEN = 2.5  # CIE76: a border that wavers less is of one colour
-_EVEN_BORDER = 0.97  # share of the border that must be the background's
-_ONE_OBJECT = 0.8  # share of the foreground that one object makes up
-_FREE_BORDER = 0.02  # share of the border that an object may touch
+_BACKGROUND_DISTANCE = 9.0  # CIE76 up to which a pixel has the background's colour: four noticeable differences
+_SHADOW_LIGHTNESS = 30.0  # change of lightness by soft light or shadow, at most
+_EDGE_SLOPE = 1000.0  # CIE76 per image length: a steeper gradient is an edge
+_EVEN = 2.5  # CIE76: variation of a border of one colour, at most
+_EVEN_BORDER = 0.97  # fraction of the border that must be background
+_ONE_OBJECT = 0.8  # fraction of the foreground that must be one object
+_FREE_BORDER = 0.02  # fraction of the border that an object may touch
 
 
 class NoBackgroundError(ValueError):
-    """The image has no plain background: somebody has to say where the object is."""
+    """The image has no plain background, so a person must point out the object."""
 
     def __init__(self, message: str = "") -> None:
         super().__init__(
@@ -26,7 +26,7 @@ class NoBackgroundError(ValueError):
 
 
 class PlainBackground(NamedTuple):
-    """A plain background that an image shows beyond doubt."""
+    """An unambiguous plain background."""
 
     mask: Bool[np.ndarray, "height width"]  # True on the background
     white: bool  # as in training images
@@ -35,11 +35,11 @@ class PlainBackground(NamedTuple):
 def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
     """Find the plain background of an image (sRGB, 0..1).
 
-    None unless the border is of one even colour, and the rest is one object that hardly touches it, or nothing.
+    None unless the border has one even colour, and the rest is one object that hardly touches the border, or nothing.
 
-    The background's colour may change slowly over the image (a wall lit from one side). It spreads from the border over
-    what is similar, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the
-    object's unless they are as the background is (the gaps in the back of a chair).
+    The background's colour may change slowly (a wall lit from one side). The background spreads from the border over
+    similar colours, soft light and shadow: similar hue without an edge. Enclosed areas belong to the object unless
+    their colour is the background's (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
     found = _background_colour(lab)
@@ -61,7 +61,7 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
 
 
 def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
-    """Whether what is not background is one object that does not touch the border."""
+    """True if the foreground is one object that does not touch the border."""
     border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
     pieces, _ = label(mask, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel())[1:]
@@ -71,8 +71,9 @@ def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
 def _background_colour(
     lab: Float[np.ndarray, "height width 3"],
 ) -> tuple[Float[np.ndarray, "height width 3"], float, float] | None:
-    """A smooth background fitted to the border, robust to an object that touches it; how much it wavers (CIE76); and
-    the share of the border that it explains. None where that is too little.
+    """Fit a smooth background to the border, robust to an object that touches it.
+
+    Returns the background, its variation (CIE76), and the explained fraction of the border; None if that is too small.
     """
     height, width = lab.shape[:2]
     y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
@@ -97,9 +98,9 @@ def _background_colour(
 def _shaded(
     lab: Float[np.ndarray, "height width 3"], model: Float[np.ndarray, "height width 3"]
 ) -> Bool[np.ndarray, "height width"]:
-    """Pixels that soft light or shadow on the background may have made: of about its hue, and without an edge."""
+    """Mark pixels explained by soft light or shadow on the background: similar hue, no edge."""
     longer = max(lab.shape)
-    if longer < 200:  # no room for soft shadows: a render
+    if longer < 200:  # too small for soft shadows: a render
         return np.zeros(lab.shape[:2], dtype=bool)
     slope = np.linalg.norm([gaussian_gradient_magnitude(lab[..., axis], 1.0) for axis in range(3)], axis=0)
     apart, chroma = lab - model, np.linalg.norm(model[..., 1:], axis=-1)
@@ -108,6 +109,6 @@ def _shaded(
 
 
 def connected_to_border(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """The pixels that can be reached from the border over passable pixels (not diagonally)."""
+    """Return the pixels reachable from the border over passable pixels (not diagonally)."""
     pieces, _ = label(np.pad(passable, 1, constant_values=True))
     return (pieces == pieces[0, 0])[1:-1, 1:-1]

@@ -1,4 +1,4 @@
-"""Candidate cameras for a photo: the views of the view bank ranked by how well they match it."""
+"""Candidate cameras for a photo: the view bank's views ranked by similarity."""
 
 import math
 from collections.abc import Sequence
@@ -16,34 +16,34 @@ from core.geometry.pixels import bounding_box
 from core.photos.view_bank import SIDE, ViewBank, normalised_luminance, unpack_bits
 
 _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
-"""of a difference in size (logarithm) and in place (object sizes), against the overlap"""
+"""of a difference in size (logarithm) and position (object sizes), relative to the overlap"""
 _LUMINANCE_WEIGHT = 0.1
-"""of the correlation of luminance, against the overlap: textures are unknown yet, so it settles ties only"""
-_VIEWPOINT_RANK_WEIGHT = 0.06  # of the logarithm of a direction's probability, against the overlap
-_NEIGHBOURS = 20  # best matching views that say where an object should lie
-_MATCHED = 1344  # views at a time, as the bank's numbers take more memory in the format that is computed in
+"""of the correlation of luminance, relative to the overlap: textures are unknown, so it only settles ties"""
+_VIEWPOINT_RANK_WEIGHT = 0.06  # of the logarithm of a direction's probability, relative to the overlap
+_NEIGHBOURS = 20  # best matching views that predict an object's position
+_MATCHED = 1344  # views at a time, since the bank's numbers are expanded for the computation
 _TRUNCATION = (0.0, 0.25, 0.6)
-"""How much of an object may lie beyond an edge that cuts it off, as shares of what is seen of it."""
+"""Fractions of an object, relative to its visible part, that may lie beyond a truncating image edge."""
 
 
 class ObjectImage(NamedTuple):
-    """An image of one object, and where the object is on it."""
+    """An image of one object, and its mask."""
 
     pixels: Float[Tensor, "height width 3"]  # on white, 0..1
-    mask: Bool[Tensor, "height width"]  # True on the object; anything on it at all
+    mask: Bool[Tensor, "height width"]  # True on the object; must not be empty
     focal: float  # px
-    unseen: Bool[Tensor, "height width"] | None = None  # True where nothing was seen, as an edge cuts the object off
+    unseen: Bool[Tensor, "height width"] | None = None  # True beyond an edge that truncates the object
 
 
 class CandidateCameras(NamedTuple):
-    """Cameras to begin from, best first."""
+    """Cameras to start from, best first."""
 
     azimuth: Float[Tensor, "cameras"]
     elevation: Float[Tensor, "cameras"]
     distance: Float[Tensor, "cameras"]
-    shift: Float[Tensor, "cameras 2"]  # from where the prototype lies to where the image's object does; focal lengths
-    prototype: Int[Tensor, "cameras"]  # the prototype of the view bank that matches the image best from there
-    score: Float[Tensor, "cameras"]  # the overlap with it, less what differs in size and place, more what is probable
+    shift: Float[Tensor, "cameras 2"]  # from the prototype's position to the object's, focal lengths
+    prototype: Int[Tensor, "cameras"]  # best matching prototype of the view bank at this camera
+    score: Float[Tensor, "cameras"]  # overlap, less differences in size and position, plus the direction's probability
 
 
 def rank_cameras(
@@ -53,12 +53,13 @@ def rank_cameras(
     viewpoint: Float[Tensor, "views"] | None = None,
     cropped: bool = False,
 ) -> CandidateCameras:
-    """The ``count`` best matching cameras for an image, or as many as there are so far apart, every second one seen
-    from the opposite side of the one before.
+    """Return the ``count`` best cameras for an image, or fewer if only fewer are far enough apart.
+
+    Every second camera sees the opposite side of the one before.
 
     Args:
-        viewpoint: how probable every direction is, as :func:`core.classifiers.viewpoint.predict_viewpoint` has it.
-        cropped: the image was moved and perhaps scaled: size and place in it do not count.
+        viewpoint: direction probabilities of :func:`core.classifiers.viewpoint.predict_viewpoint`.
+        cropped: the image was moved and perhaps scaled, so ignore size and position in it.
     """
     templates = _templates(image)
     scores = _match(bank.silhouettes, bank.luminance, bank.contrast, templates)
@@ -82,7 +83,7 @@ def rank_cameras(
 def shape_similarity(
     bank: ViewBank, image: ObjectImage, azimuth: float, elevation: float
 ) -> Float[Tensor, "prototypes"]:
-    """How well each prototype matches an image of known camera (rad), from the view bank's view nearest to it."""
+    """Score each prototype against an image of known camera (rad), in the nearest view of the view bank."""
     given = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
     nearest = (camera_rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
     views = bank.silhouettes[:, nearest], bank.luminance[:, nearest], bank.contrast[:, nearest]
@@ -90,9 +91,9 @@ def shape_similarity(
 
 
 def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
-    """How far an object lies, in focal lengths, from where any of the views that match it best would lie.
+    """Return the distance, in focal lengths, of an object from the positions in its best matching views.
 
-    Below 0.02 in 476 of 480 images of the training kind, and above in all of the same moved by a tenth.
+    Below 0.02 in 476 of 480 images like those of training, and above in all of them moved by a tenth.
     """
     template = _template(image._replace(unseen=None), bounding_box(image.mask))
     scores = _match(bank.silhouettes, bank.luminance, bank.contrast, [template])
@@ -102,23 +103,23 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
 
 
 def expected_scales(bank: ViewBank, image: ObjectImage) -> Float[Tensor, "views"]:
-    """From every direction, the logarithm of how much larger an image shows its object than objects are seen."""
+    """Return for every direction the log ratio of an object's size in the image to its usual size."""
     left, top, right, bottom = bounding_box(image.mask)
     return math.log(max(right - left, bottom - top) / image.focal) - bank.sizes.log().median(0).values
 
 
 class _Template(NamedTuple):
-    """An image on the view bank's grid, if the whole object fills some box in it."""
+    """An image on the view bank's grid, assuming that the whole object fills a box in it."""
 
     mask: Float[Tensor, "side side"]
     luminance: Float[Tensor, "side side"]
-    seen: Float[Tensor, "side side"]  # 0 where the image says nothing
-    size: float  # the box's longer side, in focal lengths
-    middle: Float[Tensor, "2"]  # of the box less that of the image, (x, y) in focal lengths
+    seen: Float[Tensor, "side side"]  # 0 on unknown pixels
+    size: float  # longer side of the box, in focal lengths
+    middle: Float[Tensor, "2"]  # of the box relative to the image's middle, (x, y) in focal lengths
 
 
 def _templates(image: ObjectImage) -> list[_Template]:
-    """The image as it is; where an edge cuts the object off, also as it is if more or less lies beyond it."""
+    """Return the image as it is and, at truncating edges, with various amounts of the object beyond."""
     unseen = torch.zeros_like(image.mask) if image.unseen is None else image.unseen
     left, top, right, bottom = bounding_box(image.mask)
     edges = unseen[:, 0].all(), unseen[0].all(), unseen[:, -1].all(), unseen[-1].all()
@@ -156,9 +157,7 @@ def _match(
     contrast: Float[Tensor, "*views"],
     templates: Sequence[_Template],
 ) -> Float[Tensor, "templates *views"]:
-    """Overlap of the masks (intersection over union) where the image is seen, and a share of the correlation of
-    luminance.
-    """
+    """Return the overlap of masks (intersection over union) on known pixels, plus weighted correlation of luminance."""
     mask, light, seen = (
         torch.stack([getattr(template, part).flatten() for template in templates], 1)
         for part in ("mask", "luminance", "seen")
@@ -176,7 +175,7 @@ def _match(
 
 
 def _spaced_out(scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:
-    """Views in order of their scores, none beside one taken before, each followed by its opposite (azimuth + 180)."""
+    """Return views by score, none beside one taken before, each followed by its opposite (azimuth + 180)."""
     remaining, taken = scores.clone(), list[int]()
     half = AZIMUTHS // 2
     while len(taken) < count and bool(torch.isfinite(remaining).any()):

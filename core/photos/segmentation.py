@@ -1,4 +1,4 @@
-"""Segmentation: the object of an image, by the likeliest of several masks and by what a person points at."""
+"""Segmentation of the object in an image: the likeliest of several masks, corrected by a person's hints."""
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -18,61 +18,61 @@ from core.photos.frames import fill, find_frame, is_sliver
 from core.photos.grabcut import grabcut
 from core.photos.plain_background import NoBackgroundError, find_background
 
-MIN_SIDE = 8  # px: an image with a shorter side shows nothing to fit
-_MIN_OBJECT_PIXELS = 12  # px: a smaller object shows nothing to fit
-_PIECE, _SPECK = 0.2, 0.01  # of the largest piece: pieces kept wherever they are, and those kept near it
-_NEAR = 0.1  # of the largest piece's size: the distance of specks that are kept
-_FAINT = 0.1  # between this opacity and 1 less this, nothing is decided
-_SAME = 0.97  # intersection over union from which two masks are one
+MIN_SIDE = 8  # px: images with a shorter side are not fitted
+_MIN_OBJECT_PIXELS = 12  # px: smaller objects are not fitted
+_PIECE, _SPECK = 0.2, 0.01  # relative to the largest piece: pieces always kept, and pieces kept near it
+_NEAR = 0.1  # distance of kept specks, relative to the largest piece's size
+_FAINT = 0.1  # opacities further than this from 0 and 1 are undecided
+_SAME = 0.97  # intersection over union from which two masks count as equal
 _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
-_REACH = 2.0  # radii from a stroke within which pixels may change
+_REACH = 2.0  # a stroke affects pixels within this many brush radii
 
 
 @dataclass(frozen=True, eq=False)
 class CutOut:
-    """An image at the size it was cut out."""
+    """A cut-out at its working size."""
 
     pixels: Float[np.ndarray, "height width 3"]  # 0..1, on white
     mask: Bool[np.ndarray, "height width"]
-    white: bool  # the background was white or clear, as in training images
+    white: bool  # the background was white or transparent, as in training images
     opacity: Float[np.ndarray, "height width"]
-    """0..1, of the object; the mask is where it is more than the threshold, a half unless hints say so"""
-    edge_error: float = 0.0  # px by which the edges may be off
-    undecided: float = 0.0  # share of the object's area that is neither surely object nor surely background
+    """0..1, of the object; the mask is its part above the threshold, a half unless hints change it"""
+    edge_error: float = 0.0  # px, uncertainty of the edges
+    undecided: float = 0.0  # undecided fraction of the object's area
     found_by: str = ""
     confidence: float = 1.0  # probability that the mask is the whole object and little else
-    others: tuple["CutOut", ...] = ()  # the next masks, the likeliest first
-    focal: float | None = None  # px, where the image tells
-    note: str = ""  # which of several readings of the file was used
-    detections: tuple[Detection, ...] = ()  # chairs and cars of the image, the most prominent first
-    categories: dict[str, float] = field(default_factory=dict)  # probability of each; empty where nothing is known
+    others: tuple["CutOut", ...] = ()  # alternative masks, the likeliest first
+    focal: float | None = None  # px, if the image tells
+    note: str = ""  # how an ambiguous file was read
+    detections: tuple[Detection, ...] = ()  # chairs and cars, the most prominent first
+    categories: dict[str, float] = field(default_factory=dict)  # probability of each; empty if unknown
     corners: Float[np.ndarray, "9 2"] | None = None  # of the 3D box of a chair in a photograph
 
     @property
     def direction(self) -> tuple[float, float] | None:
-        """Azimuth and elevation (rad) that the 3D box tells; front and back may be mistaken for each other."""
+        """Azimuth and elevation (rad) from the 3D box; front and back may be confused."""
         height, width = self.mask.shape
         return None if self.corners is None else chair_direction(self.corners, width / height)
 
 
 class Stroke(NamedTuple):
-    """A line drawn over an image: what is under it belongs to the object, or does not."""
+    """A brush stroke that adds to the object or removes from it."""
 
-    points: tuple[tuple[float, float], ...]  # shares of the image's width and height
-    radius: float  # a share of the longer side
+    points: tuple[tuple[float, float], ...]  # fractions of the image's width and height
+    radius: float  # fraction of the longer side
     adds: bool
 
 
 @dataclass(frozen=True)
 class Hints:
-    """Hints from a person. Raises ``ValueError`` for a box without an inside."""
+    """Hints from a person. Raises ``ValueError`` for an empty box."""
 
-    box: Box | None = None  # the object is inside
+    box: Box | None = None  # contains the object
     strokes: tuple[Stroke, ...] = ()
     threshold: float = _THRESHOLD  # opacity, 0..1, from which a pixel belongs to the object
-    points: tuple[tuple[float, float], ...] = ()  # shares of width and height, each on the object or a part of it
-    choice: int = 0  # number of the mask among those found, the likeliest first
-    object: int = 0  # number of the detected object, the most prominent first
+    points: tuple[tuple[float, float], ...] = ()  # fractions of width and height, each on the object or a part of it
+    choice: int = 0  # index among the masks found, the likeliest first
+    object: int = 0  # index among the detected objects, the most prominent first
 
     def __post_init__(self) -> None:
         if min(self.choice, self.object) < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
@@ -82,26 +82,26 @@ class Hints:
         if self.box is not None:
             left, top, right, bottom = self.box
             if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
-                raise ValueError("the box around the object has no inside within the image")
+                raise ValueError("the box around the object is empty or outside the image")
 
     def __bool__(self) -> bool:
         return self != Hints()
 
 
 def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
-    """Cut the object of an RGBA image out.
+    """Cut out the object of an RGBA image.
 
-    By its alpha channel or a plain background, else by what the saliency network and GrabCut find in a box
-    (:mod:`core.photos.candidates`): a person's, else that of the most prominent chair or car
-    (:mod:`core.photos.detector`), else that of what is salient. Strokes correct any of these.
+    Uses its alpha channel or a plain background; else the saliency network and GrabCut in a box
+    (:mod:`core.photos.candidates`). The box is a person's, or that of the most prominent chair or car
+    (:mod:`core.photos.detector`), or of the salient object. Strokes correct the result.
 
-    Raises ``ValueError`` where there is nothing to be found: an image of one colour, or hints that leave nothing.
+    Raises ``ValueError`` if nothing is found: an image of one colour, or hints that leave nothing.
     """
     if min(image.size) < MIN_SIDE:
-        raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
+        raise ValueError(f"an image of {image.width}x{image.height} px is too small; each side needs {MIN_SIDE} px")
     hints, found = hints or Hints(), detect(image)
     if hints.object >= max(1, len(found or ())):
-        raise ValueError(f"there is no object {hints.object + 1}: {len(found or ())} chairs and cars are found")
+        raise ValueError(f"there is no object {hints.object + 1}: only {len(found or ())} chairs and cars were found")
     cut = _cut_out(image, hints, found or ())
     if hints.strokes:
         cut = _stroked(cut, image, hints.strokes)
@@ -111,19 +111,19 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
 
 
 def _described(cut: CutOut, image: Image.Image, found: tuple[Detection, ...] | None) -> CutOut:
-    """With what the detector and the network of chairs say of the object."""
+    """Add the results of the detector and of the network for chairs."""
     seen = detection_of(cut.mask, found or ())
     if seen is None:
-        # Renders, drawings and toys on white may be of a category that the detector does not recognise in them.
+        # The detector may not recognise the category of renders, drawings and toys on white.
         return replace(cut, categories={} if cut.white or found is None else missed())
-    # Of renders and cut-outs on white, the viewpoint classifier, which was trained on renders, knows more.
+    # The viewpoint classifier, trained on renders, is better for renders and cut-outs on white.
     boxed = seen.category == "chairs" and not cut.white
     corners = chair_corners(_rgb(image), seen.box) if boxed else None
     return replace(cut, categories=seen.probabilities, corners=corners)
 
 
 def _cut_out(image: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
-    """Without strokes."""
+    """Cut out without strokes."""
     rgb = _rgb(image)
     if boxes := _pointed_out(rgb, hints, found):
         return _in_boxes(rgb, boxes, hints)
@@ -139,7 +139,7 @@ def _cut_out(image: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> 
 
 
 def _automatically(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
-    """By a plain background within the frame, else in the box of the most prominent object."""
+    """Cut out by a plain background within the frame, else in the box of the most prominent object."""
     colours = np.asarray(rgb, np.float32) / 255
     frame = find_frame(colours)
     left, top, right, bottom = inside = frame or (0, 0, *rgb.size)
@@ -155,12 +155,12 @@ def _automatically(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...])
 
 
 def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
-    """The chosen mask of the objects in some boxes, together, and those that come next."""
+    """Return the chosen mask of the objects in some boxes together, with alternatives."""
     cuts, colours = list[CutOut](), np.asarray(rgb, np.float32) / 255
     for ranked in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
         opacity = np.max([one.candidate.opacity for one in ranked], axis=0)
         whole = replace(ranked[0].candidate, opacity=opacity, certain=hints.box is not None)
-        with suppress(ValueError):  # the whole image, or next to nothing
+        with suppress(ValueError):  # the whole image, or almost nothing
             cut = _on_white(colours, whole, hints.threshold, min(one.confidence for one in ranked))
             if all(mask_overlap(cut.mask, other.mask) < _SAME for other in cuts):
                 cuts.append(cut)
@@ -171,7 +171,7 @@ def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
 
 
 def _pointed_out(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> list[Box]:
-    """The boxes of what a person points out, by a box, by points or by the number of a detected object."""
+    """Return the boxes that a person points out, by a box, by points or by an object's number."""
     if hints.box is not None:
         return [hints.box]
     if hints.points:
@@ -180,14 +180,14 @@ def _pointed_out(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -
 
 
 def _box_at(rgb: Image.Image, point: tuple[float, float], found: tuple[Detection, ...]) -> Box:
-    """The smallest box that was detected at a point, else that of what is salient there."""
+    """Return the smallest detected box at a point, else the box of the salient object there."""
     x, y = point
     there = [one.box for one in found if one.box[0] <= x <= one.box[2] and one.box[1] <= y <= one.box[3]]
     return min(there, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None) or box_at(rgb, point)
 
 
 def _rgb(image: Image.Image) -> Image.Image:
-    """On white."""
+    """Composite over white."""
     return Image.alpha_composite(Image.new("RGBA", image.size, "white"), image.convert("RGBA")).convert("RGB")
 
 
@@ -197,7 +197,7 @@ def _on_white(
     threshold: float = _THRESHOLD,
     confidence: float = 1.0,
 ) -> CutOut:
-    """Raises ``ValueError`` where it is too small, :class:`NoBackgroundError` where it is the whole image."""
+    """Put an object on white. ``ValueError`` if too small, :class:`NoBackgroundError` if it is the whole image."""
     opacity, white = found.opacity, found.white
     mask = _without_specks(opacity > threshold, far=found.certain)
     if mask.sum() < _MIN_OBJECT_PIXELS:
@@ -205,7 +205,7 @@ def _on_white(
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
     if mask.mean() > 0.97:
         raise NoBackgroundError
-    # On white, half-covered pixels around the object are right as they are; on a colour they are left out.
+    # On white, half-covered pixels around the object are right; on a colour they are left out.
     near = binary_dilation(mask, iterations=2)
     on_white = np.where((near if white else _eroded(mask))[..., None], pixels, np.float32(1))
     opacity = np.where(near, opacity, 0).astype(np.float32)
@@ -217,7 +217,7 @@ def _on_white(
 
 
 def _stroked(cut: CutOut, image: Image.Image, strokes: tuple[Stroke, ...]) -> CutOut:
-    """What is under the strokes is sure, near them GrabCut decides."""
+    """Apply strokes: pixels below are certain, GrabCut decides near them."""
     colours = np.asarray(_rgb(image), np.float32) / 255
     mask = grabcut(colours, _corrected(cut.mask, strokes), (0, 0, *image.size))
     mask = _apply_strokes(mask, strokes, True, False).astype(bool)
@@ -227,7 +227,7 @@ def _stroked(cut: CutOut, image: Image.Image, strokes: tuple[Stroke, ...]) -> Cu
 def _corrected(
     mask: Bool[np.ndarray, "height width"], strokes: tuple[Stroke, ...]
 ) -> UInt8[np.ndarray, "height width"]:
-    """Labels of GrabCut: what is under strokes is sure, what is near them in doubt, the rest stays as it was."""
+    """Return GrabCut's labels: certain below strokes, probable near them, unchanged elsewhere."""
     import cv2
 
     wide = tuple(stroke._replace(radius=_REACH * stroke.radius, adds=True) for stroke in strokes)
@@ -240,7 +240,7 @@ def _corrected(
 def _apply_strokes(
     values: np.ndarray, strokes: tuple[Stroke, ...], adding: int, removing: int
 ) -> UInt8[np.ndarray, "height width"]:
-    """With the strokes drawn over it, the later over the earlier."""
+    """Draw strokes, later over earlier ones."""
     import cv2
 
     canvas = values.astype(np.uint8)
@@ -259,7 +259,7 @@ def _apply_strokes(
 
 
 def _without_specks(mask: Bool[np.ndarray, "height width"], far: bool) -> Bool[np.ndarray, "height width"]:
-    """The largest piece, those of at least a fifth of it, and those of a hundredth near it, or ``far`` too."""
+    """Keep the largest piece, pieces over a fifth of it, and over a hundredth if near it or ``far``."""
     pieces, count = label(mask, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
     areas[0] = 0
@@ -275,5 +275,5 @@ def _without_specks(mask: Bool[np.ndarray, "height width"], far: bool) -> Bool[n
 
 
 def _eroded(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """Less the pixels that the object shares with the background, where there are enough of its own."""
+    """Remove pixels shared with the background, in images large enough."""
     return binary_erosion(mask, iterations=1, border_value=1) if min(mask.shape) >= 200 else mask

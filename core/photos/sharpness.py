@@ -1,4 +1,4 @@
-"""How sharp an image is: its blur, and how soft the edge of a mask is beyond that."""
+"""Image sharpness: the blur of an image, and the softness of a mask's edge beyond it."""
 
 import math
 
@@ -7,18 +7,18 @@ from jaxtyping import Float
 from scipy.ndimage import binary_erosion, gaussian_filter
 from torch import Tensor
 
-_BLUR_AGAIN = 2.0  # px, by which an image is blurred once more: the sharper it was, the more that flattens its edges
-_SHARP = 1.0  # px: an edge between two pixels, and of renders that are anti-aliased, seems to be blurred by less
-_STEEPEST = 0.03  # of an image's gradients: those of its edges
-_MAX_BLUR = 6.0  # px: more is a shade, not an edge
-_SOFT = 0.1  # Opacities from this to 1 less this are on an edge.
-_RAMP = 2.56  # standard deviations of a blur across which it makes an edge pass through those
+_BLUR_AGAIN = 2.0  # px of additional blur: the sharper the image, the more it flattens edges
+_SHARP = 1.0  # px: apparent blur of an edge between two pixels, and of anti-aliased renders
+_STEEPEST = 0.03  # fraction of an image's gradients that counts as edges
+_MAX_BLUR = 6.0  # px: larger blur is shading, not an edge
+_SOFT = 0.1  # opacities further than this from 0 and 1 are on an edge
+_RAMP = 2.56  # width of such an edge after a blur, in its standard deviations
 
 
 def measure_blur(pixels: Float[Tensor, "height width 3"]) -> float:
-    """The standard deviation, in px, of the blur of an image's edges; 0 where they are sharp.
+    """Measure the standard deviation, in px, of the blur of an image's edges; 0 if they are sharp.
 
-    By blurring it again (Zhuo and Sim 2011): that divides the gradient of an edge of blur s by sqrt(1 + (2 / s)^2).
+    Blurs the image again (Zhuo and Sim 2011), which divides the gradient of an edge of blur s by sqrt(1 + (2 / s)^2).
     """
     grey = pixels.mean(-1).cpu().numpy()
     steep = _gradient(grey)
@@ -31,7 +31,7 @@ def measure_blur(pixels: Float[Tensor, "height width 3"]) -> float:
 
 
 def edge_softness(opacity: Float[Tensor, "height width"], blur: float) -> float:
-    """By how many px a mask's edge is softer than pixels and the blur of its image make it: how far it may be off."""
+    """Return the edge uncertainty of a mask in px: softness beyond pixels and the image's blur."""
     values = opacity.cpu().numpy()
     mask = values > 0.5
     length = int((mask & ~binary_erosion(mask)).sum())

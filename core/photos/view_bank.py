@@ -1,8 +1,8 @@
-"""The view bank: small views of a model's prototype objects from all round, to rank cameras for a photo by.
+"""The view bank: small views of a model's prototypes from all sides, used to rank cameras for a photo.
 
-Prototypes are clouds of surface points, splatted onto small images. Every view is normalised to its own bounding box,
-so a match says from where an object is seen whatever its size in the photo; the ratio of the two sizes then says from
-how far. A bank is made by :func:`build_view_bank`, once per model and user: it is kept in the cache folder.
+Prototypes are clouds of surface points, splatted onto small images. Every view is normalised to its bounding box, so a
+match gives the direction independent of the size; the ratio of the sizes then gives the distance. A bank is made by
+:func:`build_view_bank`, once per model and user, and kept in the cache folder.
 """
 
 import math
@@ -29,31 +29,31 @@ from core.runtime.files import atomic_file
 from core.runtime.folders import VIEW_BANKS, cache_folder
 
 PROTOTYPES = 120
-"""With 60 of them, fits of a model's own objects end in worse codes; with 240, fits of others are no better."""
+"""With 60, fits of a model's own objects end in worse codes; with 240, fits of other objects are no better."""
 SIDE = 24  # px, of a view
-FORMAT = "view-bank-1"  # of the files; another one is made anew
-_MIN_POINTS = 20  # of a prototype that is worth keeping
-_SPLATTED = 24  # views at a time: the points of more leave the cache, and take much memory
-_TENSORS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
-"""of the files, beside the codes and the distance"""
+FORMAT = "view-bank-1"  # of the files; others are rebuilt
+_MIN_POINTS = 20  # points of a usable prototype
+_SPLATTED = 24  # views at a time: points of more leave the cache and take much memory
+_TENSORS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")  # in the files, beside codes and distance
 
 
 @dataclass(frozen=True, eq=False)
 class ViewBank:
-    """Small views of prototypes from the directions of :func:`core.classifiers.viewpoint.directions`, each normalised
-    to its bounding box. Raises ``ValueError`` where the parts do not fit together.
+    """Small views of prototypes from :func:`core.classifiers.viewpoint.directions`, normalised to their bounding boxes.
+
+    Raises ``ValueError`` for parts that do not match.
     """
 
     codes: Codes  # of the prototypes, (prototypes, latent); the first is the mean object
-    distance: float  # scene units, from which all views are seen
+    distance: float  # scene units, of all views
     silhouettes: UInt8[Tensor, "prototypes views bytes"]
     """masks, pixels row by row, eight to a byte, the lowest bit first"""
     luminance: Int8[Tensor, "prototypes views pixels"]
-    """luminance less its mean over the object, -127 to 127; 0 off the object"""
+    """luminance minus its mean over the object, -127 to 127; 0 off the object"""
     contrast: Float[Tensor, "prototypes views"]  # factor that gives a view's luminance unit norm
-    sizes: Float[Tensor, "prototypes views"]  # the longer side of the bounding box, in focal lengths
+    sizes: Float[Tensor, "prototypes views"]  # longer side of the bounding box, in focal lengths
     offsets: Float[Tensor, "prototypes views 2"]
-    """the middle of the bounding box (x, y) less that of the image, in focal lengths"""
+    """middle of the bounding box (x, y) relative to the image's, in focal lengths"""
 
     def __post_init__(self) -> None:
         count = len(self.codes.shape), len(self.azimuth)
@@ -81,17 +81,16 @@ class ViewBank:
 
 
 class EmptyBankError(ValueError):
-    """A model renders nothing that a view bank could hold."""
+    """A model renders nothing to put into a view bank."""
 
 
-_in_progress: dict[str, Generator[float, None, ViewBank]] = {}
-"""Begun and not finished: the next caller continues from there."""
+_in_progress: dict[str, Generator[float, None, ViewBank]] = {}  # unfinished builds, which the next caller continues
 
 
 def view_bank(model: Model) -> ViewBank:
-    """The view bank that :func:`build_view_bank` has made, in this process or an earlier one.
+    """Return the view bank made by :func:`build_view_bank`, in this process or an earlier one.
 
-    Raises ``ValueError`` where that has not been run, :class:`EmptyBankError` where the model shows no objects.
+    Raises ``ValueError`` if there is none, :class:`EmptyBankError` if the model shows no objects.
     """
     bank = _kept(model)
     if bank is None:
@@ -102,11 +101,10 @@ def view_bank(model: Model) -> ViewBank:
 
 
 def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
-    """The job that :func:`core.photos.photo.load_photo` and fits need done: finds the bank of the model (at once), or
-    makes it, a prototype at a time (seconds), and keeps it.
+    """Load the bank of a model (immediate), or build it, a prototype at a time (seconds), and save it.
 
-    Yields which share (0..1) is done; returns the bank. Two callers in turn share the work. Where the cache folder
-    cannot be written, the bank lasts as long as the process.
+    :func:`core.photos.photo.load_photo` and fits require it. Yields the fraction (0..1) done; returns the bank.
+    Alternating callers share the work. If the cache folder is not writable, the bank lasts as long as the process.
     """
     key = model.fingerprint
     while (bank := _kept(model)) is None:
@@ -125,15 +123,15 @@ def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
 
 
 class SizeRange(NamedTuple):
-    """How large objects are in training images, as shares of the image: the longer side of the bounding box."""
+    """Sizes of objects in training images, as fractions of the image: the longer side of the bounding box."""
 
-    median: float  # seen from somewhat above
+    median: float  # seen from slightly above
     min: float
     max: float
 
 
 def apparent_size(model: Model) -> SizeRange:
-    """How large the model's objects are in images of the training kind. Raises as :func:`view_bank` does."""
+    """Return the sizes of the model's objects in images like those of training. Raises like :func:`view_bank`."""
     bank = view_bank(model)
     scale = model.focal / model.image_size
     from_above = (bank.elevation > 0) & (bank.elevation < math.radians(50))
@@ -149,7 +147,7 @@ def _path(key: str) -> Path:
 
 
 def _kept(model: Model) -> ViewBank | None:
-    """From memory, else from its file; None where there is none, or a damaged one."""
+    """Return the bank from memory or its file; None if missing or damaged."""
     key = model.fingerprint
     bank: ViewBank | None = CACHE.get(Kind.BANK, key)
     if bank is None and (bank := _read(_path(key))):
@@ -158,7 +156,7 @@ def _kept(model: Model) -> ViewBank | None:
 
 
 def _read(path: Path) -> ViewBank | None:
-    """With memory mapping: what is not looked at is not read."""
+    """Read a bank with memory mapping, so that unused parts are not read."""
     try:
         with safe_open(path, framework="pt") as file:
             codes = Codes(file.get_tensor("shape"), file.get_tensor("texture"))
@@ -171,7 +169,7 @@ def _read(path: Path) -> ViewBank | None:
 def _save(bank: ViewBank, path: Path) -> None:
     tensors = {name: getattr(bank, name) for name in _TENSORS}
     tensors |= {"shape": bank.codes.shape, "texture": bank.codes.texture, "distance": torch.tensor(bank.distance)}
-    with suppress(OSError, ValueError, SafetensorError):  # a folder that cannot be written to
+    with suppress(OSError, ValueError, SafetensorError):  # an unwritable folder
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_file(path) as partial:
             save_file({name: tensor.cpu().contiguous() for name, tensor in tensors.items()}, partial)
@@ -185,7 +183,7 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
         yield 0.0
     azimuth, elevation = directions()
     prototypes, kept = _prototypes(model), list[int]()
-    # In its place from the start: small results among large temporaries keep the memory of these from being returned.
+    # Preallocated: small results between large temporaries would keep the memory of these from being returned.
     shape, pixels = (len(prototypes), len(azimuth)), SIDE * SIDE
     silhouettes = torch.empty(*shape, pixels // 8, dtype=torch.uint8)
     luminance = torch.empty(*shape, pixels, dtype=torch.int8)
@@ -207,7 +205,7 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
 
 
 def _prototypes(model: Model) -> list[Codes]:
-    """The mean object, and objects from all over the shapes: the ones nearest to the centres of k-means."""
+    """Return the mean object and varied objects, those nearest to the centres of k-means over shapes."""
     book = model.codes
     valid = book.valid
     coordinates = book.shape_space.coordinates(book.shapes[[book.objects[index].shape for index in valid]])
@@ -231,7 +229,7 @@ def _splat(
     elevation: Float[Tensor, "views"],
     distance: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """A cloud of points seen from every view: masks, normalised luminance, sizes and offsets."""
+    """Render a point cloud from every view: masks, normalised luminance, sizes and offsets."""
     x, y, z = (camera_rotation(azimuth, elevation) @ points.T).unbind(1)  # (views, points) each
     depth = (distance - z).clamp_min(1e-3)
     projected = torch.stack((x, -y), 1) / depth[:, None]
@@ -240,7 +238,7 @@ def _splat(
     scaled = (projected - middle[..., None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2
     column, row = scaled.long().clamp_(0, SIDE - 1).unbind(1)
     count = len(points)
-    # The nearest point of a pixel, found as the least of (depth, index) packed into one number.
+    # The nearest point of a pixel is the least (depth, index), packed into one number.
     packed = (depth / (4 * distance) * 2**20).long() * count + torch.arange(count)
     nothing = torch.iinfo(torch.long).max
     nearest = torch.full((len(azimuth), SIDE * SIDE), nothing).scatter_reduce(1, row * SIDE + column, packed, "amin")
@@ -252,7 +250,7 @@ def _splat(
 def normalised_luminance(
     luminance: Float[Tensor, "*batch side side"], mask: Float[Tensor, "*batch side side"]
 ) -> Tensor:
-    """Luminance less its mean over the mask, of unit norm, 0 elsewhere."""
+    """Return luminance minus its mean over the mask, with unit norm, 0 elsewhere."""
     area = mask.sum((-2, -1), keepdim=True).clamp_min(1e-6)
     mean = (luminance * mask).sum((-2, -1), keepdim=True) / area
     centred = (luminance - mean) * mask
@@ -263,11 +261,11 @@ def normalised_luminance(
 
 
 def unpack_bits(packed: UInt8[Tensor, "views bytes"]) -> Float[Tensor, "views pixels"]:
-    """The masks (0 or 1) of :attr:`ViewBank.silhouettes`."""
+    """Unpack the masks (0 or 1) of :attr:`ViewBank.silhouettes`."""
     return ((packed[..., None] >> torch.arange(8, dtype=torch.uint8)) & 1).flatten(-2).float()
 
 
 def _quantised(values: Float[Tensor, "views pixels"]) -> tuple[Int8[Tensor, "views pixels"], Float[Tensor, "views"]]:
-    """Whole numbers up to 127, and the factors that give the values back."""
+    """Quantise values to whole numbers up to 127; return them with the inverse factors."""
     scale = values.abs().amax(1).clamp_min(1e-6) / 127
     return (values / scale[:, None]).round().to(torch.int8), scale

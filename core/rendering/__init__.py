@@ -1,1 +1,1 @@
-"""Volume rendering: the exact reference, the fast renderer and its Jacobian."""
+"""Volume rendering: the exact reference, the fast renderer and its jacobian."""

@@ -1,25 +1,25 @@
-"""What is behind an object in a picture: a colour, or one that changes towards the lower edge."""
+"""Image backgrounds: a colour, or a vertical gradient."""
 
 import numpy as np
 from jaxtyping import Float
 
 Rgb = tuple[int, int, int]  # 0..255
-Gradient = tuple[Rgb, Rgb]  # at the upper and at the lower edge
+Gradient = tuple[Rgb, Rgb]  # at the upper and the lower edge
 Background = Rgb | Gradient
-_BEGINS = 0.25  # of the height, from above: where a gradient begins
+_BEGINS = 0.25  # fraction of the height, from above, at which a gradient begins
 GLSL = f"""
 uniform vec3 top, bottom;
 vec3 background(float down) {{ return mix(top, bottom, smoothstep({_BEGINS}, 1.0, down)); }}
-"""  # `background(down)`: the colour of a place, 0 at the upper edge and 1 at the lower
+"""  # `background(down)`: the colour at a height, 0 at the upper edge and 1 at the lower
 
 
 def edges(background: Background) -> Gradient:
-    """The colours at the upper and at the lower edge."""
+    """Return the colours at the upper and the lower edge."""
     return background if isinstance(background[0], tuple) else (background, background)
 
 
 def background_rows(background: Background, height: int) -> Float[np.ndarray, "height 1 3"]:
-    """The colour (0..255) of each row of an image."""
+    """Return the colour (0..255) of each row of an image."""
     top, bottom = (np.array(colour, float) for colour in edges(background))
     share = (((np.arange(height) + 0.5) / height - _BEGINS) / (1 - _BEGINS)).clip(0, 1)[:, None, None]
     return top + share**2 * (3 - 2 * share) * (bottom - top)

@@ -1,8 +1,7 @@
-"""An object's field as a 3D texture, for OpenGL to draw (:mod:`core.rendering.baked_shader`).
+"""An object's field as a 3D texture, drawn by OpenGL (:mod:`core.rendering.baked_shader`).
 
-Of density, its logit is stored (what the network gives before softplus and contrast): linear interpolation of that is 3
-to 6 dB better than of density itself, and edges stay crisp where the grid is coarse. How it is baked:
-:mod:`core.rendering.baking`.
+The texture stores logits of density (before softplus and contrast): their linear interpolation is 3 to 6 dB better than
+that of density, and edges stay crisp on coarse grids. :mod:`core.rendering.baking` fills the texture.
 """
 
 import math
@@ -24,51 +23,50 @@ from core.rendering.ground_shadow import GroundShadow
 from core.rendering.occupancy import CELLS
 from core.rendering.reference import Rendered
 
-LOGITS = -8.0, 24.0  # Logits that 0 and 255 stand for; the least is a density of 0.01 per scene unit.
+LOGITS = -8.0, 24.0  # logits of 0 and 255; the least is a density of 0.01 per scene unit
 STEPS_PER_TEXEL = 1.5
-MAX_STEPS = 128  # along the longest side of the box: more change nothing that can be seen in motion
-MIN_LIGHT = 0.005  # A ray ends where less of its light is left; that counts as taken.
-_FARTHEST = 8  # cells that are skipped at a time, at most
+MAX_STEPS = 128  # along the longest side of the box; more makes no visible difference in motion
+MIN_LIGHT = 0.005  # a ray ends when less light is left, which counts as absorbed
+_FARTHEST = 8  # cells skipped at a time, at most
 _CHUNK_RAYS = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class BakedField:
-    """Colour and density at the corners of a grid, and which of its cells hold anything. Never written again."""
+    """Colour and density at the corners of a grid, and its occupied cells. Not modified after creation."""
 
     texels: UInt8[np.ndarray, "x y z 4"]
-    """rgb, and the logit of density on the scale of :data:`LOGITS`; of the part of the grid that is occupied"""
+    """rgb, and the logit of density scaled by :data:`LOGITS`; only the occupied part of the grid"""
     distance: UInt8[np.ndarray, "cells cells cells"]
-    """cells to the nearest occupied one, diagonals as long as edges; 0: occupied"""
+    """cells to the nearest occupied one in the maximum norm; 0: occupied"""
     extent: tuple[float, float, float]  # half the size of the scene's box, scene units
     config: FieldConfig  # of the field: how density follows from logits
-    pixel_offset: float  # px, by how much rays pass left of and above pixel centres
-    cells: int  # of the grid, along each axis of the box; the first and the last corners lie on the box's faces
-    first: tuple[int, int, int] = (0, 0, 0)  # the corner of the grid that the first texel is of
-    detail: DetailMaps | None = None
-    """what a photo adds to the colours: far finer than texels, so it is looked up for each pixel"""
-    shadow: GroundShadow | None = None  # of the object on the ground, to be laid between it and a background
-    steps: int | None = None  # along the longest side of the box; None: as many as change most of what can be seen
+    pixel_offset: float  # px, shift of rays to the left and up of pixel centres
+    cells: int  # of the grid, along each axis of the box; the outermost corners lie on the box's faces
+    first: tuple[int, int, int] = (0, 0, 0)  # grid corner of the first texel
+    detail: DetailMaps | None = None  # photo detail, evaluated per pixel since it is far finer than texels
+    shadow: GroundShadow | None = None  # of the object on the ground, to be drawn over a background
+    steps: int | None = None  # along the longest side of the box; None: enough for interactive use
 
     @property
     def step(self) -> float:
-        """scene units between the samples of a ray"""
+        """Distance between the samples of a ray, scene units."""
         return 2 * max(self.extent) / (self.steps or min(MAX_STEPS, STEPS_PER_TEXEL * self.cells))
 
 
 def colour_texels(colour: Float[Tensor, "*corners 3"]) -> UInt8[Tensor, "*corners 3"]:
-    """Colours in 0..1 as texels hold them."""
+    """Convert colours in 0..1 to texels."""
     return (255 * colour.clamp(0, 1) + 0.5).to(torch.uint8)
 
 
 def logit_texels(logits: Float[Tensor, "*corners"]) -> UInt8[Tensor, "*corners"]:
-    """Logits as texels hold them."""
+    """Convert logits to texels."""
     least, most = LOGITS
     return (255 * ((logits - least) / (most - least)).clamp(0, 1) + 0.5).to(torch.uint8)
 
 
 def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
-    """Cells from each to the nearest of these, diagonals as long as edges, up to a few."""
+    """Return the distance from each cell to the nearest occupied one, in cells (maximum norm), limited."""
     distance, reached = torch.zeros_like(cells, dtype=torch.uint8), cells.clone()
     for _ in range(_FARTHEST):
         distance += ~reached
@@ -82,9 +80,7 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
 
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """The image that OpenGL draws of it, slowly: samples at equal steps from where a ray enters the box, to the last of
-    its light, on white.
-    """
+    """Render OpenGL's image on the processor, on white: samples at equal steps until a ray's light is used up."""
     extent = torch.tensor(baked.extent)
     rays = camera_rays(camera, extent, baked.pixel_offset)
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255

@@ -1,7 +1,7 @@
-"""Draws a baked field with OpenGL, on a screen or off it: a ray through every pixel, samples along it in a 3D texture.
+"""Ray marching of a baked field with OpenGL, on screen or off.
 
-Only tiles of the image that have something behind them are drawn, and their rays begin and end where that does: in
-software OpenGL, which evaluates what it then throws away, an empty pixel costs as much as several samples.
+Draws only tiles of the image with occupied cells behind, and limits their rays to these cells: software OpenGL also
+evaluates discarded fragments, where an empty pixel costs as much as several samples.
 """
 
 import math
@@ -88,11 +88,11 @@ _DETAIL = f"""
         seen += opacity * detail(origin + along * (near + pace * middle_of_light / taken), along, seen / opacity);
 """
 
-_NO_CONTRAST = 1e9, 1.0  # the factor reaches the gain of 1 wherever there is anything
+_NO_CONTRAST = 1e9, 1.0  # makes the factor reach the gain of 1 for any density
 
 
 class BakedShader:
-    """The program and the textures of one baked field in one context, which is the thread's own in every call."""
+    """The program and the textures of one baked field in one context, which must be current in every call."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -103,7 +103,7 @@ class BakedShader:
         self._baked: BakedField | None = None
 
     def upload(self, baked: BakedField) -> None:
-        """Load a field in place of the last one; of the same size, it is written into the same texture."""
+        """Load a field, replacing the last one; equal sizes reuse the texture."""
         if baked is self._baked:
             return
         sides = baked.texels.shape[2::-1]
@@ -123,7 +123,7 @@ class BakedShader:
         self._baked = baked
 
     def _program(self, detailed: bool) -> moderngl.Program:
-        """With what photos add to colours, or without: in software OpenGL, a third of a picture's time."""
+        """Compile the program with or without photo detail, which takes a third of an image's time in software."""
         if detailed not in self._programs:
             program = self._context.program(vertex_shader=VERTEX, fragment_shader=fragment_source(detailed))
             for unit, name in enumerate(("texels", "distance", *self._detail.names * detailed)):
@@ -132,11 +132,11 @@ class BakedShader:
         return self._programs[detailed]
 
     def draw(self, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)) -> None:
-        """Add the field to the framebuffer in use, its first row the image's uppermost; colours times opacity.
+        """Draw the field over the current framebuffer, first row topmost; colours are premultiplied.
 
         Args:
             size: px, of the framebuffer.
-            corner: px, left and top: which pixel of the camera's image is the framebuffer's first.
+            corner: px, left and top of the framebuffer in the camera's image.
         """
         baked = self._baked
         assert baked is not None and self._texels is not None and self._distance is not None, "upload a field first"
@@ -173,7 +173,7 @@ class BakedShader:
         buffer.release()
 
     def release(self) -> None:
-        """Give the GL objects back."""
+        """Release the GL objects."""
         self._detail.release()
         for part in (self._texels, self._distance, *self._programs.values()):
             if part is not None:
@@ -181,7 +181,7 @@ class BakedShader:
 
 
 def field_uniforms(baked: BakedField) -> dict[str, Any]:
-    """Return the values of the fragment shader that no camera changes."""
+    """Return the fragment shader's uniforms that do not depend on the camera."""
     least, most = LOGITS
     config, contrast = baked.config, _NO_CONTRAST
     if config.contrast:
@@ -201,14 +201,14 @@ def field_uniforms(baked: BakedField) -> dict[str, Any]:
 
 
 def fragment_source(detailed: bool) -> str:
-    """Return the fragment shader, with what photos add to colours or without."""
+    """Return the fragment shader, with or without photo detail."""
     return FRAGMENT.replace("DECLARED", GLSL * detailed).replace("ADDED", _DETAIL * detailed)
 
 
 def _occupied_centres(baked: BakedField) -> Float32[torch.Tensor, "occupied 3"]:
-    """Of the occupied cells, in the world; cells in the middle of others are left out, for none is seen first."""
+    """Return world centres of occupied cells. Interior cells are omitted: every ray meets a boundary cell first."""
     occupied = torch.from_numpy(baked.distance == 0)
-    # Of a cell whose neighbours are all occupied, so are those of the ray before and after it.
+    # All neighbours of an interior cell are occupied, including those before and after it on a ray.
     inner = -functional.max_pool3d(-functional.pad(occupied[None].float(), (1,) * 6), 3, 1)[0] > 0
     extent = torch.tensor(baked.extent)
     return ((occupied & ~inner).nonzero() + 0.5) * (2 * extent / CELLS) - extent
@@ -221,7 +221,7 @@ def _tiles(
     size: tuple[int, int],
     middle: tuple[float, ...],
 ) -> tuple[Float32[np.ndarray, "tiles 4"], tuple[int, int]]:
-    """The tiles with something behind them: column, row, nearest and farthest distance; columns and rows of all."""
+    """Return tiles with occupied cells (column, row, nearest and farthest distance), and the size of the tile grid."""
     local = camera.to_camera_axes(centres)
     points = project(local, camera.focal, (0, 0)) + torch.tensor(middle)
     reach = math.hypot(*(side / CELLS for side in baked.extent))

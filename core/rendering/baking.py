@@ -1,11 +1,11 @@
-"""Bakes an object into a 3D texture: density once, and the colours of all directions together, or as cameras see them.
+"""Baking of an object into a 3D texture: density once, colours averaged over directions or for single cameras.
 
-Linear interpolation between exact values is off to one side wherever a field curves, so what is stored is prefiltered:
-2 to 6 dB (:func:`prefilter`).
+Stored values are prefiltered, since linear interpolation of exact values is biased where a field curves: 2 to 6 dB
+(:func:`prefilter`).
 
-What the view changes of a colour is far more than what a fine grid loses: one texture for all views is 35 to 40 dB from
-the exact render, however fine. Where that is too little, colours are evaluated for a camera, of the corners alone that
-it may see; between two cameras that are a few degrees apart they are mixed (:func:`mixed`).
+View dependence of colours limits a texture for all views to 35 to 40 dB from the exact render, however fine the grid.
+For more accuracy, colours are evaluated for one camera at the corners it may see, and mixed between two cameras a few
+degrees apart (:func:`mixed`).
 """
 
 import math
@@ -32,23 +32,22 @@ from core.rendering.outline import outline
 from core.runtime.caches import CACHE, Kind
 
 _DIVISIONS = (1, 2)  # of the edges of an occupied cell, from coarse to fine
-_BLOCK = 8192  # Corners evaluated at a time: what a newer job waits for.
+_BLOCK = 8192  # corners evaluated at a time: the longest wait of a newer job
 _ELEVATION = math.radians(20)
 _DIRECTIONS = tuple(
     (-math.cos(_ELEVATION) * math.cos(turn), -math.cos(_ELEVATION) * math.sin(turn), -math.sin(_ELEVATION))
     for turn in (math.pi / 4 + side * math.pi / 2 for side in range(4))
-)  # that colours are averaged over: from all sides, a little from above
+)  # averaged over for colours: from all sides, a little from above
 _MIN_DENSITY = 0.1
-"""per scene unit: a cell with less at all of its corners takes less than two thousandths of the light, and is empty;
-what has no neighbour with more needs no colour"""
-_BELOW = 12.0  # optical depth: what lies deeper than that along all axes is seen by no camera
-_BEHIND = 4.0  # optical depth: what lies behind more than that is not coloured for a camera
-_VOXEL = 2  # texels along each side of a voxel, which hides what is behind it
-_AHEAD, _LOOK = 2.0, 16  # voxels: from where on, and how many, are looked at between one and the camera
+"""per scene unit: a cell with less at all corners absorbs under 0.2 % of the light and counts as empty"""
+_BELOW = 12.0  # optical depth along every axis beyond which no camera sees a point
+_BEHIND = 4.0  # optical depth in front of a point beyond which it is not coloured for a camera
+_VOXEL = 2  # texels along each side of a voxel, the unit of the visibility test
+_AHEAD, _LOOK = 2.0, 16  # voxels: start and number of the visibility test's steps towards the camera
 
 
 class Box(NamedTuple):
-    """A part of the grid of corners, from the first to before the end."""
+    """A part of the grid of corners, ``end`` exclusive."""
 
     first: tuple[int, int, int]
     end: tuple[int, int, int]
@@ -61,7 +60,7 @@ class Box(NamedTuple):
 
 
 def box_of(occupied: Bool[Tensor, "x y z"], cells: int) -> Box:
-    """The corners of a grid of so many cells that those occupied ones of the 64 have; all where none is."""
+    """Return the box of occupied cells (of the 64 per axis) in a grid of ``cells``; the whole grid if none is."""
     found = occupied.nonzero().cpu()
     low, high = (found.amin(0), found.amax(0) + 1) if len(found) else (torch.zeros(3), torch.full((3,), CELLS))
     scale = cells // CELLS
@@ -71,15 +70,14 @@ def box_of(occupied: Bool[Tensor, "x y z"], cells: int) -> Box:
 
 @dataclass(frozen=True, eq=False)
 class BakedShape:
-    """What no texture and no camera changes of a baked object."""
+    """The baked values of an object that depend on neither texture nor camera."""
 
     field: BakedField  # without colours
     box: Box
-    corners: Int[Tensor, "seen 3"]
-    """those at the surface, which alone a camera may see; counted from the first of the box"""
+    corners: Int[Tensor, "seen 3"]  # at the surface, so potentially visible; relative to the box's first corner
     neighbours: Int[Tensor, "seen 6"]
-    """which corners are beside each, along each axis; itself where one of the two is not at the surface"""
-    features: Float[Tensor, "seen width"]  # for the colour (density)
+    """the two neighbours along each axis; the corner itself if one of the two is not at the surface"""
+    features: Float[Tensor, "seen width"]  # input of the colour (density)
     hidden: Float[Tensor, "u v w"]  # optical depth of each voxel
 
     @property
@@ -89,7 +87,7 @@ class BakedShape:
         return self.field.texels.nbytes + sum(part.nbytes for part in parts)
 
     def coloured(self, texels: UInt8[Tensor, "x y z 4"]) -> BakedField:
-        """The field with these texels."""
+        """Return the field with these texels."""
         return replace(self.field, texels=texels.numpy())
 
 
@@ -100,7 +98,7 @@ def bake_shape(
 
     Args:
         cells: of the grid, along each axis of the scene's box; a multiple of :data:`~core.rendering.occupancy.CELLS`.
-        box: the part of the grid that is kept.
+        box: the stored part of the grid.
     """
 
     def evaluate(part: Int[Tensor, "corners 3"]) -> tuple[Tensor, Tensor]:
@@ -130,10 +128,9 @@ def bake_shape(
 
 
 def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
-    """Bake an object, in the mean colours of a few directions: 64 cells along each axis, then 128; None many times
-    between.
+    """Bake an object with mean colours over directions: 64 cells per axis, then 128; None many times between.
 
-    The shape is kept while memory is free: another texture of it bakes colours only.
+    The shape is cached while memory is free, so that another texture bakes colours only.
     """
     with torch.inference_mode():
         folded = FoldedField(model, codes)
@@ -160,7 +157,7 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
 
 
 class ObjectViews:
-    """A baked object in the colours that cameras see, one after another."""
+    """A baked object with colours for one camera after another."""
 
     def __init__(self, model: Model, folded: FoldedField, shape: BakedShape) -> None:
         self._folded, self._shape, self._extent = folded, shape, torch.tensor(model.extent)
@@ -170,9 +167,9 @@ class ObjectViews:
         self._shown[(shape.corners // _VOXEL).unbind(-1)] = True
 
     def seen_from(self, camera: Camera) -> Generator[None, None, BakedField]:
-        """The field as a camera sees it; yields after every few thousand corners.
+        """Bake the colours for a camera; yields after every few thousand corners.
 
-        What this camera does not see has the colours that the last one saw; all are evaluated for the first.
+        The first camera evaluates all corners; later ones keep the previous colours of corners they do not see.
         """
         shape, origin = self._shape, camera.pose()[:3, 3].float()
         if self._colours is None:
@@ -197,7 +194,7 @@ class ObjectViews:
         return self._folded.colour(features, self._folded.direction_bias(towards)).cpu()
 
     def _in_sight(self, origin: Float[Tensor, "3"]) -> Bool[Tensor, "u v w"]:
-        """Which voxels at the surface have little between them and the camera."""
+        """Mark surface voxels with little optical depth between them and the camera."""
         size = 2 * self._extent * _VOXEL / self._shape.field.cells
         voxel = self._shown.nonzero()
         place = voxel + 0.5
@@ -214,7 +211,7 @@ class ObjectViews:
 
 
 def mixed(first: BakedField, second: BakedField, share: float) -> BakedField:
-    """A field between two of the same grid; ``share`` is the second's, 0..1."""
+    """Mix two fields of the same grid; ``share`` is the second's weight, 0..1."""
     if share <= 0 or share >= 1:
         return first if share <= 0 else second
     weight = round(256 * share)
@@ -231,7 +228,7 @@ def _world(
 
 
 def _surface(density: Float[Tensor, "x y z"], thickness: Float[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
-    """Which corners a camera may see: beside something, and not deep within, along an axis at least."""
+    """Mark corners that a camera may see: near occupied ones, and not deep inside along at least one axis."""
     deep = torch.full_like(thickness, torch.inf)
     for axis in range(3):
         through = thickness.cumsum(axis)
@@ -242,7 +239,7 @@ def _surface(density: Float[Tensor, "x y z"], thickness: Float[Tensor, "x y z"])
 
 
 def _filled_cells(density: Float[Tensor, "x y z"], cells: int, box: Box) -> Bool[Tensor, "cells cells cells"]:
-    """Which of the scene's cells hold enough at a corner to be drawn."""
+    """Mark the scene's cells with a corner dense enough to draw."""
     side = cells // CELLS
     most = functional.max_pool3d(density[None], side + 1, side)[0]
     filled = torch.zeros((CELLS,) * 3, dtype=torch.bool)
@@ -252,7 +249,7 @@ def _filled_cells(density: Float[Tensor, "x y z"], cells: int, box: Box) -> Bool
 
 
 def _neighbours(seen: Bool[Tensor, "x y z"]) -> Int[Tensor, "seen 6"]:
-    """As :attr:`BakedShape.neighbours`."""
+    """Return :attr:`BakedShape.neighbours`."""
     own = torch.arange(int(seen.sum()), dtype=torch.int32)
     number = torch.full([side + 2 for side in seen.shape], -1, dtype=torch.int32)
     number[1:-1, 1:-1, 1:-1][seen] = own
@@ -268,13 +265,13 @@ def _neighbours(seen: Bool[Tensor, "x y z"]) -> Int[Tensor, "seen 6"]:
 def prefilter(
     values: Float[Tensor, "seen channels"], neighbours: Int[Tensor, "seen 6"], which: Int[Tensor, "some"] | None = None
 ) -> Float[Tensor, "some channels"]:
-    """What is stored of some corners, or of all, so that interpolation between is right in the mean: each value less a
-    twelfth of its second differences.
+    """Prefilter values at corners for unbiased linear interpolation: subtract a twelfth of the second differences.
 
     L. Condat, T. Blu and M. Unser, "Beyond interpolation: optimal reconstruction by quasi-interpolation", ICIP 2005.
 
     Args:
-        neighbours: as :attr:`BakedShape.neighbours`.
+        neighbours: see :attr:`BakedShape.neighbours`.
+        which: corners to return; None: all.
     """
     if which is not None:
         neighbours = neighbours[which]

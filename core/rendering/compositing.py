@@ -1,4 +1,4 @@
-"""Volume rendering (Eq. 3): densities between edges become weights; the transmittance belongs to the background."""
+"""Volume rendering (Eq. 3): densities between edges become weights; the transmittance goes to the background."""
 
 import torch
 from jaxtyping import Float
@@ -8,12 +8,11 @@ from torch import Tensor
 def compositing_weights(
     density: Float[Tensor, "*batch samples"], edges: Float[Tensor, "*batch samples_and_one"]
 ) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch"]]:
-    """The weight of each interval in its ray's colour, and the transmittance of the whole ray.
+    """Return the weight of each interval in its ray's colour, and the transmittance of the whole ray.
 
-    Eq. 3 with :math:`\\delta_i = t_{i+1} - t_i`: interval i weighs
-    :math:`T_i (1 - e^{-\\sigma_i \\delta_i}) = T_i - T_{i+1}` with :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`,
-    in float32 right to 1e-7. There are as many intervals as densities and one edge more, so no last interval is
-    invented. Weights and transmittance sum to one.
+    Eq. 3 with :math:`\\delta_i = t_{i+1} - t_i`: interval i weighs :math:`T_i (1 - e^{-\\sigma_i \\delta_i}) = T_i -
+    T_{i+1}` with :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`, accurate to 1e-7 in float32. One edge more than
+    densities avoids an invented last interval. Weights and transmittance sum to one.
 
     Args:
         density: per scene unit, not negative.
@@ -36,5 +35,5 @@ def composite_on_white(
     transmittance: Float[Tensor, "*batch"],
     colours: Float[Tensor, "*batch samples 3"],
 ) -> Float[Tensor, "*batch 3"]:
-    """Eq. 3's colour, with the transmittance falling on a white background."""
+    """Composite Eq. 3's colour over a white background."""
     return (weights[..., None] * colours).sum(-2) + transmittance[..., None]

@@ -1,11 +1,10 @@
-"""What photos add to the colours of a surface: looked up where a point of the surface is in a photo.
+"""Photo detail: colours of surface points looked up in photos of the object.
 
-A photo's colours and their weight are a map over the image of the photo's camera, beside it the distance and the
-normal of the surface that the camera saw. A point takes the colour of the pixel it projects into, as far as it is the
-surface that was seen there (a soft depth test) and is seen from the same side; from the photo's own camera all of it.
-What no photo's camera saw takes the colour of its mirror image (-x, y, z), if that was seen. What is left takes the
-model's colour, matched to those of the photos, so that no edge shows where a photo ends. Opacity and depth are only
-read.
+A photo provides three maps over its camera's image: colours with weights, and distance and normal of the surface seen
+there. A point takes the colour of the pixel it projects into if it is the same surface (a soft depth test) seen from
+the same side; from the photo's own camera it takes it fully. Points that no camera saw take the colour of their mirror
+image (-x, y, z) if that was seen. Other points take the model's colour matched to the photos, so that no edge shows
+where a photo ends. Opacity and depth do not change.
 """
 
 import math
@@ -23,21 +22,17 @@ from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
 
 DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
-"""scene units along the photo's ray between a point and what was seen: up to the first it is that, from the second on
-something else"""
-FACING = 0.25
-"""cosine between the ray that sees a point and the surface, from which on it counts as seen from the photo's side"""
+"""scene units along the photo's ray between a point and the surface seen: the same surface below, another above"""
+FACING = 0.25  # cosine of viewing ray and surface from which a point counts as seen from the photo's side
 FLAT, STEEP = math.cos(math.radians(83)), math.cos(math.radians(70))
-"""cosines between the photo's ray and the surface: nothing is taken below, all above"""
+"""cosines of photo ray and surface: no colour is taken below the first, all above the second"""
 BESIDE = math.cos(math.radians(25)), math.cos(math.radians(8))
-"""cosines between the photo's ray and the one that sees a point: from beside the photo, it is right however flatly the
-surface is seen"""
+"""cosines of photo ray and viewing ray: beside the photo's camera, colours are right at any surface angle"""
 NEAR = math.cos(math.radians(6)), math.cos(math.radians(2))
-"""the same cosines: from the photo's own camera the object is as in the photo up to its outlines"""
-NEAR_FIRST = 20.0  # by how much the photo from whose camera the object is seen goes before others, which have at most 1
-NEAR_DEPTHS = 0.2, 0.1
-"""scene units between a point and what was seen, for that: a pixel at an outline has a depth between"""
-MIN_OPACITY = 0.02  # of a pixel that takes anything
+"""the same cosines: at the photo's own camera the object looks as in the photo, up to its outline"""
+NEAR_FIRST = 20.0  # weight of the photo whose camera views the object; other photos have at most 1
+NEAR_DEPTHS = 0.2, 0.1  # scene units of the depth test for that; pixels at an outline have a depth between
+MIN_OPACITY = 0.02  # of pixels that take photo detail
 
 
 class ColourMatch(NamedTuple):
@@ -47,13 +42,13 @@ class ColourMatch(NamedTuple):
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def change(self, colours: Float[Tensor, "*places 3"]) -> Float[Tensor, "*places 3"]:
-        """Return the matched colours less the colours."""
+        """Return matched colours minus colours."""
         gain, offset = (torch.tensor(part, device=colours.device) for part in self)
         return colours * (gain - 1) + offset
 
 
 class Shares(NamedTuple):
-    """Where the colours of places come from, 0..1; the rest is the model's."""
+    """Sources of colours, 0..1; the rest is the model's."""
 
     photo: Float[Tensor, "*places"]
     mirrored: Float[Tensor, "*places"]  # from the mirror image
@@ -61,13 +56,13 @@ class Shares(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PhotoMaps:
-    """Maps over the image of one photo's camera. Never written again."""
+    """Maps over the image of one photo's camera. Not modified after creation."""
 
-    camera: Camera  # at any size: maps are over its whole image
+    camera: Camera  # at any size: maps cover its whole image
     fine: tuple[Float[Tensor, "4 _ _"], ...]
-    """The photo's colours (sRGB) and :func:`packed` weights; each level has half the pixels across of the last one."""
+    """The photo's colours (sRGB) and :func:`packed` weights; each level halves the resolution of the previous one."""
     mirrored: Float[Tensor, "4 rows columns"]
-    """Soft detail of the mirror image: the photo less the render, low-passed, and the share that places take of it."""
+    """Soft detail of the mirror image: low-passed difference of photo and render, and its weight."""
     surface: Float[Tensor, "4 rows columns"]  # unit normal (world) and distance from the camera (scene units)
 
     @property
@@ -76,7 +71,7 @@ class PhotoMaps:
         return sum(part.nbytes for part in (*self.fine, self.mirrored, self.surface))
 
     def level(self, camera: Camera) -> int:
-        """Which level of the fine map has pixels about as large as a camera's are on the object."""
+        """Return the level of the fine map whose pixels match a camera's on the object."""
         own = self.camera.focal * self.fine[0].shape[1] / self.camera.height / self.camera.distance
         ratio = own * camera.distance / camera.focal
         return max(0, min(len(self.fine) - 1, round(math.log2(max(ratio, 1e-6)))))
@@ -84,9 +79,7 @@ class PhotoMaps:
     def look_up(
         self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], map: Float[Tensor, "4 _ _"]
     ) -> tuple[Float[Tensor, "points 4"], Float[Tensor, "points"], Float[Tensor, "points"]]:
-        """A map's values where points project into it, how far the photo's camera saw these points (0..1), and how near
-        to its ray they are seen.
-        """
+        """Sample a map at points; return values, visibility from the photo's camera, and closeness to its ray, 0..1."""
         rotation, origin = self.camera.world_to_camera(points.device)
         away = points - origin
         local = away @ rotation.T
@@ -109,14 +102,12 @@ class DetailMaps:
     """The maps of all photos of an object, and how they are shown."""
 
     photos: tuple[PhotoMaps, ...]
-    strength: float = 1.0  # times all that is added
+    strength: float = 1.0  # factor on all detail
     other_side: OtherSide = "mirrored"
-    match: ColourMatch = field(default_factory=ColourMatch)  # of the model's colours where no photo reaches
+    match: ColourMatch = field(default_factory=ColourMatch)  # of the model's colours outside all photos
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
-        """A render in its camera's image with the photos' detail, and where its colours come from; its opacity and
-        depth stay the same tensors.
-        """
+        """Add photo detail to a render; return it with its sources of colours. Opacity and depth stay the same."""
         index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
         (rotation, origin), size = camera.world_to_camera(index.device), (camera.width, camera.height)
         pixels = torch.stack((index % camera.width, index // camera.width), -1) + 0.5
@@ -127,7 +118,7 @@ class DetailMaps:
         own = (rendered.colour.flatten(0, 1).index_select(0, index) - left) / opacity[:, None]
         found, shares = self.at(points, directions, own.clamp(0, 1), camera)
         colour = rendered.colour.flatten(0, 1).index_add(0, index, opacity[:, None] * found).clamp(max=1)
-        colour = torch.maximum(colour, 1 - rendered.opacity.flatten()[:, None])  # the background's light is left
+        colour = torch.maximum(colour, 1 - rendered.opacity.flatten()[:, None])  # keep the background's light
         empty = torch.zeros_like(rendered.opacity)
         images = (empty.flatten().index_add(0, index, opacity * share).view_as(empty) for share in shares)
         return replace(rendered, colour=colour.view_as(rendered.colour)), Shares(*images)
@@ -139,12 +130,12 @@ class DetailMaps:
         colours: Float[Tensor, "points 3"],
         camera: Camera | None = None,
     ) -> tuple[Float[Tensor, "points 3"], Shares]:
-        """What is added to the colours of places on a surface, and where these come from then.
+        """Return the change of colours at surface points, and the sources of the new colours.
 
         Args:
-            directions: unit vectors along which each is seen; against the outward normal for a mesh.
+            directions: unit viewing directions; for a mesh the inverted outward normals.
             colours: the model's, 0..1.
-            camera: whose pixels they are; None: as finely as can be.
+            camera: whose pixels are coloured; None: at full resolution.
         """
         fine = [photo.fine[photo.level(camera) if camera else 0] for photo in self.photos]
         colour, direct = self._blended(points, directions, fine, own=True)
@@ -173,12 +164,12 @@ class DetailMaps:
         own: bool = False,
         soft: bool = False,
     ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points"]]:
-        """The mean of what photos show of places, each by its weight, and how far the best of them does (0..1).
+        """Average the photos' colours of points by weight; return the mean and the largest weight (0..1).
 
         Args:
             maps: one of each photo.
-            own: whether a photo shows everything that is seen from beside its camera.
-            soft: whether maps hold plain weights, not packed ones.
+            own: True: a photo also shows every surface seen from beside its camera.
+            soft: True: maps hold plain weights, not packed ones.
         """
         colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
         for photo, map in zip(self.photos, maps, strict=True):
@@ -210,11 +201,11 @@ def unpacked(value: Float[Tensor, "*any"]) -> tuple[Float[Tensor, "*any"], Float
 
 
 def _sampled(map: Float[Tensor, "channels h w"], place: Float[Tensor, "points 2"]) -> Float[Tensor, "points channels"]:
-    """Bilinear; 0 beyond the image."""
+    """Sample bilinearly; 0 outside the image."""
     return functional.grid_sample(map[None], place[None, None], align_corners=False)[0, :, 0].T
 
 
 def smooth_step(value: Float[Tensor, "*any"], zero: float, one: float) -> Float[Tensor, "*any"]:
-    """0 up to one bound and 1 from the other on, without an edge between."""
+    """Return a smooth transition from 0 at one bound to 1 at the other."""
     share = ((value - zero) / (one - zero)).clamp(0, 1)
     return share * share * (3 - 2 * share)

@@ -1,4 +1,4 @@
-"""What photos add to colours (:class:`core.rendering.detail_maps.DetailMaps`), in GLSL: one surface point a pixel."""
+"""Photo detail (:class:`core.rendering.detail_maps.DetailMaps`) in GLSL, for one surface point per pixel."""
 
 from typing import Any
 
@@ -75,11 +75,11 @@ vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec3 seen = twin.rgb / max(twin.a, 1e-6) - (other_side == 2 ? model : vec3(0.0));
     return strength * mix(mix(matched, seen, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
 }}
-"""  # `detail(point, along, model)`: the change of the model's colour at a place seen along a unit vector
+"""  # `detail(point, along, model)`: the change of the model's colour at a point seen along a unit vector
 
 
 class DetailTextures:
-    """The maps in one context, loaded again only where they are others."""
+    """The maps as textures of one context, uploaded only after a change."""
 
     names = tuple(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
 
@@ -89,7 +89,7 @@ class DetailTextures:
         self._textures: list[moderngl.Texture] = []
 
     def upload(self, maps: DetailMaps | None) -> None:
-        """Load maps in place of the last ones, unless there are none."""
+        """Upload maps, replacing the last ones; None keeps these."""
         if maps is None or maps.photos == self._of:
             return
         self.release()
@@ -109,21 +109,21 @@ class DetailTextures:
         return texture
 
     def use(self, unit: int) -> None:
-        """Bind them, in the order of their names, from a unit on."""
+        """Bind the textures to units from ``unit`` on, in the order of their names."""
         for number, texture in enumerate(self._textures, unit):
             texture.use(number)
 
     def release(self) -> None:
-        """Give the GL objects back."""
+        """Release the GL objects."""
         while self._textures:
             self._textures.pop().release()
         self._of = ()
 
 
 def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
-    """The values that the GLSL needs for a camera's image."""
+    """Return the uniforms of the GLSL for a camera's image."""
     origins, axes, focals, levels = [], [], [], []
-    for at in range(MAX_PHOTOS):  # arrays are written whole
+    for at in range(MAX_PHOTOS):  # arrays must be written whole
         photo = maps.photos[min(at, len(maps.photos) - 1)]
         pose = photo.camera.pose().numpy()
         # The columns of a pose are right, down and forward.

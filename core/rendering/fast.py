@@ -1,7 +1,7 @@
-"""The fast renderer: only occupied cells are evaluated, front to back, and only visible intervals are coloured.
+"""The fast renderer: evaluates occupied cells only, front to back, and colours visible intervals only.
 
-It works in two passes, as the field does. What a shape shows from a camera (:class:`Chunk`) does not depend on the
-texture and is cached: a new texture runs the second pass only. A new view reuses the occupied cells.
+It has two passes, like the field. What a camera sees of a shape (:class:`Chunk`) is independent of the texture and
+cached: a new texture runs only the second pass. A new view reuses the occupied cells.
 """
 
 from collections.abc import Generator, Iterator, Sequence
@@ -25,10 +25,10 @@ from core.runtime.caches import CACHE, Kind
 from core.runtime.layers import pad_rows
 from core.streams import run_to_end
 
-CHUNK_RAYS = 4096  # Rays evaluated at a time, about 32k evaluations: what a newer job waits for.
+CHUNK_RAYS = 4096  # rays evaluated at a time, about 32k evaluations: the longest wait of a newer job
 _SIMILAR_DISTANCE = 0.25
-"""Standard deviations of the trained shapes: a shape this near to the last one reuses its occupied cells."""
-_BLOCK = 8192  # Points evaluated at a time: few enough that activations stay in cache.
+"""Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
+_BLOCK = 8192  # points evaluated at a time, so that activations stay in cache
 
 
 def render_steps(
@@ -39,17 +39,16 @@ def render_steps(
     complete: bool = True,
     cutoff: Tolerances | None = None,
 ) -> Generator[None, None, Rendered]:
-    """Render as :func:`core.rendering.reference.render_exact` does, many times faster.
+    """Render like :func:`core.rendering.reference.render_exact`, many times faster.
 
-    Yields None after every chunk of rays and returns the render. A model whose network paints the background itself
-    is rendered on plain white here.
+    Yields None after every chunk of rays and returns the render. A model whose network paints the background is
+    rendered on plain white here.
 
     Args:
         samples: intervals along the longest side of the scene's box; a ray has as many as fit between the first and
             the last occupied cell behind its pixel.
-        complete: False looks for the shape only around the one rendered last, if they are similar: for a shape that
-            changes continuously.
-        cutoff: what of a ray is neither evaluated nor shaded; :func:`tolerances` of the samples where it is None.
+        complete: False searches a shape similar to the last one only near that; for continuously changing shapes.
+        cutoff: limits for skipping parts of a ray; None: :func:`tolerances` of the samples.
     """
     with torch.inference_mode():
         folded = _folded_field(model, codes)
@@ -75,13 +74,13 @@ def render_steps(
 def render(
     model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
 ) -> Rendered:
-    """The result of :func:`render_steps`, in one call."""
+    """Return the result of :func:`render_steps`, in one call."""
     return run_to_end(render_steps(model, codes, camera, samples, complete, cutoff))
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """A shape as some rays see it: depth, opacity and the intervals that are worth a colour."""
+    """A shape as seen by some rays: depth, opacity and the intervals to colour."""
 
     pixel: Int[Tensor, "rays"]  # of the image, row by row
     directions: Float[Tensor, "rays 3"]
@@ -89,9 +88,9 @@ class Chunk:
     opacity: Float[Tensor, "rays"]
     evaluations: Int[Tensor, "rays"]  # intervals of each ray whose density was evaluated
     ray: Int[Tensor, "seen"]
-    weight: Float[Tensor, "seen"]  # share of its ray's light
-    features: Float[Tensor, "seen width"]  # activations that the texture part takes
-    share: float  # of the view's rays, those included that cross nothing
+    weight: Float[Tensor, "seen"]  # fraction of its ray's light
+    features: Float[Tensor, "seen width"]  # input of the texture part
+    share: float  # fraction of the view's rays, including empty ones
 
     @property
     def size(self) -> int:
@@ -100,7 +99,7 @@ class Chunk:
 
 
 class VisibilityKey(NamedTuple):
-    """Everything the visible intervals depend on: the key of their cache."""
+    """Everything that visible intervals depend on: their cache key."""
 
     model: Model
     shape: tuple[float, ...]
@@ -125,29 +124,29 @@ class VisibilityKey(NamedTuple):
 
 
 def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
-    """Whether the visible intervals of this shape from this camera are cached, so that only colours are evaluated."""
+    """True if this shape's visible intervals from this camera are cached, so that only colours are evaluated."""
     return CACHE.get(Kind.VIEW, VisibilityKey.of(model, codes, camera, samples, complete)) is not None
 
 
 @lru_cache(maxsize=4)
 def _folded_field(model: Model, codes: Codes) -> FoldedField:
-    """The field of codes rendered lately: a new view does not change it."""
+    """Return the folded field of recent codes, which a new view reuses."""
     return FoldedField(model, codes)
 
 
 def clear_views() -> None:
-    """Forget every view: the next render costs what a new view costs."""
+    """Clear cached views: the next render costs as much as a new view."""
     CACHE.clear(Kind.VIEW)
 
 
 def clear_cache() -> None:
-    """Forget every shape: the next render costs what a new shape costs."""
+    """Clear cached shapes: the next render costs as much as a new shape."""
     CACHE.clear(Kind.VIEW, Kind.SHAPE)
     _folded_field.cache_clear()
 
 
 def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]:
-    """The visible intervals of a shape, whatever its texture."""
+    """Yield the visible intervals of a shape, independent of its texture."""
     with torch.inference_mode():
         occupancy = shape_occupancy(view.model, view.shape, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
@@ -171,7 +170,7 @@ def _rays(
     first: Float[Tensor, "rays"],
     last: Float[Tensor, "rays"],
 ) -> Rays:
-    """Through some pixels, from the first to the last occupied cell behind each."""
+    """Return the rays of pixels, limited to the first and last occupied cell behind each."""
     across = view.camera.width
     centres = torch.stack((pixel % across, pixel // across), -1) + 0.5
     rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
@@ -180,10 +179,10 @@ def _rays(
 
 
 def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = True) -> Occupancy:
-    """A shape's occupied cells: cached, as neither a new view nor a new texture changes them.
+    """Return a shape's occupied cells, cached because they depend on neither view nor texture.
 
     Args:
-        complete: as that of :func:`render_steps`.
+        complete: see :func:`render_steps`.
     """
     key = model, shape
     known: Occupancy | None = CACHE.get(Kind.SHAPE, key)
@@ -196,7 +195,7 @@ def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = Tru
 
 
 def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
-    """The occupied cells of the shape rendered last, where it is similar."""
+    """Return the occupied cells of the last rendered shape if it is similar."""
     for (other, shape), occupancy in CACHE.newest(Kind.SHAPE):
         if other is model:
             away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
@@ -213,7 +212,7 @@ def _chunk(
     tolerances: Tolerances,
     share: float,
 ) -> Chunk:
-    """Some rays, this ``share`` of all, to the end; those that cross nothing are dropped."""
+    """Trace rays (a fraction ``share`` of all) to the end; drops rays that meet no occupied cell."""
     occupied = occupancy.intersect(rays, step, tolerances.termination)
     some, ray, counts = torch.unique_consecutive(occupied.ray, return_inverse=True, return_counts=True)
     pixel, rays = pixel.index_select(0, some), rays[some]
@@ -249,12 +248,12 @@ def _evaluation_rounds(
     thickness: Float[Tensor, "rays ranks"],
     termination: float,
 ) -> Iterator[Int[Tensor, "some"]]:
-    """Which intervals to evaluate next: those in front, then the occluded ones of rays that are not opaque yet.
+    """Yield intervals to evaluate: visible ones, then the occluded ones of rays that are not yet opaque.
 
-    ``thickness`` is filled in between.
+    The caller fills ``thickness`` in between.
 
     Args:
-        ray, occluded: of every interval: which ray it lies on, and whether it probably lies behind the object.
+        ray, occluded: ray of each interval, and whether the interval probably lies behind the object.
     """
     yield (~occluded).nonzero()[:, 0]
     alive = thickness.sum(-1) < termination
@@ -262,7 +261,7 @@ def _evaluation_rounds(
 
 
 def _shade(folded: FoldedField, chunk: Chunk) -> Float[Tensor, "rays 3"]:
-    """The colours of a chunk's rays, on white."""
+    """Return the colours of a chunk's rays, on white."""
     direction_bias = folded.direction_bias(chunk.directions)
     mixed = torch.zeros_like(chunk.directions)
     for ray, weight, features in zip(
@@ -271,12 +270,12 @@ def _shade(folded: FoldedField, chunk: Chunk) -> Float[Tensor, "rays 3"]:
         colour = folded.colour(pad_rows(features), direction_bias.index_select(0, pad_rows(ray)))[: len(ray)]
         mixed.index_add_(0, ray, colour * weight[:, None])
     total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.weight)[:, None]
-    # Where nothing weighed enough to be coloured, what little there is counts as white.
+    # Rays without a coloured interval count as white.
     mean = torch.where(total > 0, mixed / total.clamp_min(1e-9), 1.0)
     return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
 def _blank(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """What :class:`Rendered` has of each pixel where no object is, row by row."""
+    """Return the values of :class:`Rendered` for pixels without an object, row by row."""
     depth, opacity = torch.zeros(2, camera.height * camera.width, device=device)
     return torch.ones(len(depth), 3, device=device), depth, opacity, torch.zeros_like(depth, dtype=torch.long)

@@ -1,11 +1,11 @@
 """A field with one pair of codes folded in, for rendering without gradients: the same function, fewer and wider steps.
 
-Two foldings are exact. A code's part of a block is a bias (see :class:`core.models.field.Field`), so the cost per point
-does not depend on the codes. And the feature layer is linear with nothing between it and the two layers that follow, so
-it is multiplied into both.
+Two foldings are exact. A code's contribution to a block is a bias (see :class:`core.models.field.Field`), so the cost
+per point is independent of the codes. The feature layer is linear and directly followed by two layers, so it is
+multiplied into both.
 
-A third one is nearly so. An encoding treats each axis separately, and a layer is linear in it: its output for a point,
-or for a direction, is a function of x, plus one of y, plus one of z. These are lookup tables.
+A third one is nearly exact. An encoding treats each axis separately and a layer is linear in it, so a layer's output
+for a point or direction is a function of x, plus one of y, plus one of z. These are lookup tables.
 """
 
 from collections.abc import Sequence
@@ -26,20 +26,19 @@ from core.rendering.outline import outline
 from core.runtime.layers import linear_relu, pad_rows, relu_
 from core.runtime.precision import matmul_dtype
 
-_CHUNK_POINTS = 16384  # Points evaluated in one go: with fewer, calls cost more than leaving the cache does.
+_CHUNK_POINTS = 16384  # points evaluated at a time: with fewer, call overhead exceeds the cost of leaving the cache
 _RESOLUTION = 8192  # entries along each axis
-_MARGIN = 1.1
-"""half sizes of the scene's box that the table of positions covers: samples may lie a little outside the box"""
+_MARGIN = 1.1  # half sizes of the scene's box covered by the position table: samples may lie slightly outside
 
 
 class AxisLookup(NamedTuple):
-    """A linear layer of a positional encoding, tabulated as a function of x, plus one of y, plus one of z."""
+    """A tabulated linear layer of a positional encoding: a function of x, plus one of y, plus one of z."""
 
     scale: Float[Tensor, "3"]  # entries per unit of each axis
     origin_index: Float[Tensor, "3"]  # index of the origin on each axis
     first: Float[Tensor, "3"]
     last: Float[Tensor, "3"]  # first and last index of each axis
-    entries: Float[Tensor, "entries outputs"]  # those of x, then of y, then of z; the bias is in those of x
+    entries: Float[Tensor, "entries outputs"]  # of x, then y, then z; those of x include the bias
     frequencies: int
     layer: tuple[Tensor, Tensor]  # weight and bias, for encoded values
 
@@ -47,7 +46,7 @@ class AxisLookup(NamedTuple):
     def from_layer(
         cls, frequencies: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype
     ) -> "AxisLookup":
-        """Tabulate a layer over [-reach, reach]; an entry is exact in its middle."""
+        """Tabulate a layer over [-reach, reach]; entries are exact at their centre."""
         positions = ((torch.arange(_RESOLUTION, device=reach.device) + 0.5) * (2 / _RESOLUTION) - 1)[:, None] * reach
         origin = encode(torch.zeros_like(reach), frequencies)
         along = encode(torch.diag_embed(positions).movedim(1, 0), frequencies) - origin  # axes, entries, encoded
@@ -58,13 +57,13 @@ class AxisLookup(NamedTuple):
         return cls(*where, outputs.flatten(0, 1).to(dtype), frequencies, (weight.to(dtype), bias.to(dtype)))
 
     def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
-        """The layer's output for these values, from the table."""
+        """Return the layer's output from the table."""
         entry = torch.addcmul(self.origin_index, values, self.scale).nan_to_num_(0.0)
         entry = entry.clamp_(self.first, self.last).int()
         return functional.embedding_bag(entry, self.entries, mode="sum")
 
     def evaluate(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
-        """The layer's output computed exactly, also outside the table."""
+        """Return the layer's output computed exactly, also outside the table."""
         weight, bias = self.layer
         return functional.linear(encode(values, self.frequencies).to(weight.dtype), weight, bias)
 
@@ -83,7 +82,7 @@ class FieldWeights(NamedTuple):
 
 
 class FoldedField:
-    """Density and colour of one object, evaluated in two steps so that only what is visible is coloured."""
+    """Density and colour of one object, evaluated in two steps so that only visible points are coloured."""
 
     def __init__(self, model: Model, codes: Codes) -> None:
         self.field, self.device, self.dtype = model.field, model.device, matmul_dtype(model.device.type)
@@ -93,7 +92,7 @@ class FoldedField:
             self._texture = tuple(model.field.texture_bias(codes.texture).to(self.dtype).unbind(-2))
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
-        """The activations of the first layer, which depend on no code."""
+        """Return the activations of the first layer, which depend on no code."""
         return relu_(self._weights.position(points))
 
     def density(
@@ -110,13 +109,13 @@ class FoldedField:
         return _density(self.field, self._weights, first, self._shape)
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
-        """The viewing direction's part of the first texture layer."""
+        """Return the viewing direction's contribution to the first texture layer."""
         return self._weights.direction(directions)
 
     def colour(
         self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
     ) -> Float[Tensor, "points 3"]:
-        """Rgb of :meth:`density`'s second value, seen along each point's ray."""
+        """Return rgb from :meth:`density`'s features, seen along each point's ray."""
         return _colour(self.field, self._weights, y, direction_bias, self._texture)
 
 
@@ -127,14 +126,14 @@ def batch_density(
     shape_bias: Float[Tensor, "objects blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> Float[Tensor, "objects points"]:
-    """Density per scene unit of many objects at once, each at its own points; not differentiable.
+    """Return the density per scene unit of many objects, each at its own points; not differentiable.
 
     Args:
-        cells: outside of these (:mod:`core.models.occupied_cells`) it is taken to be 0.
+        cells: density outside these (:mod:`core.models.occupied_cells`) counts as 0.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     biases = shape_bias.to(weights.features.dtype)
-    # A network that paints the background is evaluated around the box too.
+    # A network that paints the background is evaluated outside the box, too.
     first = weights.position.evaluate if model.white_from_network else weights.position
     found = torch.zeros(points.shape[:-1], device=points.device)
     inside = torch.ones_like(found, dtype=torch.bool) if cells is None else contains(cells, points, model.extent_tensor)
@@ -153,7 +152,7 @@ def batch_colour(
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> Float[Tensor, "objects points 3"]:
-    """Rgb of many objects at once, each at its own points as seen from there; not differentiable."""
+    """Return rgb of many objects, each at its own points and viewing directions; not differentiable."""
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
     first = weights.position.evaluate if model.white_from_network else weights.position
@@ -198,8 +197,8 @@ def _colour(
 
 
 def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
-    """The layers of a model's field, the feature layer multiplied into those that follow. Cached."""
-    return _field_weights(model.soft, dtype)  # contrast changes no weight
+    """Return the layers of a model's field, the feature layer multiplied into the next ones. Cached."""
+    return _field_weights(model.soft, dtype)  # contrast changes no weights
 
 
 @lru_cache(maxsize=4)
@@ -208,7 +207,7 @@ def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     field: Field = model.field
     if model.is_ablation:
         raise ValueError(
-            f"a model of architecture {field.config.architecture} is rendered by render --exact only, and not fitted"
+            f"a model of architecture {field.config.architecture} needs render --exact and cannot be fitted"
         )
     width, features = field.config.width, field.feature_layer
     entry = field.direction_layer

@@ -1,8 +1,8 @@
-"""The directions of shape under a pixel: by how much each changes what is there, and which way it moves it.
+"""Effects of shape directions on a pixel: change of its appearance, and motion.
 
-A few rays around the pixel are differentiated along the first directions of the shape. Where a direction moves the
-image, its change is minus the image's slope times the motion; the motion is the least-squares solution over the rays
-and channels (B. Lucas and T. Kanade, "An iterative image registration technique", IJCAI 1981).
+A few rays around the pixel are differentiated along the first shape directions. A moving image changes by minus its
+gradient times the motion; the motion is the least-squares solution over rays and channels (B. Lucas and T. Kanade, "An
+iterative image registration technique", IJCAI 1981).
 """
 
 from typing import NamedTuple
@@ -17,21 +17,21 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
-_ACROSS = 9  # rays along each side of the square around the pixel
-_REACH = 0.05  # of the image's height, from the pixel to the sides of that square
+_ACROSS = 9  # rays along each side of a square around the pixel
+_REACH = 0.05  # half the side of that square, relative to the image's height
 _SAMPLES, _KEPT = 96, 24  # of a ray, and how many of them are differentiated
-_RIDGE = 1e-4  # squared slope per px that counts as none: a plain surface seems to move nowhere
+_RIDGE = 1e-4  # squared gradient per px that counts as none: a plain surface shows no motion
 
 
 class Pull(NamedTuple):
-    """What a direction of the shape does under a pixel."""
+    """Effect of a shape direction at a pixel."""
 
     direction: int  # index into :attr:`core.models.codes.CodeSpace.basis`
     effect: float  # root mean square change of colours and opacity (0..1) per standard deviation
     motion: tuple[float, float]  # px per standard deviation, right and down
 
     def amount(self, drag: tuple[float, float]) -> float:
-        """Return the standard deviations that move the surface by a drag (px right, px down), as far as it can.
+        """Return the standard deviations that best move the surface by a drag (px right, px down).
 
         Example:
             >>> Pull(0, 0.3, (0.0, -20.0)).amount((5.0, -10.0))
@@ -43,13 +43,13 @@ class Pull(NamedTuple):
 
 @torch.no_grad()
 def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, float], count: int = 6) -> list[Pull]:
-    """Return the first directions of the shape, the one with the largest effect around an image point first.
+    """Return the effects of the first shape directions at an image point, the largest first.
 
     Args:
         point: px from the image's top left corner.
         count: directions compared.
 
-    Empty where the point shows no object.
+    Empty if the point shows no object.
     """
     basis = model.codes.shape_space.basis[:count].to(model.device)
     step = 2 * _REACH * camera.height / (_ACROSS - 1)
@@ -76,7 +76,7 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
 def image_motion(
     image: Float[Tensor, "h w channels"], changes: Float[Tensor, "h w channels numbers"], step: float
 ) -> Float[Tensor, "numbers 2"]:
-    """Return the motions (px right, px down) that explain changes of an image best.
+    """Return the motions (px right, px down) that best explain changes of an image.
 
     Args:
         step: px between neighbours.

@@ -1,4 +1,4 @@
-"""Draws the shadow on the ground (:mod:`core.rendering.ground_shadow`) with OpenGL, over what is behind an object."""
+"""OpenGL drawing of the ground shadow (:mod:`core.rendering.ground_shadow`) over a background."""
 
 import moderngl
 import numpy as np
@@ -30,7 +30,7 @@ void main() { colour = vec4(0.0, 0.0, 0.0, texture(darkness, place).r); }
 
 
 class GroundShader:
-    """The program and the map of one shadow in one context, which is the thread's own in every call."""
+    """The program and the map of one shadow in one context, which must be current in every call."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -42,11 +42,11 @@ class GroundShader:
     def draw(
         self, shadow: GroundShadow, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)
     ) -> None:
-        """Darken the framebuffer in use, its first row the image's uppermost, where the camera sees the ground.
+        """Darken the current framebuffer, first row topmost, where the camera sees the ground.
 
         Args:
             size: px of the image that the framebuffer shows.
-            corner: px, left and top: which pixel of the camera's image is the first of those.
+            corner: px, left and top of the framebuffer in the camera's image.
         """
         pose = camera.pose().numpy()
         if pose[2, 3] <= shadow.height:
@@ -78,7 +78,7 @@ class GroundShader:
         self._shadow = shadow
 
     def release(self) -> None:
-        """Give the GL objects back."""
+        """Release the GL objects."""
         for part in (self._map, self._plane, self._program):
             if part is not None:
                 part.release()

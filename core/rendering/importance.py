@@ -1,7 +1,7 @@
 """Importance sampling for fitting: Eq. 3 with gradients only through the samples of largest weight.
 
 Most of a ray passes through empty space or behind a surface. A first pass without gradients finds the weights; the few
-samples that give nearly all of the light are then evaluated again, with gradients.
+samples with nearly all of the light are then evaluated with gradients.
 """
 
 import torch
@@ -14,18 +14,18 @@ from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import batch_colour, batch_density
 from core.rendering.reference import sample_intervals
 
-MIN_WEIGHT = 1e-3
-"""Share of a ray's light: samples that give less, which are most of them, are neither coloured nor differentiated."""
+MIN_WEIGHT = 1e-3  # fraction of a ray's light: most samples weigh less and are neither coloured nor differentiated
 _STEP = 256
-"""Samples of an object are chosen in multiples of this. Every count of rows costs oneDNN a kernel of its own, which
-takes longer to compile than to run, and up to half a megabyte that it keeps."""
+"""Numbers of chosen samples are rounded up to multiples of this. oneDNN compiles a kernel for every row count, which
+takes longer than to run it and keeps up to half a megabyte."""
 
 
 def largest_weights(
     weights: Float[Tensor, "objects views rays samples"], kept: int, least: float
 ) -> Int[Tensor, "objects some"]:
-    """The samples of the largest weights among all of an object: ``kept`` of a ray on average, as far as those of any
-    object weigh more than ``least``, rounded up to a count for which oneDNN has a kernel. All, where all are kept.
+    """Return the samples of largest weight of each object, ``kept`` per ray on average, or all.
+
+    Fewer are returned if no object has so many above ``least``; the number is rounded up for oneDNN's kernels.
     """
     flat = weights.flatten(1)
     count = min(kept, weights.shape[-1]) * weights[0, ..., 0].numel()
@@ -44,14 +44,14 @@ def render_top_samples(
     texture_bias: Float[Tensor, "objects more_blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> Float[Tensor, "objects views rays 5"]:
-    """Red, green, blue, opacity and depth of rays, shaped (objects, views, rays), every object with its own codes.
+    """Render red, green, blue, opacity and depth of rays (objects, views, rays), each object with its own codes.
 
-    The depth is that of the samples (scene units along the ray), summed by their weights: 0 where there is nothing.
+    The depth is the weighted sum of sample depths (scene units along the ray): 0 for empty rays.
 
-    Differentiable in rays and biases through ``kept`` samples a ray on average: those of the largest weights among all
-    samples of an object. The others keep their density, and their colour is taken to be that of the rest of their ray,
-    white where there is none. With ``kept`` = ``samples`` it is :func:`core.rendering.reference.render_rays`. Where
-    gradients are off, colours come from the folded field, as the densities do, so to its precision.
+    Differentiable in rays and biases through ``kept`` samples a ray on average: those of largest weight among all
+    samples of an object. Other samples keep their density, and take the mean colour of their ray, or white. With
+    ``kept`` = ``samples`` this is :func:`core.rendering.reference.render_rays`. Without gradients, colours come from
+    the folded field like densities, with its precision.
     """
     differentiable = torch.is_grad_enabled()
     depths, edges = sample_intervals(model, rays, samples)
@@ -64,7 +64,7 @@ def render_top_samples(
     positions, directions = points.flatten(1, 3)[objects, top], rays.directions.flatten(1, 2)
     if differentiable:
         density, features = model.field.density(positions, shape_bias[:, None])
-        density = density * (density_all.flatten(1).gather(1, top) > 0)  # nothing is outside of the cells
+        density = density * (density_all.flatten(1).gather(1, top) > 0)  # empty outside of the cells
         direction_bias = model.field.direction_bias(directions)[objects, ray]
         rgb = model.field.colour(features, direction_bias, texture_bias[:, None])
         weights, transmittance = compositing_weights(

@@ -1,8 +1,8 @@
-"""The Jacobian of rendered rays: how every pixel changes with every parameter of a hypothesis.
+"""The jacobian of rendered rays: the derivatives of every pixel with respect to every parameter of a hypothesis.
 
-A ray depends on no other ray, so one backward pass through the field gives the derivatives of all rays in one channel
-at once: red, green, blue, opacity and depth go back together. While they are still per sample they are taken to the
-estimated parameters; then they are summed over each ray. Autograd would keep the passes apart.
+Rays are independent, so one backward pass through the field differentiates one channel of all rays. Red, green, blue,
+opacity and depth go back together, are mapped to the estimated parameters per sample, and then summed over each ray.
+Autograd would need separate passes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,25 +25,25 @@ from core.rendering.reference import sample_intervals
 from core.runtime.layers import linear_relu, relu_, relu_backward_
 from core.runtime.precision import matmul_dtype
 
-CHUNK_POINTS = 4096  # Points differentiated at a time: with fewer, calls cost more than leaving the cache does.
+CHUNK_POINTS = 4096  # points differentiated at a time: with fewer, call overhead exceeds the cost of leaving the cache
 
 
 class BiasJacobians(NamedTuple):
-    """How the estimated parameters enter the field: derivatives of its biases."""
+    """Derivatives of the field's biases with respect to the estimated parameters."""
 
     shape: Float[Tensor, "objects blocks width shape_numbers"]
     texture: Float[Tensor, "objects more_blocks width texture_numbers"]
 
 
 class RenderedJacobian(NamedTuple):
-    """The channels of rays (red, green, blue, opacity and perhaps depth), and how each of them changes."""
+    """The channels of rays (red, green, blue, opacity and optionally depth) and their derivatives."""
 
     channels: Float[Tensor, "objects views rays channels"]
-    origin: Float[Tensor, "objects views rays channels 3"]  # derivatives along the ray's origin
+    origin: Float[Tensor, "objects views rays channels 3"]  # with respect to the ray's origin
     direction: Float[Tensor, "objects views rays channels 3"]
-    """derivatives along the ray's direction, through the samples' positions and the viewing direction"""
+    """with respect to the ray's direction, by way of sample positions and viewing direction"""
     codes: Float[Tensor, "objects views rays channels numbers"]
-    """derivatives along the parameters of the shape, then of the texture"""
+    """with respect to the parameters of shape, then of texture"""
 
 
 @torch.no_grad()
@@ -58,8 +58,9 @@ def render_with_jacobian(
     cells: Bool[Tensor, "#objects x y z"] | None = None,
     with_depth: bool = False,
 ) -> RenderedJacobian:
-    """The render of :func:`core.rendering.importance.render_top_samples`, with its Jacobian; shaped (objects, views,
-    rays) likewise. The depth, which is one channel more to take back, only on request.
+    """Render rays like :func:`core.rendering.importance.render_top_samples`, with the jacobian.
+
+    Rays are (objects, views, rays). Depth is included on request, as it costs another channel in the backward pass.
     """
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths).flatten(1, 3)
@@ -80,7 +81,7 @@ def render_with_jacobian(
     if with_depth:
         composited = _with_depth(composited, sample_weights, depths, top)
     by_logit = density_derivative(density.flatten(1).gather(1, top), model.field.config)
-    # An interval without end is opaque whatever its density.
+    # An interval without end is opaque at any density.
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
     by_density = composited.by_thickness * lengths.where(lengths < 1e9, 0.0)
     depth = depths.flatten(1).gather(1, top)
@@ -100,13 +101,13 @@ def render_with_jacobian(
 class _RayGradients(NamedTuple):
     """Derivatives of channels: of each sample's ray, or summed over the samples of each ray.
 
-    A bias is the same for all samples of a ray, so gradients along it are summed before they are taken to the codes.
+    A bias is shared by all samples of a ray, so gradients are summed before they are mapped to the codes.
     """
 
     origin: Float[Tensor, "*batch channels 3"]
     direction: Float[Tensor, "*batch channels 3"]
-    shape: tuple[Float[Tensor, "*batch channels width"], ...]  # along the bias of each block
-    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture does not reach opacity and depth
+    shape: tuple[Float[Tensor, "*batch channels width"], ...]  # by the bias of each block
+    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture does not change opacity and depth
 
     @property
     def all(self) -> tuple[Tensor, ...]:
@@ -115,7 +116,7 @@ class _RayGradients(NamedTuple):
 
     @classmethod
     def zeros(cls, model: Model, rays: int, channels: int, device: torch.device) -> "_RayGradients":
-        """Sums to begin with."""
+        """Return zeros to sum into."""
         config = model.field.config
 
         def zeros(*shape: int) -> Tensor:
@@ -129,7 +130,7 @@ class _RayGradients(NamedTuple):
 def _along_codes(
     summed: _RayGradients, bias_jacobians: BiasJacobians, objects: int
 ) -> Float[Tensor, "objects rays channels numbers"]:
-    """From the biases of each object's blocks to the parameters of shape and texture."""
+    """Map from the biases of each object's blocks to the parameters of shape and texture."""
 
     def taken(gradients: tuple[Tensor, ...], entries: Float[Tensor, "objects blocks width numbers"]) -> Tensor:
         products = [
@@ -143,7 +144,7 @@ def _along_codes(
 
 
 class _Composited(NamedTuple):
-    """Rays composed of their samples; how they change with the colours and optical depths of those that are kept."""
+    """Composited rays, and their derivatives by colours and optical depths of the chosen samples."""
 
     channels: Float[Tensor, "objects views rays channels"]
     by_colour: Float[Tensor, "objects kept 3"]
@@ -166,7 +167,7 @@ def _composite(
     total, remaining = light[..., 3:].clamp_min(1e-6), transmittance.flatten(1)[..., None]
     mean = torch.where(light[..., 3:] > 0, light[..., :3] / total, 1.0)
     colour = mean * (1 - remaining) + remaining
-    # Behind a sample lies what its ray shows in all, less what the samples up to it give.
+    # The light behind a sample is its ray's total less the light up to the sample.
     filled = mean[:, :, None].repeat(1, 1, samples, 1).flatten(1, 2)
     filled = filled.scatter_(1, top[..., None].expand(-1, -1, 3), colours).unflatten(1, (count, samples))
     given = (filled * sample_weights.reshape(objects, count, samples, 1)).cumsum(2).flatten(1, 2)
@@ -186,7 +187,7 @@ def _with_depth(
     depths: Float[Tensor, "objects views rays samples"],
     top: Int[Tensor, "objects kept"],
 ) -> _Composited:
-    """The same with the depth as a channel more: it changes with the optical depths of samples as a colour would."""
+    """Add the depth as a channel: it depends on the optical depths of samples like a colour."""
     given = (sample_weights * depths).cumsum(-1)
     behind = (given[..., -1:] - given).flatten(1).gather(1, top)
     passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)
@@ -196,14 +197,14 @@ def _with_depth(
 
 
 class _Activations(NamedTuple):
-    """The part of some samples' forward pass that the backward pass needs."""
+    """Values of the forward pass that the backward pass needs."""
 
     position_derivative: Float[Tensor, "objects samples encoded"]
-    """derivative of the encoded position along the axes, as :func:`core.models.field.encode` orders it"""
-    direction_derivative: Float[Tensor, "objects samples more_encoded"]  # the same of the direction
-    shape: tuple[Float[Tensor, "objects samples width"], ...]  # activations after each layer of the shape part
-    texture: tuple[Float[Tensor, "objects samples _"], ...]  # and of the texture part
-    rgb_derivative: Float[Tensor, "objects samples 3"]  # derivative of rgb along the last layer's output
+    """derivative of the encoded position along the axes, in the order of :func:`core.models.field.encode`"""
+    direction_derivative: Float[Tensor, "objects samples more_encoded"]  # likewise of the direction
+    shape: tuple[Float[Tensor, "objects samples width"], ...]  # after each layer of the shape part
+    texture: tuple[Float[Tensor, "objects samples _"], ...]  # after each layer of the texture part
+    rgb_derivative: Float[Tensor, "objects samples 3"]  # of rgb with respect to the last layer's output
 
 
 def _forward(
@@ -213,7 +214,7 @@ def _forward(
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
-    """The activations of some samples, and their colours."""
+    """Return the activations and colours of some samples."""
     config, weights = model.field.config, field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
     position, direction = encode(points, config.position_frequencies), encode(directions, config.direction_frequencies)
@@ -242,7 +243,7 @@ def _forward(
 
 
 def _encoding_derivative(encoded: Float[Tensor, "*batch encoded"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
-    """The derivative of each encoded value along its axis."""
+    """Return the derivative of each encoded value along its axis."""
     scales = (2.0 ** torch.arange(frequencies, device=encoded.device)).repeat_interleave(3)
     values, sines, cosines = encoded.split((3, 3 * frequencies, 3 * frequencies), -1)
     return torch.cat((torch.ones_like(values), cosines * scales, -sines * scales), -1)
@@ -256,16 +257,16 @@ def _backward(
     by_logit: Float[Tensor, "objects samples"],
     depth: Float[Tensor, "objects samples"],
 ) -> _RayGradients:
-    """Derivatives of the channels of each sample's ray along origin, direction and biases.
+    """Return derivatives of the channels of each sample's ray with respect to origin, direction and biases.
 
     Args:
-        by_colour: of a channel along the sample's own.
-        by_logit: of the density along its logit.
+        by_colour: of a channel by the sample's colour.
+        by_logit: of the density by its logit.
         depth: scene units from the ray's origin.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    # Texture does not reach opacity and depth: their channels come in where the density does.
+    # Texture does not change opacity and depth: their channels enter with the density.
     gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
     gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
     gradient, texture = _backward_blocks(gradient, activations.texture[:-1], weights.texture_blocks)
@@ -286,7 +287,7 @@ def _backward_blocks(
 ) -> tuple[
     Float[Tensor, "objects samples channels width"], tuple[Float[Tensor, "objects samples channels width"], ...]
 ]:
-    """Gradients taken back through blocks and the ReLU before them, and those along the biases of the blocks."""
+    """Propagate gradients through blocks and the ReLU before them; return these, and those of the blocks' biases."""
     along_biases = []
     for y, weight in zip(activations[:0:-1], reversed(blocks), strict=True):
         gradient = relu_backward_(gradient, y[:, :, None])
@@ -298,13 +299,13 @@ def _backward_blocks(
 def _along_axes(
     gradient: Float[Tensor, "objects samples channels encoded"], encoded: Float[Tensor, "objects samples encoded"]
 ) -> Float[Tensor, "objects samples channels 3"]:
-    """From the encoded values to the three axes."""
+    """Map from the encoded values to the three axes."""
     axes = torch.eye(3, device=gradient.device).repeat(gradient.shape[-1] // 3, 1)
     return (gradient.float() * encoded[:, :, None]) @ axes
 
 
 def _chunks(objects: int, count: int) -> Iterator[tuple[slice, slice]]:
-    """Some samples of some objects at a time."""
+    """Yield slices of objects and samples."""
     group = max(1, CHUNK_POINTS // count)
     for first in range(0, objects, group):
         for start in range(0, count, CHUNK_POINTS):

@@ -1,9 +1,9 @@
-"""Occupancy grid: which cells of the scene's box can hold a part of the object.
+"""Occupancy grid: the cells of the scene's box that may contain part of the object.
 
-Densities are evaluated at the corners of the cells and a cell counts as occupied where one of its eight corners is, so
-that a part as thick as a cell is never lost. The first layer's activations there depend on no code and are kept per
-model: a new shape costs a few small layers. Where no training object of the model has anything, every second corner is
-evaluated at first, and the others only if there is something after all.
+Densities are evaluated at corners, and a cell is occupied if one of its eight corners is, so that no part as thick as a
+cell is lost. First-layer activations at the corners depend on no code and are cached per model: a new shape costs a few
+small layers. Outside the cells of training objects, every second corner is evaluated first, and the others only if
+something is found.
 """
 
 import math
@@ -24,45 +24,44 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
 from core.runtime.layers import pad_rows
 
-CELLS = 64  # Cells along each axis of the box.
-_MIN_OPACITY = 0.001  # A corner whose cell would take less of the light than this is empty.
-_SOLID = 0.7  # A corner whose cell has at least this optical depth, half of the light, is inside the object.
-_FINE_TOLERANCE = 0.002  # Share of a ray's light that may be neglected with _FINE_SAMPLES intervals.
+CELLS = 64  # along each axis of the box
+_MIN_OPACITY = 0.001  # a corner whose cell would absorb less of the light is empty
+_SOLID = 0.7  # optical depth of a cell (half of the light) from which its corner is inside the object
+_FINE_TOLERANCE = 0.002  # fraction of a ray's light that may be neglected with _FINE_SAMPLES intervals
 _FINE_SAMPLES = 192
-_MAX_TOLERANCE = 0.03  # share of the light, with few intervals
-_COARSE_FACTOR = 2  # Cells along each axis that make a coarse cell, for the outline.
+_MAX_TOLERANCE = 0.03  # fraction of the light, with few intervals
+_COARSE_FACTOR = 2  # cells along each axis of a coarse cell, for the outline
 _BLOCK = 16384
 
 
 class Tolerances(NamedTuple):
     """Limits below which parts of a ray are neglected: early ray termination and intervals too faint to colour."""
 
-    termination: float  # optical depth: intervals behind more than this are not evaluated
-    min_weight: float  # share of the object's light in a ray: intervals that give less are not coloured
+    termination: float  # optical depth beyond which intervals are not evaluated
+    min_weight: float  # fraction of the object's light in a ray below which intervals are not coloured
 
 
 def tolerances(samples: int) -> Tolerances:
-    """The tolerances for so many intervals, growing as the error of their sum does: with the square of their length."""
+    """Return tolerances for ``samples`` intervals, growing with the square of their length like the sum's error."""
     tolerance = min(_MAX_TOLERANCE, _FINE_TOLERANCE * (_FINE_SAMPLES / samples) ** 2)
     return Tolerances(termination=-math.log(tolerance), min_weight=tolerance / 3)
 
 
 class OccupiedIntervals(NamedTuple):
-    """Intervals of rays that can hold something, ray by ray, from near to far."""
+    """Intervals of rays in occupied cells, ray by ray, from near to far."""
 
     ray: Int[Tensor, "crossed"]
     interval: Int[Tensor, "crossed"]
-    occluded: Bool[Tensor, "crossed"]
-    """Even the thinnest corners of the cells in front take all the light that counts, so it probably lies behind."""
+    occluded: Bool[Tensor, "crossed"]  # the minimum densities of the cells in front already absorb all relevant light
 
 
 class Occupancy:
     """The occupied cells of one shape.
 
     Args:
-        previous: the occupancy of a similar shape. Corners are evaluated around it, and elsewhere only every second
-            one, or every fourth where no training object has anything: a few times faster, and enough while a shape
-            changes. Something thin far from it is missed.
+        previous: the occupancy of a similar shape. Evaluates corners around it, and elsewhere only every second one, or
+            every fourth outside the cells of training objects: a few times faster, for a changing shape. Misses thin
+            parts far from it.
     """
 
     def __init__(self, model: Model, folded: FoldedField, previous: "Occupancy | None" = None) -> None:
@@ -79,9 +78,9 @@ class Occupancy:
         self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
         solid = (corners > _SOLID / float(self.cell.amin())).cpu()
         self.shadow = None if model.white_from_network else cast_shadow(solid, model.extent)
-        """of the shape on the ground below it; None of nothing, and of a network that paints the background"""
+        """of the shape on the ground below; None if empty, and for a network that paints the background"""
         self._flat = self.cells.flatten()
-        self._min_density = -max_of_corners(-corners).flatten().bfloat16()  # 0.4 % off at most: below tolerances
+        self._min_density = -max_of_corners(-corners).flatten().bfloat16()  # rounded by 0.4 % at most, below tolerances
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
@@ -91,16 +90,17 @@ class Occupancy:
         return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
 
     def _around(self) -> Bool[Tensor, "all"]:
-        """Which corners are those of the occupied cells and of all that touch them."""
+        """Mark the corners of occupied cells and of all cells that touch them."""
         return corners_of(with_neighbours(self.cells)).flatten()
 
     def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
-        """Whether each point of the box lies in an occupied cell."""
+        """Tell which points of the box lie in an occupied cell."""
         return contains(self.cells[None], points.reshape(1, -1, 3), self.extent).reshape(points.shape[:-1])
 
     def intersect(self, rays: Rays, step: float, termination: float) -> OccupiedIntervals:
-        """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object: those whose
-        middle lies in an occupied cell. ``termination`` is :attr:`Tolerances.termination`.
+        """Find intervals of each ray, ``step`` long from ``near``, whose middle lies in an occupied cell.
+
+        ``termination`` is :attr:`Tolerances.termination`.
         """
         cell, inside = self._cells_along(rays, step)
         occupied = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
@@ -112,7 +112,7 @@ class Occupancy:
         return OccupiedIntervals(ray, interval, occluded)
 
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
-        """The cell in which the middle of each interval lies, ray by ray, and whether the ray reaches it."""
+        """Return the cell at the middle of each interval, ray by ray, and whether the ray reaches it."""
         length = (rays.far - rays.near) / step
         along = torch.arange(max(1, math.ceil(float(length.amax()))), device=length.device) + 0.5
         step_cells = rays.directions * step / self.cell
@@ -127,9 +127,9 @@ class Occupancy:
     def depth_range(
         self, camera: Camera, pixel_offset: float = 0.0
     ) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
-        """Nearest and farthest distance from the camera of the occupied cells behind every pixel; near > far: none.
+        """Return the nearest and farthest distance of the occupied cells behind every pixel; near > far: none.
 
-        Coarse cells are splatted (:func:`splat`): at most a cell too much. ``pixel_offset`` as in
+        Coarse cells are splatted (:func:`splat`), so a pixel may get a cell too much. ``pixel_offset`` is that of
         :func:`core.geometry.rays.camera_rays`.
         """
         local = camera.to_camera_axes(self._centres)
@@ -147,14 +147,14 @@ class Occupancy:
 def splat(
     local: Float[Tensor, "cells 3"], points: Float[Tensor, "cells 2"], reach: float, focal: float, size: tuple[int, int]
 ) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
-    """Nearest and farthest distance from the camera of what is behind each tile of an image; near > far: nothing.
+    """Return the nearest and farthest distance of the cells behind each tile of an image; near > far: none.
 
-    A tile is at least as large as half a cell looks, and each cell covers the 3x3 tiles around its centre: never too
-    little.
+    A tile is at least as large as half a projected cell, and each cell covers the 3x3 tiles around its centre, so none
+    is missed.
 
     Args:
         local: centres of cells in camera axes.
-        points: where they are in the image, px.
+        points: projected centres, px.
         reach: scene units, half of a cell's diagonal.
         size: px, width and height of the image.
     """
@@ -162,7 +162,7 @@ def splat(
     closest = float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
     side = max(1.0, reach * focal / closest)
     columns, rows = (max(1, -int(-pixels // side)) for pixels in size)
-    # A margin of one all round holds the centres of cells that reach in from outside; one more, all others.
+    # A margin of one tile holds centres of cells that reach in from outside; one more, all others.
     x = (points[:, 0] * (columns / size[0])).floor().long() + 1
     y = (points[:, 1] * (rows / size[1])).floor().long() + 1
     on = (before > 1e-3) & (x >= 0) & (x < columns + 2) & (y >= 0) & (y < rows + 2)
@@ -180,25 +180,24 @@ def splat(
 def _cumulative_per_ray(
     values: Float[Tensor, "crossed"], first: Int[Tensor, "rays"], ray: Int[Tensor, "crossed"]
 ) -> Float[Tensor, "crossed"]:
-    """Sums along each ray up to and with every interval; intervals lie ray by ray, each from its ``first`` one."""
+    """Return inclusive cumulative sums along each ray; intervals are ordered by ray, each starting at ``first``."""
     whole = values.cumsum(0, dtype=torch.double)
     before = functional.pad(whole, (1, 0)).index_select(0, first)
     return (whole - before.index_select(0, ray)).float()
 
 
 class _Corners(NamedTuple):
-    """The corners of the grid of a model, those first that are always evaluated."""
+    """The corners of a model's grid, in the order of evaluation."""
 
-    corner: Int[Tensor, "all"]  # which of the grid, row by row
+    corner: Int[Tensor, "all"]  # index in the grid, row by row
     activations: Float[Tensor, "all width"]  # of the first layer, in this order
-    likely: int  # how many are in the cells that training objects occupy
-    always: int  # how many are evaluated of every shape: those, and every second one elsewhere
-    sparse: Bool[Tensor, "all"]
-    """in the order of the grid: those evaluated of a shape that changes, wherever it was before"""
+    likely: int  # number of corners in the cells of training objects
+    always: int  # number of corners evaluated for every shape: those, and every second one elsewhere
+    sparse: Bool[Tensor, "all"]  # in grid order: corners always evaluated for a changing shape
 
 
 def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> Float[Tensor, "corners corners corners"]:
-    """Densities at all corners, 0 where training objects have nothing and this shape has not either."""
+    """Return densities at all corners, 0 where neither training objects nor this shape have anything."""
     found = torch.zeros(len(known.corner), device=known.corner.device)
 
     def evaluate(rows: slice) -> Float[Tensor, "rows"]:
@@ -215,7 +214,7 @@ def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> F
 def _densities_around(
     folded: FoldedField, known: _Corners, rows: Int[Tensor, "some"]
 ) -> Float[Tensor, "corners corners corners"]:
-    """Densities at some corners, numbered as in ``known.corner``; 0 at the others."""
+    """Return densities at some rows of ``known.corner``; 0 at the others."""
     found = torch.zeros(len(known.corner), device=rows.device)
     for part in rows.split(_BLOCK):
         activations = known.activations.index_select(0, pad_rows(part))
@@ -225,7 +224,7 @@ def _densities_around(
 
 @lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
 def _corners(model: Model, dtype: torch.dtype) -> _Corners:
-    """The corners of the grid, with their first-layer activations."""
+    """53 MB, and a fraction of a second"""
     likely = _likely_corners(model)
     second, fourth = torch.zeros_like(likely), torch.zeros_like(likely)
     second[::2, ::2, ::2] = fourth[::4, ::4, ::4] = True
@@ -241,7 +240,7 @@ def _corners(model: Model, dtype: torch.dtype) -> _Corners:
 
 
 def _likely_corners(model: Model) -> Bool[Tensor, "corners corners corners"]:
-    """The corners of the cells that training objects occupy, all where the model's file does not tell these cells."""
+    """Return the corners of the cells of training objects; all if the model's file lacks these cells."""
     if model.stored_cells is None:
         return torch.ones((CELLS + 1,) * 3, dtype=torch.bool, device=model.device)
     return corners_of(divide(model.stored_cells.to(model.device), CELLS // STORED_CELLS))

@@ -1,4 +1,4 @@
-"""Pictures of a baked field without a window: an OpenGL context of its own (EGL), and pixels on a background."""
+"""Off-screen images of a baked field, in a separate OpenGL context (EGL), on a background."""
 
 from types import TracebackType
 
@@ -39,7 +39,7 @@ void main() {
 class OffscreenPictures:
     """Draws baked fields into arrays of one size. Use as a context manager, on one thread.
 
-    Raises ``RuntimeError`` in one line where the machine has no OpenGL.
+    Raises ``RuntimeError`` if the machine has no OpenGL.
     """
 
     def __init__(self, size: int, supersampling: int = 1, background: Background | None = (255,) * 3) -> None:
@@ -69,10 +69,8 @@ class OffscreenPictures:
         self._context.release()
 
     def draw(self, baked: BakedField, camera: Camera) -> UInt8[np.ndarray, "size size channels"]:
-        """The camera's picture, with the field's shadow if it has one: RGB on the background, or RGB and opacity, not
-        multiplied, on none.
-        """
-        # Entering makes the context this thread's own: the program's window, or another one, may have been.
+        """Draw the camera's image, with the field's shadow if any: RGB on the background, or RGB and straight alpha."""
+        # Entering makes this context current: the program's window, or another one, may have been.
         with self._context as context:
             self._shader.upload(baked)
             self._fine.use()

@@ -21,8 +21,8 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, PhotoView
 
-FADED = 1.5  # standard deviations that the codes have moved, when nothing is left of photo detail
-_UNSURE, _SURE = 0.5, 0.7  # confidence in the camera below which nothing is shown, and from which on all of it is
+FADED = 1.5  # standard deviations of shape edits at which the detail has vanished
+_UNSURE, _SURE = 0.5, 0.7  # confidence in the camera below which no detail is shown, and from which all is
 _HEIGHT = 512  # px of a map of distances
 _AROUND = _HEIGHT // 8  # px of background around the photo
 _AGREEING = 0.97  # share of the mask's rays that cross the mirrored mask, from which on the object is symmetric
@@ -30,7 +30,7 @@ _CHECKED = 64  # px across, and samples of a ray, for that
 
 
 def shown_share(model: Model, codes: Codes) -> float:
-    """Return how much of their detail codes show: less for a doubtful camera, fading as the shape is edited.
+    """Return the strength of the photo detail, 0..1: lower for a doubtful camera, fading as the shape is edited.
 
     A texture repaints the detail and does not fade it.
     """

@@ -1,4 +1,4 @@
-"""The progressive stream of frames that a viewer shows: coarse at once, fine when the input rests."""
+"""The progressive stream of frames for a viewer: coarse at once, fine when the input rests."""
 
 import time
 from collections.abc import Iterator
@@ -20,10 +20,10 @@ from core.rendering.ground_shadow import GroundShadow
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """Every field is an axis of the speed-against-accuracy chart."""
+    """Speed against accuracy of a render."""
 
     samples: int = 192  # intervals along the longest side of the scene's box in the last stage
-    divisors: tuple[int, ...] = (8, 4, 2, 1)  # what the size of the image is divided by, stage after stage
+    divisors: tuple[int, ...] = (8, 4, 2, 1)  # of the image size, stage by stage
     preview_samples: int = 64  # intervals in the stages before the last
 
     def __post_init__(self) -> None:
@@ -38,13 +38,13 @@ class RenderJob:
     codes: Codes
     camera: Camera
     settings: RenderSettings = field(default_factory=RenderSettings)
-    detail: DetailMaps | None = None  # what a photo adds to the colours; render_progressively finds it by the codes
-    shadow: bool = False  # frames have :attr:`Frame.shadow`
+    detail: DetailMaps | None = None  # photo detail; core.detail.frames finds it by the codes
+    shadow: bool = False  # request :attr:`Frame.shadow`
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """An image as far as it is known. Its arrays are never written again."""
+    """An image at some stage of refinement. Its arrays are not modified after creation."""
 
     image: UInt8[np.ndarray, "height width 3"]
     depth: Float32[np.ndarray, "height width"]  # scene units; 0 on the background
@@ -53,12 +53,11 @@ class Frame:
     stage_count: int
     samples: int  # along a ray
     seconds: float  # since the job began
-    evaluations: Int32[np.ndarray, "height width"] | None = None
-    """samples of each ray whose density was evaluated, where that is known"""
+    evaluations: Int32[np.ndarray, "height width"] | None = None  # samples of each ray with evaluated density, if known
     sources: Float32[np.ndarray, "height width 2"] | None = None
-    """how far each pixel's colour is from a photo, and from a photo's mirror image, 0..1; None: all is the model's"""
+    """fractions of each pixel's colour from a photo and from a mirrored photo, 0..1; None: all from the model"""
     shadow: GroundShadow | None = None
-    """of the object on the ground, to be laid between it and a background: the image has none"""
+    """of the object on the ground, to be drawn over a background; not part of the image"""
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -67,14 +66,14 @@ class Frame:
 
     @property
     def final(self) -> bool:
-        """Nothing finer follows."""
+        """True if nothing finer follows."""
         return self.stage == self.stage_count - 1
 
 
 def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-    """Render from coarse to fine: a Frame after every stage, None after every chunk between.
+    """Render from coarse to fine: yield a Frame after every stage, None after every chunk between.
 
-    A newer job so waits for one chunk at the most. To stop, take no more values.
+    So a newer job waits for one chunk at most. To stop, abandon the iterator.
     """
     began = time.perf_counter()
     stages = _stages(job)
@@ -105,7 +104,7 @@ class _Stage(NamedTuple):
 
 
 def _stages(job: RenderJob) -> list[_Stage]:
-    """From the coarsest to the last stage, the only one that takes time for the complete occupancy of a new shape."""
+    """Return the stages from coarse to fine; only the last one needs the complete occupancy of a new shape."""
     settings, (width, height) = job.settings, (job.camera.width, job.camera.height)
     stages = []
     for at, divisor in enumerate(settings.divisors):

@@ -1,4 +1,4 @@
-"""The exact renderer (Eq. 3): simple, slow, and what everything faster is judged against."""
+"""The exact renderer (Eq. 3): simple, slow, and the standard for all faster ones."""
 
 from dataclasses import dataclass, replace
 
@@ -13,8 +13,7 @@ from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
 
-_CHUNK_POINTS = 8192
-"""Points evaluated at a time: few enough that activations stay in cache (32k ran up to 1.7x slower)."""
+_CHUNK_POINTS = 8192  # points evaluated at a time, so that activations stay in cache (32k ran up to 1.7x slower)
 
 
 @dataclass(frozen=True)
@@ -23,18 +22,17 @@ class Rendered:
 
     colour: Float[Tensor, "*batch 3"]  # on white; within [0, 1] unless the model's colours are unbounded
     depth: Float[Tensor, "*batch"]
-    """scene units along the ray to the middle of the light's share that the object gave; 0 where it gave none"""
-    opacity: Float[Tensor, "*batch"]  # 0..1, one less the light left over
-    evaluations: Int[Tensor, "*batch"] | None = None
-    """samples whose density was evaluated, where that differs from ray to ray"""
+    """scene units along the ray, mean over the light that the object contributes; 0 if it contributes none"""
+    opacity: Float[Tensor, "*batch"]  # 0..1, one minus the transmittance
+    evaluations: Int[Tensor, "*batch"] | None = None  # samples with evaluated density, if this differs between rays
 
 
 def sample_intervals(
     model: Model, rays: Rays, samples: int
 ) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch samples_and_one"]]:
-    """The depths of a ray's samples and the edges of their intervals; scene units along the ray.
+    """Return the depths of a ray's samples and the edges of their intervals; scene units along the ray.
 
-    Where the network paints the background (``white_from_network``) they are the authors': samples at both ends, the
+    If the network paints the background (``white_from_network``), these are the authors': samples at both ends, and a
     last interval without end.
     """
     if model.white_from_network:
@@ -52,7 +50,7 @@ def render_rays(
     texture_bias: Float[Tensor, "... more_blocks width"],
     bound: Outline | None = None,
 ) -> Rendered:
-    """Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
+    """Evaluate Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
         shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
@@ -71,10 +69,10 @@ def render_rays(
 
 
 def exact_rays(model: Model, camera: Camera) -> Rays:
-    """The reference's rays, shaped (height, width).
+    """Return the reference's rays, shaped (height, width).
 
-    Where the network paints the background they are the authors': through pixel corners, from 0.5 before the origin
-    to 0.5 behind it at every pixel.
+    If the network paints the background, these are the authors': through pixel corners, from 0.5 before the origin to
+    0.5 behind it at every pixel.
     """
     if not model.white_from_network:
         return camera_rays(camera, model.extent_tensor)
@@ -85,7 +83,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 
 @torch.no_grad()
 def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256) -> Rendered:
-    """The reference: every pixel, every sample, float32. Everything faster is judged against it."""
+    """Render every pixel with every sample in float32: the standard for all faster renderers."""
     rays = exact_rays(model, camera)
     given = *model.field.biases(codes.shape, codes.texture), outline(model, codes)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))

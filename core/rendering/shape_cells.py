@@ -16,9 +16,9 @@ from core.rendering.folded_field import batch_density
 def shape_cells(
     model: Model, shape_bias: Float[Tensor, "objects blocks width"]
 ) -> Bool[Tensor, "objects x y z"] | None:
-    """The cells that each shape may occupy, a margin of one cell included; None where ``model.occupied_cells`` is.
+    """Return the cells that each shape may occupy, with a margin of one cell; None without ``model.occupied_cells``.
 
-    Of those that training objects occupy: as many evaluations as these have corners.
+    Evaluates the corners of ``model.occupied_cells`` only.
     """
     if model.occupied_cells is None:
         return None
@@ -31,7 +31,7 @@ def shape_cells(
 
 @lru_cache(maxsize=2)
 def _corners(model: Model) -> tuple[Int[Tensor, "some"], Float[Tensor, "some 3"]]:
-    """The corners of the cells that training objects occupy: which of all, and where."""
+    """Return indices and positions of the corners of cells that training objects occupy."""
     assert model.occupied_cells is not None
     index = corners_of(model.occupied_cells).flatten().nonzero()[:, 0].to(model.device)
     return index, corner_points(model.extent_tensor, CELLS)[index]

@@ -16,26 +16,26 @@ from core.rendering.folded_field import FoldedField
 from core.runtime.layers import pad_rows
 
 _CELLS = 40  # along the longest side of the model's box
-_MIN_THICKNESS = 0.05  # of a block's optical depth over a cell: more may be the fringe of something
-_INSIDE = 0.5  # optical depth over a cell from which it is inside
+_MIN_THICKNESS = 0.05  # optical depth of a block's middle over a cell; more may be the fringe of something
+_INSIDE = 0.5  # optical depth over a cell from which its middle is inside
 _CHUNK = 8192  # points evaluated at a time
 
 
 class _Grid(NamedTuple):
-    """Shared by all objects of a model: where cells lie, and the activations of the first layer there."""
+    """Cell positions and first-layer activations shared by all objects of a model."""
 
     cell: float  # scene units
     points: Float[Tensor, "x y z 3"]  # centres of the cells
     activations: Float[Tensor, "cells width"]
-    blocks: Bool[Tensor, "bx by bz"]  # blocks of two cells a side that any object of the model may occupy
-    block_activations: Float[Tensor, "some width"]  # of these
+    blocks: Bool[Tensor, "bx by bz"]  # two cells a side; any object of the model may occupy them
+    block_activations: Float[Tensor, "some width"]  # at these blocks' centres
 
 
 def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
-    """Points on an object's surface, on a grid in the model's box, and their colours (0..1) seen from outside."""
+    """Return points on an object's surface, on a grid, and their colours (0..1) seen from outside."""
     grid, field = _grid(model), FoldedField(model, codes)
     with torch.no_grad():
-        # Where a block and its neighbours are all empty, its cells are not evaluated.
+        # Cells of empty blocks with empty neighbours are not evaluated.
         dense = torch.zeros_like(grid.blocks)
         dense[grid.blocks] = _density(field, grid.block_activations) * grid.cell > _MIN_THICKNESS
         near = divide(with_neighbours(dense), 2)
@@ -64,7 +64,7 @@ def _grid(model: Model) -> _Grid:
 
 
 def _centres(counts: list[int], step: float, device: torch.device) -> Float[Tensor, "x y z 3"]:
-    """Centres of cells around the origin."""
+    """Return centres of cells around the origin."""
     axes = [(torch.arange(count, device=device) + 0.5 - count / 2) * step for count in counts]
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
 

@@ -1,1 +1,1 @@
-"""The ground floor: threads, number formats, layers, caches, files and how they are read."""
+"""The lowest layer: threads, number formats, layers, caches, files and reading."""

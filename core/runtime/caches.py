@@ -1,7 +1,7 @@
 """One byte-limited cache for renders and fits.
 
-Rendering keeps what shapes show from cameras and where shapes are, fits keep the small views that cameras are ranked
-by. How much that is grows with the picture, so it is counted in bytes.
+Holds visible intervals and occupied cells of shapes, photo detail and view banks. Their sizes grow with the images, so
+the limit is in bytes.
 """
 
 from collections import OrderedDict
@@ -14,11 +14,11 @@ LIMIT = 128 * 2**20  # bytes of all caches together
 
 
 class Kind(IntEnum):
-    """Kinds of values: those that are cheap to make again go first, of one kind the one not used for longest."""
+    """Kinds of values, evicted in this order (cheapest to recompute first), within a kind least recently used first."""
 
-    VIEW = 0  # what a shape shows from a camera: much memory, a fraction of a second
+    VIEW = 0  # visible intervals of a shape from a camera: much memory, a fraction of a second
     SHAPE = 1  # the occupied cells of a shape
-    DETAIL = 2  # what a photo adds to colours
+    DETAIL = 2  # photo detail
     BANK = 3  # the view bank of a model: many seconds
 
 
@@ -28,7 +28,7 @@ class _Entry(NamedTuple):
 
 
 class ByteCache:
-    """Values by kind and key, as many as fit into a number of bytes; for several threads.
+    """Values by kind and key, limited by a number of bytes; thread-safe.
 
     Example:
         >>> cache = ByteCache(100)
@@ -50,7 +50,7 @@ class ByteCache:
             return self._used()
 
     def get(self, kind: Kind, key: Hashable) -> Any:
-        """The value, which counts as used now; None where there is none."""
+        """Return the value, which counts as used now; None if there is none."""
         with self._lock:
             entry = self._entries[kind].get(key)
             if entry is None:
@@ -59,7 +59,7 @@ class ByteCache:
             return entry.value
 
     def put(self, kind: Kind, key: Hashable, value: object, size: int) -> None:
-        """Keep a value of ``size`` bytes, in place of as many others as it takes; one that is too large is not kept."""
+        """Store a value of ``size`` bytes, evicting others as needed; a value that is too large is not stored."""
         with self._lock:
             self._entries[kind].pop(key, None)
             if size <= self._room(kind):
@@ -75,12 +75,12 @@ class ByteCache:
             return True
 
     def newest(self, kind: Kind) -> list[tuple[Any, Any]]:
-        """Keys and values of a kind, the one used last first."""
+        """Return keys and values of a kind, the most recently used first."""
         with self._lock:
             return [(key, entry.value) for key, entry in reversed(self._entries[kind].items())]
 
     def clear(self, *kinds: Kind) -> None:
-        """Forget all values of these kinds."""
+        """Remove all values of these kinds."""
         with self._lock:
             for kind in kinds:
                 self._entries[kind].clear()
@@ -97,4 +97,4 @@ class ByteCache:
             self._entries[lowest].popitem(last=False)
 
 
-CACHE = ByteCache()  # Shared by rendering and fits of this process.
+CACHE = ByteCache()  # shared by rendering and fits of this process

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, and numbers as JSON."""
+"""Atomic writing of files and folders, and numbers as JSON."""
 
 import json
 import math
@@ -16,37 +16,37 @@ from typing import BinaryIO
 
 @contextmanager
 def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> Iterator[Path]:
-    """Yield an empty file to write to, which takes the place of ``path`` at the end and is removed after an error.
+    """Yield an empty file to write to, which replaces ``path`` at the end and is removed after an error.
 
-    Links lead to their target; mode, owner and hard links of a file that is there stay. Of processes that write the
-    same file at once the last one wins, whole. The content goes to a device, a pipe or standard output as it is.
+    Symbolic links lead to their target; mode, owner and hard links of an existing file stay. If processes write the
+    same file at once, the last one wins completely. For a device, a pipe or standard output the content is copied.
 
     Args:
-        check: reads what was written, before it takes the place of what was there.
+        check: reads the new file before it replaces the old one.
 
-    Raises ``ValueError`` naming ``path`` where it cannot be written, and where ``check`` does.
+    Raises ``ValueError`` naming ``path`` if it cannot be written, or if ``check`` does.
     """
     with _naming(path):
-        partial = _partial(path)  # at once, so that a place that cannot be written to is refused before the work
+        partial = _partial(path)  # first, so that an unwritable place is refused before the work
         try:
             yield partial
             _read_back(partial, check)
             _put(partial, path)
         finally:
-            with suppress(OSError):  # of a place that is gone, which would hide why
+            with suppress(OSError):  # the place may be gone, which must not hide the cause
                 partial.unlink(missing_ok=True)
 
 
 @contextmanager
 def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
-    """Yield a new folder to write to, as :func:`atomic_file`.
+    """Yield a new folder to write to, like :func:`atomic_file`.
 
-    Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already and not to be replaced.
+    Raises ``ValueError`` naming ``path`` if it cannot be written, or exists and is not to be replaced.
     """
     target = Path(os.path.realpath(path))
     partial, former = _beside(target), _beside(target)
     if target.exists() and not replace:
-        raise ValueError(f"cannot write {path}: it is there already")
+        raise ValueError(f"cannot write {path}: it exists already")
     with _naming(path):
         try:
             partial.mkdir()
@@ -60,9 +60,9 @@ def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
 
 
 def require_writable(path: Path) -> None:
-    """Check before the work that its result can be written, by a file that is written and removed.
+    """Check before the work that its result can be written, by writing and removing a file.
 
-    Raises ``ValueError`` where the path is a folder, or its folder does not exist or takes no files.
+    Raises ``ValueError`` if the path is a folder, or its folder does not exist or is not writable.
     """
     if path.is_dir():
         raise ValueError(f"cannot write {path}: it is a folder")
@@ -73,9 +73,9 @@ def require_writable(path: Path) -> None:
 
 
 def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
-    """Save what took long to make; where that cannot be, in the folder of temporary files.
+    """Save an expensive result; if that fails, save it in the folder of temporary files.
 
-    Raises ``ValueError`` then, which names both places.
+    Then raises ``ValueError`` naming both places.
     """
     try:
         save(path)
@@ -86,13 +86,13 @@ def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
 
 
 def write_json(path: Path, content: dict) -> None:
-    """Write numbers as JSON, and null for infinity and NaN."""
+    """Write numbers as JSON, with null for infinity and NaN."""
     with atomic_file(path) as partial:
         partial.write_text(json.dumps(_without_nan(content), indent=1) + "\n")
 
 
 def is_stream(path: Path) -> bool:
-    """Whether a path leads to a device, a pipe, or where standard output or error of this process go."""
+    """True for a device, a pipe, or the target of this process's standard output or error."""
     with suppress(OSError):
         found = path.stat()
         plain = stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
@@ -101,7 +101,7 @@ def is_stream(path: Path) -> bool:
 
 
 def open_output(path: Path) -> BinaryIO:
-    """Open a file or a stream to write to as the work goes on; standard output and error continue where they are."""
+    """Open a file or a stream for incremental writing; standard output and error continue at their position."""
     standard = _standard(path.stat()) if path.exists() else None
     if standard is None:
         return path.open("wb")
@@ -118,7 +118,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _standard(found: os.stat_result) -> int | None:
-    """The number, 1 or 2, of the standard stream that is this file; None where neither is."""
+    """Return the number (1 or 2) of the standard stream that is this file; None otherwise."""
     for number in (1, 2):
         with suppress(OSError):  # closed
             if os.path.samestat(found, os.fstat(number)):
@@ -127,7 +127,7 @@ def _standard(found: os.stat_result) -> int | None:
 
 
 def _partial(path: Path) -> Path:
-    """An empty file beside a path's target with its mode and owner; in the folder of temporary files for a stream."""
+    """Create an empty file beside a path's target, with its mode and owner; in the temporary folder for a stream."""
     if is_stream(path):
         partial = _beside(Path(tempfile.gettempdir()) / path.name)
         partial.touch(0o600, exist_ok=False)
@@ -137,24 +137,24 @@ def _partial(path: Path) -> Path:
     partial.touch(exist_ok=False)
     if target.is_file():
         try:
-            target.open("r+b").close()  # refuses a file that is write-protected
+            target.open("r+b").close()  # refuses a write-protected file
         except OSError:
             partial.unlink()
             raise
-        with suppress(OSError):  # of a file system without modes
+        with suppress(OSError):  # file systems without modes
             shutil.copystat(target, partial)
         _copy_owner(target, partial)
     return partial
 
 
 def _beside(path: Path) -> Path:
-    """A name in the same folder that no other process uses, of the same ending; short, as a name has 255 bytes."""
+    """Return an unused name in the same folder with the same ending, short enough for 255 bytes."""
     ending = path.suffix if len(path.suffix) <= 16 else ""
     return path.with_name(f".{secrets.token_hex(8)}.partial{ending}")
 
 
 def _copy_owner(target: Path, partial: Path) -> bool:
-    """Whether a new file belongs to whom the present one belongs."""
+    """Give a new file the existing file's owner; return True on success."""
     there, new = target.stat(), partial.stat()
     with suppress(PermissionError):
         if (there.st_uid, there.st_gid) != (new.st_uid, new.st_gid):
@@ -164,7 +164,7 @@ def _copy_owner(target: Path, partial: Path) -> bool:
 
 
 def _put(partial: Path, path: Path) -> None:
-    """Put the content of a finished file where it belongs, onto the disk."""
+    """Put a finished file in place and flush it to disk."""
     if is_stream(path):
         with partial.open("rb") as source, open_output(path) as stream:
             shutil.copyfileobj(source, stream)
@@ -173,10 +173,10 @@ def _put(partial: Path, path: Path) -> None:
     with partial.open("r+b") as file:
         os.fsync(file.fileno())
     if target.is_file() and (target.stat().st_nlink > 1 or not _copy_owner(target, partial)):
-        _overwrite(partial, target)  # a new file would part hard links, or change hands
+        _overwrite(partial, target)  # a new file would break hard links, or change owners
     else:
         partial.replace(target)
-    with suppress(OSError):  # Windows opens no folders
+    with suppress(OSError):  # Windows cannot open folders
         folder = os.open(target.parent, os.O_RDONLY)
         try:
             os.fsync(folder)
@@ -185,7 +185,7 @@ def _put(partial: Path, path: Path) -> None:
 
 
 def _overwrite(partial: Path, target: Path) -> None:
-    """Write over a file. Where that fails half way, keep the whole content beside, and name it in the ``OSError``."""
+    """Overwrite a file. On failure keep the complete content beside it, named in the ``OSError``."""
     try:
         with partial.open("rb") as source, target.open("r+b") as file:
             shutil.copyfileobj(source, file)
@@ -201,7 +201,7 @@ def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:
         if check:
             check(partial)
     except ValueError as error:
-        raise ValueError(f"what was written cannot be read back, and was not kept ({error})") from error
+        raise ValueError(f"the new file cannot be read back and was discarded ({error})") from error
 
 
 def _without_nan(value: object) -> object:

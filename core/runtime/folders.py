@@ -1,4 +1,4 @@
-"""Folders of the user: what can be made again, and what is remembered; also where there is no home."""
+"""Folders of the user for caches and configuration, also for users without a home."""
 
 import os
 import tempfile
@@ -8,38 +8,38 @@ from pathlib import Path
 from platformdirs import user_cache_path, user_config_path
 
 VIEW_BANKS, THUMBNAILS = "view-banks", "thumbnails"  # in the cache folder
-_CACHE_VARIABLE = "CODENERF_CACHE"  # of the environment: another folder than the platform's
+_CACHE_VARIABLE = "CODENERF_CACHE"  # environment variable that overrides the platform's folder
 _NAME = "codenerf-viewer"
 
 
 def cache_folder() -> Path:
-    """The folder for what takes long to make and can be made again: ``CODENERF_CACHE``, else the platform's own."""
+    """Return the folder for slow but reproducible results: ``CODENERF_CACHE``, else the platform's cache folder."""
     named = os.environ.get(_CACHE_VARIABLE)
     return Path(named) if named else _or_temporary(lambda: user_cache_path(_NAME, appauthor=False))
 
 
 def config_folder() -> Path:
-    """The folder for preferences, layout and sessions."""
+    """Return the folder for preferences, layout and sessions."""
     return _or_temporary(lambda: user_config_path(_NAME, appauthor=False, roaming=True))
 
 
 def is_temporary(folder: Path) -> bool:
-    """Whether the system may empty a folder at its next start."""
+    """True if the system may empty a folder at its next start."""
     return folder.parent == Path(tempfile.gettempdir())
 
 
 def _or_temporary(choose: Callable[[], Path]) -> Path:
-    """The platform's folder; for a user without a home, or with one that takes no files, a temporary one."""
+    """Return the chosen folder; a temporary one for a user without a (writable) home."""
     try:
         folder = choose()
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
             return folder
-    except (OSError, RuntimeError):  # no home is a RuntimeError
+    except (OSError, RuntimeError):  # a missing home is a RuntimeError
         pass
     user = getattr(os, "getuid", int)()
     folder = Path(tempfile.gettempdir()) / f"{_NAME}-{user}"
     folder.mkdir(mode=0o700, exist_ok=True)
-    if getattr(folder.stat(), "st_uid", user) != user:  # put there by somebody else
+    if getattr(folder.stat(), "st_uid", user) != user:  # created by somebody else
         return Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
     return folder

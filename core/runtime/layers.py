@@ -1,5 +1,7 @@
-"""Linear layers and ReLUs as fast as processors allow: ReLUs as integers, which torch compares and masks several times
-faster than bfloat16, and numbers of rows for which oneDNN has a kernel already.
+"""Fast linear layers and ReLUs on processors.
+
+ReLUs work on integers, which torch compares and masks several times faster than bfloat16. Row counts are padded so that
+oneDNN has a compiled kernel.
 """
 
 import torch
@@ -14,14 +16,14 @@ _INTEGERS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
 def linear_relu(
     values: Float[Tensor, "*batch inputs"], weight: Float[Tensor, "outputs inputs"], bias: Float[Tensor, "outputs"]
 ) -> Float[Tensor, "*batch outputs"]:
-    """``relu(values @ weight.T + bias)``, not differentiable."""
+    """Compute ``relu(values @ weight.T + bias)``, not differentiable."""
     return relu_(functional.linear(values, weight, bias))
 
 
 def relu_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
-    """``values.relu_()``, unseen by autograd: what is negative is so as an integer too.
+    """Apply ``values.relu_()`` without autograd, on integers: negative floats are negative integers.
 
-    A NaN may become 0: what is not finite is noticed before the field is evaluated.
+    A NaN may become 0: callers check for finite values before evaluating the field.
     """
     _as_integers(values).clamp_min_(0)
     return values
@@ -30,8 +32,8 @@ def relu_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
 def relu_backward_(
     gradient: Float[Tensor, "*batch width"], activations: Float[Tensor, "*#batch width"]
 ) -> Float[Tensor, "*batch width"]:
-    """The gradient taken back through a ReLU, in place: 0 where its output, which is never negative, is 0."""
-    _as_integers(gradient).bitwise_and_(_as_integers(activations).clamp_max(1).neg_())  # -1 has all bits, 0 none
+    """Propagate a gradient through a ReLU in place: 0 where its output is 0."""
+    _as_integers(gradient).bitwise_and_(_as_integers(activations).clamp_max(1).neg_())  # -1 has all bits set
     return gradient
 
 
@@ -40,8 +42,8 @@ def _as_integers(values: Tensor) -> Tensor:
 
 
 def pad_rows(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:
-    """The rows, followed by as many of zeros as make a multiple of 512.
+    """Append zero rows up to a multiple of 512.
 
-    oneDNN compiles a kernel for every count of rows that it has not met, which takes longer than to run it.
+    oneDNN compiles a kernel for every new number of rows, which takes longer than to run it.
     """
     return functional.pad(rows, (*(0, 0) * (rows.ndim - 1), 0, -len(rows) % _ROWS)) if len(rows) % _ROWS else rows

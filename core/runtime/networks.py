@@ -1,4 +1,4 @@
-"""Networks trained by others: ONNX files, run by onnxruntime on one thread."""
+"""Third-party networks: ONNX files, run by onnxruntime on one thread."""
 
 from pathlib import Path
 
@@ -11,10 +11,10 @@ NETWORKS = Path(__file__).resolve().parents[2] / "assets" / "networks"
 
 
 def run_network(path: Path, batch: Float[np.ndarray, "1 *shape"]) -> dict[str, np.ndarray]:
-    """Return a network's outputs by name, each of a batch of one.
+    """Return a network's outputs by name, for a batch of one.
 
-    The network is unloaded again: loading takes 0.1 s, and keeping all of them would take 50 MB. Raises ``ValueError``,
-    one line naming the file, where it is missing or damaged.
+    The network is unloaded afterwards: loading takes 0.1 s, keeping all would take 50 MB. Raises ``ValueError`` naming
+    the file if it is missing or damaged.
     """
     if not path.is_file():
         raise ValueError(f"{path.name} is missing from {path.parent}")
@@ -22,8 +22,8 @@ def run_network(path: Path, batch: Float[np.ndarray, "1 *shape"]) -> dict[str, n
         import onnxruntime  # takes 0.1 s, and many images need no network
 
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1  # more would spin beside other programs
-        options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # half a gigabyte, kept for the next run
+        options.intra_op_num_threads = options.inter_op_num_threads = 1  # more would busy-wait beside other programs
+        options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # would keep half a gigabyte for the next run
         options.log_severity_level = 4
         session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         names = [output.name for output in session.get_outputs()]

@@ -1,4 +1,4 @@
-"""Which number format the linear layers run in: measured on this machine, never assumed."""
+"""Number format of linear layers, chosen by measurement on this machine."""
 
 import time
 from collections.abc import Iterator
@@ -12,24 +12,24 @@ _forced: torch.dtype | None = None
 
 
 def require_device(name: str) -> torch.device:
-    """The device called "cpu" or "cuda". Raises ``ValueError`` where this machine has none."""
+    """Return the device "cpu" or "cuda". Raises ``ValueError`` if this machine lacks it."""
     if name == "cuda" and not torch.cuda.is_available():
         raise ValueError("torch finds no CUDA device on this machine")
     return torch.device(name)
 
 
 def matmul_dtype(device_type: str) -> torch.dtype:
-    """bfloat16 where this machine multiplies it clearly faster than float32, else float32.
+    """Return bfloat16 if this machine multiplies it clearly faster than float32, else float32.
 
-    Processors with bfloat16 units run a field's layers 2 to 5 times faster; without them bfloat16 is emulated and
-    slower. Encoding, compositing and what fits and training keep of their steps stay in float32 either way.
+    Processors with bfloat16 units run a field's layers 2 to 5 times faster; others emulate it slowly. Encoding,
+    compositing, and the state of fits and training stay in float32.
     """
     return _forced or _fastest_dtype(device_type)
 
 
 @contextmanager
 def use_dtype(dtype: torch.dtype) -> Iterator[None]:
-    """Let linear layers run in a number format inside a ``with``, fast or not: for ablations and tests."""
+    """Force a number format of linear layers inside a ``with``, for ablations and tests."""
     global _forced
     before, _forced = _forced, dtype
     try:
@@ -42,9 +42,9 @@ def use_dtype(dtype: torch.dtype) -> Iterator[None]:
 def _fastest_dtype(device_type: str) -> torch.dtype:
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
-    # Turn about, so that what else the machine does falls on both; the lower quartile of many, since the best of
-    # them is at times a stroke of luck that only one of the two has. In one thread: several wait for each other beside
-    # a busy process, equally long in both formats.
+    # Alternating, so that other load affects both formats; by the lower quartile, since the minimum may be a lucky
+    # outlier of one format. In one thread: several threads wait for each other beside a busy process, equally long in
+    # both formats.
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -56,7 +56,7 @@ def _fastest_dtype(device_type: str) -> torch.dtype:
 
 
 def autocast(device: torch.device) -> torch.autocast:
-    """A context in which linear layers run in :func:`matmul_dtype`."""
+    """Return a context in which linear layers run in :func:`matmul_dtype`."""
     dtype = matmul_dtype(device.type)
     return torch.autocast(device.type, dtype=torch.bfloat16, enabled=dtype == torch.bfloat16)
 

@@ -1,9 +1,8 @@
-"""Where files become values: whatever a parser raises is one ``ValueError`` that names the file, and nothing is decoded
-that could take more memory than :data:`MAX_DECODED`.
+"""Safe reading of files: any parser error becomes one ``ValueError`` naming the file, and memory is limited.
 
-Parsers raise what they like (a truncated AVIF a ``RuntimeError``, a zip an ``EOFError``), so :func:`reading` catches
-all of it; nobody else lists exceptions. JSON is checked against the types of fields by :func:`typed`; what a value may
-be beyond its type its own ``__post_init__`` says.
+Parsers raise arbitrary exceptions (a truncated AVIF a ``RuntimeError``, a zip an ``EOFError``), so :func:`reading`
+catches all of them; no other code lists exceptions. :func:`typed` checks JSON against the types of fields, and a
+value's ``__post_init__`` checks the rest. Nothing is decoded that could exceed :data:`MAX_DECODED`.
 """
 
 import json
@@ -23,32 +22,30 @@ from PIL import Image, PngImagePlugin
 if TYPE_CHECKING:
     from torch import Tensor
 
-MAX_DECODED = 400_000_000
-"""bytes that one file may take when it is decoded, told from its header: an RGB image of 100 megapixels"""
-MAX_TEXT = 16_000_000  # bytes of JSON or numbers as text; objects of Python take up to twenty times as much
+MAX_DECODED = 400_000_000  # bytes of a decoded file, judged by its header: an RGB image of 100 megapixels
+MAX_TEXT = 16_000_000  # bytes of JSON or numbers as text; Python objects take up to twenty times as much
 _MAX_MEMBERS = 10_000  # files in a zip
-_MAX_PAGES = 100  # of an image that are looked at
-_MAX_MESSAGE, _MAX_REASON = 200, 100  # characters of an error, and of its reason at least where the path is long
-_LARGEST = 1e300  # of a number: integers in JSON may be of any size
+_MAX_PAGES = 100  # of an image that are examined
+_MAX_MESSAGE, _MAX_REASON = 200, 100  # characters of an error, and of its reason after a long path
+_LARGEST = 1e300  # of a number: JSON integers have no limit
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
-"""Image formats that are read, and HEIF. Pillow has many more, of which EPS starts another program."""
+"""Supported image formats, besides HEIF. Pillow has many more, of which EPS starts another program."""
 _HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
-_COPIED = ("WEBP", "AVIF", "HEIF")  # formats whose decoders hold the pixels once more
-_STORED = {"1": 1, "L": 1, "P": 1, "I;16": 2, "I;16B": 2, "I;16L": 2}
-"""bytes of a pixel in Pillow's memory, where they are not 4"""
-_COEFFICIENTS = 3  # bytes of a pixel that a progressive JPEG takes, however small it is to become
+_COPIED = ("WEBP", "AVIF", "HEIF")  # formats whose decoders hold a second copy of the pixels
+_STORED = {"1": 1, "L": 1, "P": 1, "I;16": 2, "I;16B": 2, "I;16L": 2}  # bytes of a pixel in Pillow's memory, if not 4
+_COEFFICIENTS = 3  # bytes of a pixel for a progressive JPEG, independent of the draft size
 
-# Pillow refuses photographs whose colour profile or description takes more than a megabyte.
+# Pillow refuses photographs with a colour profile or description over a megabyte.
 PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, MAX_TEXT)
 
 
 class TooLargeError(ValueError):
-    """A file holds more than this program reads."""
+    """A file exceeds this program's limits."""
 
 
 @contextmanager
 def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
-    """Turn whatever is raised inside into one ``ValueError`` of one line that names the file; its cause is kept.
+    """Turn any exception inside into a one-line ``ValueError`` naming the file; the cause is kept.
 
     Args:
         kind: of the file, with its article: "an image".
@@ -70,12 +67,12 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most so many characters: of a longer one the begin and the last 30."""
+    """Shorten a text to ``most`` characters, keeping its beginning and its last 30."""
     return text if len(text) <= most else f"{text[: most - 33]}...{text[-30:]}"
 
 
 def _most(path: Path | str) -> int:
-    """Characters of an error about a file."""
+    """Return the character limit of an error about a file."""
     return max(_MAX_MESSAGE, len(str(path)) + _MAX_REASON)
 
 
@@ -96,17 +93,17 @@ def _reason(error: Exception, path: Path | str, kind: str) -> str:
 
 
 def first_line(error: Exception) -> str:
-    """An exception's message, in one line."""
+    """Return an exception's message in one line."""
     if isinstance(error, RecursionError):
         return "nested too deeply"
-    if isinstance(error, pickle.UnpicklingError):  # torch's own words advise to execute what the file holds
+    if isinstance(error, pickle.UnpicklingError):  # torch's text advises executing the file's content
         return "it holds something else than tensors, or is damaged"
     first, *more = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
     return f"{first} {more[0]}" if first.endswith(":") and more else first
 
 
 def optional(read: Callable[[], Any]) -> Any:
-    """The value that ``read`` returns; None where that fails: for what a file may lack, such as EXIF."""
+    """Return the value of ``read``, or None if it fails: for optional parts of a file, such as EXIF."""
     try:
         return read()
     except Exception:
@@ -117,7 +114,7 @@ def optional(read: Callable[[], Any]) -> Any:
 
 
 def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
-    """A file's content. Raises ``ValueError`` where it has more bytes than ``most``."""
+    """Read a file's content. Raises ``ValueError`` if it has more bytes than ``most``."""
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -126,27 +123,27 @@ def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """A file's text: UTF-8, with or without a byte order mark."""
+    """Read a file's text: UTF-8, with or without a byte order mark."""
     return read_bytes(path, MAX_TEXT).decode("utf-8-sig")
 
 
 def parse_json(text: bytes | str) -> Any:
-    """JSON in UTF-8, UTF-16 or UTF-32, with or without a byte order mark."""
+    """Parse JSON in UTF-8, UTF-16 or UTF-32, with or without a byte order mark."""
     if len(text) > MAX_TEXT:
         raise TooLargeError(f"JSON has at most {MAX_TEXT / 1e6:.0f} MB here")
     return json.loads(text.removeprefix("\ufeff") if isinstance(text, str) else text)
 
 
 def read_json(path: Path) -> Any:
-    """A file's JSON."""
+    """Read a file's JSON."""
     return parse_json(read_bytes(path, MAX_TEXT))
 
 
 def read_numbers(path: Path, count: int) -> tuple[float, ...]:
-    """A text file of so many finite numbers."""
+    """Read a text file of ``count`` finite numbers."""
     words = read_text(path).split()
     if len(words) != count:
-        raise ValueError(f"{count} numbers were expected, got {len(words)}")
+        raise ValueError(f"expected {count} numbers, got {len(words)}")
     return tuple(number(float(word)) for word in words)
 
 
@@ -154,14 +151,14 @@ def read_numbers(path: Path, count: int) -> tuple[float, ...]:
 
 
 def number(value: Any, name: str = "a number") -> float:
-    """A finite number as a float."""
+    """Return a finite number as a float. Raises ``ValueError`` for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
         raise ValueError(f"{name} must be a finite number, got {_shown(value)}")
     return float(value)
 
 
 def whole(value: Any, name: str = "a number") -> int:
-    """A whole number as an integer, also one that another program wrote as 128.0."""
+    """Return a whole number as an integer, also 128.0. Raises ``ValueError`` for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
         raise ValueError(f"{name} must be a whole number, got {_shown(value)}")
     return int(value)
@@ -170,15 +167,15 @@ def whole(value: Any, name: str = "a number") -> int:
 def typed(
     kind: Any, value: Any, special: Callable[[Any], Callable[[Any], Any] | None] = lambda _: None, name: str = "it"
 ) -> Any:
-    """JSON as a value of a type: numbers, texts, paths, choices, tuples, dictionaries, dataclasses and named tuples.
+    """Convert JSON to a value of a type: numbers, texts, paths, choices, tuples, dictionaries and dataclasses.
 
-    A field that is not there has its default; one that is not known is left out.
+    Named tuples count as dataclasses. Missing fields get their defaults; unknown ones are ignored.
 
     Args:
-        special: by type, a reader that takes precedence; None for other types.
+        special: returns a reader for types that need one, which takes precedence; None for other types.
         name: of the value, for errors.
 
-    Raises ``ValueError`` naming the part that is of another type.
+    Raises ``ValueError`` naming the part of the wrong type.
 
     Example:
         >>> typed(tuple[int, ...], [1, 2.0])
@@ -250,13 +247,13 @@ _SIMPLE: dict[Any, Callable[[Any, str], Any]] = {
 
 @cache
 def _kinds(kind: Any) -> dict[str, Any]:
-    """The types of the fields; finding them takes long."""
+    """Return the types of the fields, cached because it is slow."""
     return get_type_hints(kind)
 
 
 @cache
 def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
-    """Names of the fields, and whether they have no default."""
+    """Return the names of the fields, and True for those without a default."""
     if is_dataclass(kind):
         known = [one for one in fields(kind) if one.init]
         return tuple((one.name, one.default is MISSING and one.default_factory is MISSING) for one in known)
@@ -268,13 +265,13 @@ def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
 
 @contextmanager
 def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
-    """An image of which the header has been read, and which is not too large to be decoded.
+    """Open an image after checking its header against the memory limit.
 
     Args:
-        side: px that are enough of it: a JPEG is decoded at a part of its size.
-        most: bytes that it may take when it is decoded.
+        side: sufficient px; a JPEG is decoded at a fraction of its size.
+        most: bytes that the decoded image may take.
 
-    Raises ``ValueError`` for other kinds of file and for what is too large; decoding raises what it likes.
+    Raises ``ValueError`` for other files and for images that are too large; decoding may raise anything.
     """
     with _opened(file) as image:
         _seek_largest(image)
@@ -292,7 +289,7 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
 def _opened(file: Path | BytesIO) -> Image.Image:
     limit = Image.MAX_IMAGE_PIXELS
     try:
-        Image.MAX_IMAGE_PIXELS = None  # Pillow's own limit knows nothing of drafts and modes
+        Image.MAX_IMAGE_PIXELS = None  # Pillow's own limit ignores drafts and modes
         return Image.open(file, formats=(*_FORMATS, "HEIF") if _is_heif(file) else _FORMATS)
     except Image.UnidentifiedImageError:
         raise ValueError("this is not an image (PNG, JPEG, WebP, ...)") from None
@@ -301,7 +298,7 @@ def _opened(file: Path | BytesIO) -> Image.Image:
 
 
 def _seek_largest(image: Image.Image) -> None:
-    """Go to the largest of a file's pages, the first of them: the others are previews. HEIC and MPO name their own."""
+    """Go to the first of the largest pages, as the others are previews. HEIC and MPO name their main image."""
     sizes = []
     with suppress(Exception):  # a damaged page ends the file
         for page in range(min(getattr(image, "n_frames", 1), _MAX_PAGES) if image.format == "TIFF" else 0):
@@ -312,7 +309,7 @@ def _seek_largest(image: Image.Image) -> None:
 
 
 def _is_heif(file: Path | BytesIO) -> bool:
-    """By content, whatever the name says; then Pillow is made to know the format."""
+    """Recognise HEIF by content, and register the format with Pillow."""
     if isinstance(file, Path):
         with file.open("rb") as opened:
             head = opened.read(12)
@@ -321,14 +318,14 @@ def _is_heif(file: Path | BytesIO) -> bool:
         file.seek(0)
     if head[4:8] != b"ftyp" or head[8:12] not in _HEIF_BRANDS:
         return False
-    from pillow_heif import register_heif_opener  # costs 50 ms, and few images need it
+    from pillow_heif import register_heif_opener  # takes 50 ms, and few images need it
 
     register_heif_opener()
     return True
 
 
 def read_tensors(path: Path) -> "tuple[dict[str, str], dict[str, Tensor]]":
-    """The metadata and the tensors of a safetensors file."""
+    """Read the metadata and the tensors of a safetensors file."""
     from safetensors import safe_open
 
     if path.stat().st_size > MAX_DECODED:
@@ -339,7 +336,7 @@ def read_tensors(path: Path) -> "tuple[dict[str, str], dict[str, Tensor]]":
 
 @contextmanager
 def open_zip(path: Path, most: int = MAX_DECODED) -> Iterator[zipfile.ZipFile]:
-    """A zip file whose members, unpacked, have no more bytes than ``most`` in all."""
+    """Open a zip file after checking that its unpacked members have at most ``most`` bytes in total."""
     with zipfile.ZipFile(path) as file:
         members = file.infolist()
         if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > most:

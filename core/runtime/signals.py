@@ -1,4 +1,4 @@
-"""Signals that end a program, as an exception, so that what was begun is removed."""
+"""Termination signals as exceptions, so that unfinished results are removed."""
 
 import signal
 import sys
@@ -11,9 +11,9 @@ TERMINATION = "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
 def on_signals(
     end: Callable[[int], object] = lambda number: sys.exit(128 + number), names: Sequence[str] = TERMINATION
 ) -> None:
-    """Call ``end`` with the number of a signal, by default to exit, unless the signal is ignored (``nohup``).
+    """Call ``end`` with a signal's number, by default to exit, unless the signal is ignored (``nohup``).
 
-    Does nothing outside of the main thread, where no handler can be set.
+    Does nothing outside the main thread, where no handler can be set.
     """
     if threading.current_thread() is not threading.main_thread():
         return

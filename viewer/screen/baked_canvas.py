@@ -18,14 +18,14 @@ from viewer.screen.canvas import Backdrop, Target
 from viewer.screen.theme import DARK, Palette
 from viewer.values.orbit import PanelCrop
 
-_FAST = 1 / 30  # s: OpenGL is fast if a picture of :data:`_PROBE` takes no longer
+_FAST = 1 / 30  # s for an image of :data:`_PROBE`, up to which OpenGL counts as fast
 _PROBE = 512  # px of a side
 _PROBES = 3
-_FAR = 4  # times the limit: what other programs do not explain
+_FAR = 4  # factor over the limit that other programs cannot explain
 
 
 class BakedCanvas:
-    """The object from any camera at every pixel of the view, on the view's background."""
+    """Draws an object from any camera at every pixel of the view, on the view's background."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._target, self._backdrop = Target(context), Backdrop(context)
@@ -33,7 +33,7 @@ class BakedCanvas:
         self._shown: tuple[Any, ...] = ()
 
     def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette, shadow: bool) -> imgui.ImTextureRef:
-        """A texture of the crop's size; rendered again only where something has changed."""
+        """Return a texture of the crop's size; rendered again only after a change."""
         if (baked, crop, palette, shadow) != self._shown:
             size = crop.width, crop.height
             with self._target.of_size(size):
@@ -44,21 +44,21 @@ class BakedCanvas:
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
-        """The last picture."""
+        """Return the last image."""
         texture = self._target.texture
         return np.frombuffer(texture.read(), np.uint8).reshape(*texture.size[::-1], 4)[..., :3]
 
     def release(self) -> None:
-        """Give the GL objects back."""
+        """Release the GL objects."""
         self._target.release()
         self._shader.release()
         self._backdrop.release()
 
 
 def is_fast(context: moderngl.Context, limit: float = _FAST) -> bool:
-    """Whether OpenGL draws a baked ball, 512 px a side, within so many seconds: enough for a hand that turns it.
+    """True if OpenGL draws a baked ball, 512 px a side, within ``limit`` seconds, fast enough for interactive turning.
 
-    One of a few pictures has to, as other programs take their time; two that take far longer say that none will.
+    One of a few images suffices, as other programs take time; two far slower ones end the test.
     """
     canvas, baked, least = BakedCanvas(context), _ball(), math.inf
     for number in range(_PROBES + 1):
@@ -68,7 +68,7 @@ def is_fast(context: moderngl.Context, limit: float = _FAST) -> bool:
         canvas.draw(baked, crop, DARK, False)
         context.finish()
         seconds = time.perf_counter() - began
-        if number:  # the first one uploads, and compiles the shader
+        if number:  # the first one uploads and compiles
             least = min(least, seconds)
         if least <= limit or (number > 1 and least > _FAR * limit):
             break
@@ -77,7 +77,7 @@ def is_fast(context: moderngl.Context, limit: float = _FAST) -> bool:
 
 
 def _ball() -> BakedField:
-    """Soft, so that rays pass many samples."""
+    """Return a soft ball, so that rays pass many samples."""
     axis = np.linspace(-1, 1, 2 * CELLS + 1, dtype=np.float32)
     radius = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
     texels = np.full((*radius.shape, 4), 128, np.uint8)

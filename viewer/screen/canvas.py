@@ -1,4 +1,4 @@
-"""From arrays to textures: the frame of the scene on its background, and small images."""
+"""Textures from arrays: the frame of the scene on its background, and small images."""
 
 import math
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ void main() {
     gl_Position = vec4(4.0 * uv - 1.0, 0.0, 1.0);
     uv *= 2.0;
 }
-"""  # The vertex shader of a pass over all pixels.
+"""  # vertex shader of a pass over all pixels
 _BACKGROUND = """
 #version 330
 in vec2 uv;
@@ -47,7 +47,7 @@ void main() {
 
 
 class Target:
-    """A texture to draw a pass into, as large as it is needed."""
+    """A texture to draw a pass into, resized on demand."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -56,14 +56,14 @@ class Target:
 
     @property
     def texture(self) -> moderngl.Texture:
-        """The last picture."""
+        """The last image."""
         assert self._texture is not None, "nothing yet"
         return self._texture
 
     @contextmanager
     def of_size(self, size: tuple[int, int]) -> Iterator[None]:
-        """Draw into it; the framebuffer that was in use before is so again at the end."""
-        screen = self._context.screen  # there is none where there is no window
+        """Draw into the texture, then restore the previous framebuffer."""
+        screen = self._context.screen  # None without a window
         before = screen and (self._context.fbo or screen)
         if self._framebuffer is None or self._framebuffer.size != size:
             self.release()
@@ -79,14 +79,14 @@ class Target:
             before.use()
 
     def release(self) -> None:
-        """Give the GL objects back."""
+        """Release the GL objects."""
         for resource in (self._framebuffer, self._texture):
             if resource is not None:
                 resource.release()
 
 
 class Backdrop:
-    """What is behind the object: the theme's background, and the shadow on the ground."""
+    """The theme's background behind the object, and the shadow on the ground."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._program = context.program(vertex_shader=SCREEN, fragment_shader=_BACKGROUND)
@@ -94,20 +94,20 @@ class Backdrop:
         self._ground = GroundShader(context)
 
     def draw(self, palette: Palette, shadow: GroundShadow | None, crop: PanelCrop) -> None:
-        """Fill the framebuffer in use, which shows the crop at any size."""
+        """Fill the current framebuffer, which shows the crop at any size."""
         self._program["top"], self._program["bottom"] = palette.background
         self._pass.render(moderngl.TRIANGLES, vertices=3)
         if shadow:
             self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top))
 
     def release(self) -> None:
-        """Give the GL objects back."""
+        """Release the GL objects."""
         for part in (self._ground, self._pass, self._program):
             part.release()
 
 
 class Canvas:
-    """The newest frame of the scene, enlarged to the view, crisp or smooth, the white replaced by a background."""
+    """The newest frame, enlarged to the view, crisp or smooth, with a background in place of white."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context, self._target, self._backdrop = context, Target(context), Backdrop(context)
@@ -119,7 +119,7 @@ class Canvas:
     def draw(
         self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, smooth: bool, shadow: bool
     ) -> imgui.ImTextureRef:
-        """A texture of this size (px) with a frame of the crop; rendered again only where something has changed."""
+        """Return a texture of this size (px) with a frame of the crop; rendered again only after a change."""
         wanted = (frame, crop, size, palette, smooth, shadow)
         if wanted != self._shown:
             self._upload(frame, smooth)
@@ -130,7 +130,7 @@ class Canvas:
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def release(self) -> None:
-        """Give the GL objects back."""
+        """Release the GL objects."""
         for resource in (self._image, self._target, self._backdrop, self._pass, self._program):
             if resource is not None:
                 resource.release()
@@ -156,7 +156,7 @@ class Canvas:
 
 
 class Images:
-    """Small images as textures, uploaded once each; those long out of sight are released by :meth:`sweep`."""
+    """Small images as textures, uploaded once each; :meth:`sweep` releases unused ones."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -164,18 +164,18 @@ class Images:
         self._used: set[tuple[int, int]] = set()
 
     def texture(self, image: Frame | np.ndarray, palette: Palette) -> imgui.ImTextureRef:
-        """The texture of a frame, on the theme's background, or of an image (height, width, 3 or 4), uint8."""
+        """Return the texture of a frame on the theme's background, or of an image (height, width, 3 or 4), uint8."""
         key = id(image), id(palette)
         self._used.add(key)
         if key not in self._textures:
             pixels = over_background(image, palette) if isinstance(image, Frame) else image
             rgba = np.dstack((pixels, np.full(pixels.shape[:2], 255, np.uint8)))[..., :4]
-            # The image is kept, so that its id stays its own.
+            # The image is kept, so that its id stays unique.
             self._textures[key] = image, self._context.texture(rgba.shape[1::-1], 4, rgba.tobytes())
         return imgui.ImTextureRef(self._textures[key][1].glo)
 
     def sweep(self) -> None:
-        """To be called once a frame: release what is not in use, once there is a lot of it."""
+        """Release unused textures once there are many; call once a frame."""
         idle = set(self._textures) - self._used
         if sum(math.prod(self._textures[key][1].size) for key in idle) > _SPARE:
             for key in idle:
@@ -183,20 +183,20 @@ class Images:
         self._used.clear()
 
     def release(self) -> None:
-        """Give all textures back."""
+        """Release all textures."""
         for _, texture in self._textures.values():
             texture.release()
         self._textures.clear()
 
 
 def with_alpha(frame: Frame) -> np.ndarray:
-    """A frame as RGBA, still on white, opacity in the fourth channel."""
+    """Return a frame as RGBA, on white, opacity in the fourth channel."""
     opacity = to_bytes(frame.opacity)
     return np.dstack((frame.image, opacity))
 
 
 def over_background(frame: Frame, palette: Palette) -> np.ndarray:
-    """A frame as RGB with the white replaced by the middle of the theme's background, as on the canvas."""
+    """Composite a frame as RGB over the middle of the theme's background, as on the canvas."""
     background = np.array(mixed(*palette.background, 0.35))
     left = (1 - frame.opacity.clip(0, 1))[..., None]
     return (frame.image - 255 * left * (1 - background) + 0.5).clip(0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Asking for a file: the system's own dialog where there is one, else a line to type in."""
+"""Choosing a file in the system's dialog or, without one, by typing."""
 
 import shutil
 import sys
@@ -18,18 +18,18 @@ _TITLE = "Choose a file###ask"
 
 @runtime_checkable
 class NativeDialog(Protocol):
-    """A file dialog of the system, which is open until it is ready."""
+    """A file dialog of the system, open until it is ready."""
 
     def ready(self, timeout: int = ...) -> bool:
-        """Whether it has been answered; waits so many ms."""
+        """Wait up to ``timeout`` ms and tell if it has been answered."""
 
     def result(self) -> str | list[str]:
-        """The answer, empty if it was cancelled."""
+        """Return the answer, empty if it was cancelled."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileRequest:
-    """A file to be chosen."""
+    """A request for a file."""
 
     title: str
     answer: Callable[[Path], None]
@@ -38,53 +38,53 @@ class FileRequest:
     name: str = ""  # proposed
 
     def path(self, typed: str) -> Path:
-        """Where an answer leads; a file to save that has no ending gets the proposed one's."""
+        """Return an answer as a path; a file to save without an ending gets the proposed one."""
         path = Path(typed.strip())
-        with suppress(RuntimeError):  # a home of nobody
+        with suppress(RuntimeError):  # unknown user after ~
             path = path.expanduser()
         return Path(f"{path}{Path(self.name).suffix}") if self.save and not path.suffix else path
 
 
 def is_there(path: Path) -> bool:
-    """Whether a file is there and can be seen to be."""
+    """True if a file exists and is accessible."""
     with suppress(OSError, ValueError):
         return path.is_file()
     return False
 
 
 def _home() -> Path:
-    """The user's folder; the present one for a user without a home."""
+    """Return the user's home, or the current folder for a user without one."""
     with suppress(RuntimeError):
         return Path.home()
     return Path.cwd()
 
 
 def has_native() -> bool:
-    """Whether the system has a file dialog that can be started."""
+    """True if the system has a file dialog that can be started."""
     return sys.platform != "linux" or any(map(shutil.which, ("zenity", "kdialog", "matedialog", "qarma")))
 
 
 class FileDialog:
-    """One question at a time; nothing waits for the answer."""
+    """Asks for one file at a time, without blocking."""
 
     def __init__(self, native: bool | None = None, open_native: Callable[..., NativeDialog] | None = None) -> None:
-        """``native`` and ``open_native`` stand in for what the system has."""
+        """``native`` and ``open_native`` override the system's dialog, for tests."""
         self._native = has_native() if native is None else native
         self._open_native = open_native or _open_native
         self._request: FileRequest | None = None
         self._dialog: NativeDialog | None = None
         self._text = ""
         self._fresh = False
-        self._to_replace: Path | None = None  # an existing file about which the dialog asks
-        self.folder = _home()  # where the last answer was
+        self._to_replace: Path | None = None  # existing file to be confirmed
+        self.folder = _home()  # of the last answer
 
     @property
     def asking(self) -> bool:
-        """A question is open."""
+        """True while a request is open."""
         return self._request is not None
 
     def ask(self, request: FileRequest) -> None:
-        """Put a question, unless one is open."""
+        """Open a request, unless one is open."""
         if self._request:
             return
         self._request = request
@@ -94,7 +94,7 @@ class FileDialog:
             self._text, self._fresh, self._to_replace = printable(self.folder / request.name), True, None
 
     def draw(self) -> None:
-        """Look for the native answer, or draw the line to type in; to be called once a frame."""
+        """Poll the native dialog or draw the input line; call once a frame."""
         if self._request is None:
             return
         if self._dialog is None:
@@ -104,7 +104,7 @@ class FileDialog:
             self._answered(self._request, result if isinstance(result, str) else next(iter(result), ""))
 
     def _answered(self, request: FileRequest, answer: str) -> None:
-        """The system has asked about the name that was typed, not about the one that an ending makes of it."""
+        """Handle an answer; ask again if the added ending names an existing file, which the system did not confirm."""
         path = request.path(answer)
         if request.save and answer and path != Path(answer) and is_there(path):
             self._dialog = self._open_native(replace(request, name=path.name), path.parent)

@@ -1,4 +1,4 @@
-"""The fonts of the window: text with icons, and what names may hold beside Latin, Greek and Cyrillic."""
+"""The window's fonts: text with icons, and fallbacks beyond Latin, Greek and Cyrillic."""
 
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -10,7 +10,7 @@ from imgui_bundle import hello_imgui, imgui
 from viewer.screen.theme import SIZE
 
 _TEXT, _BOLD = "fonts/Roboto/Roboto-Regular.ttf", "fonts/Roboto/Roboto-Bold.ttf"
-"""assets of imgui_bundle; their figures are all of one width, and they have Greek and Cyrillic too"""
+"""assets of imgui_bundle, with digits of equal width, Greek and Cyrillic"""
 _EMOJI = Path(imgui_bundle.__file__).parent / "demos_assets/fonts/NotoEmoji-Regular.ttf"
 _PACKAGE, _PACKAGED = "cvttf_NotoSansCJK_Regular", "NotoSansCJKtc-Regular.otf"  # of the extra ``cjk``
 SYSTEM = (
@@ -28,20 +28,20 @@ SYSTEM = (
 
 
 def load_fonts() -> list[imgui.ImFont]:
-    """The font of the text and a bold one for headings; glyphs are made as they are first drawn."""
+    """Load the text font and a bold one for headings; glyphs are rasterised on demand."""
     beside = hello_imgui.FontLoadingParams()
     beside.inside_assets, beside.merge_to_last_font = False, True
     fonts = []
     for name in (_TEXT, _BOLD):
         fonts.append(hello_imgui.load_font_ttf_with_font_awesome_icons(name, SIZE))
-        # Headings are words of the program: a font of many megabytes is held once.
+        # Headings contain only the program's words, so large fallback fonts are loaded once.
         for path in fallbacks() if name == _TEXT else ():
             hello_imgui.load_font(str(path), SIZE, beside)
     return fonts
 
 
 def fallbacks(system: Sequence[str] = SYSTEM) -> list[Path]:
-    """Files of fonts for what the text's own has not: emoji, then Chinese, Japanese and Korean where there is any."""
+    """Return fallback fonts: emoji, then a Chinese, Japanese and Korean one if available."""
     spec = find_spec(_PACKAGE)
     packaged = [Path(place) / _PACKAGED for place in (spec.submodule_search_locations or () if spec else ())]
     return [_EMOJI, *[path for path in (*packaged, *map(Path, system)) if path.is_file()][:1]]

@@ -1,6 +1,6 @@
-"""The small window of the first seconds: it is there at once, while what takes long is imported behind it.
+"""The splash window, shown at once while slow imports run in the background.
 
-What it needs itself does not import torch.
+Imports no torch itself.
 """
 
 import threading
@@ -14,12 +14,12 @@ from viewer.screen import theme, window
 T = TypeVar("T")
 
 _SIZE = 420, 150  # px of a 96 ppi screen
-_FIRST_FRAMES = 3  # after which the window is on screen
-_RATE = 20.0  # Frames per second: the processor is wanted elsewhere
+_FIRST_FRAMES = 3  # frames until the window is on screen
+_RATE = 20.0  # frames per second, low to leave the processor to imports
 
 
 class Splash(Generic[T]):
-    """Waits for a function that runs in a thread of its own; says why, if that fails."""
+    """Waits for a function in its own thread and shows its error, if any."""
 
     def __init__(self, work: Callable[[], T]) -> None:
         self._work = work
@@ -37,7 +37,7 @@ class Splash(Generic[T]):
         self.params.callbacks.show_gui = self._draw
 
     def run(self) -> T:
-        """The function's value, or its error; :class:`SystemExit` where the window is closed before."""
+        """Return the function's value or raise its error; :class:`SystemExit` if the window is closed before."""
         window.run(self.params)
         if self._error:
             raise self._error
@@ -52,7 +52,7 @@ class Splash(Generic[T]):
             self._error = error
 
     def _draw(self) -> None:
-        # Not before a picture is on screen: the two would share one interpreter until then.
+        # Only once an image is on screen: until then both would share one interpreter.
         if imgui.get_frame_count() == _FIRST_FRAMES:
             self._thread.start()
         if self._result:

@@ -5,19 +5,19 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, ImVec4, imgui, implot
 
 Colour = tuple[float, float, float]
-SIZE = 16.0  # px of the text, before it is scaled to screen and preferences
+SIZE = 16.0  # px of the text, before scaling to screen and preferences
 HEADING, SMALL = 1.15, 0.84  # sizes of headings and of captions, relative to the text
-PLATE: Colour = (0.07, 0.08, 0.09)  # behind text that is laid over the view
+PLATE: Colour = (0.07, 0.08, 0.09)  # behind text over the view
 ON_PLATE: Colour = (0.95, 0.95, 0.96)
 PLATE_OPACITY = 0.88
 
 
-WARM: Colour = (0.93, 0.63, 0.27)  # of B, where A has the accent
+WARM: Colour = (0.93, 0.63, 0.27)  # of object B, while A has the accent
 
 
 @dataclass(frozen=True)
 class Palette:
-    """The few colours everything else is derived from."""
+    """The basic colours from which all others are derived."""
 
     back: Colour
     panel: Colour
@@ -31,7 +31,7 @@ class Palette:
 
     @property
     def quiet(self) -> Colour:
-        """Of text that matters less."""
+        """Colour of less important text."""
         return mixed(self.text, self.panel, 0.3)
 
 
@@ -60,25 +60,25 @@ LIGHT = Palette(
 
 
 def mixed(first: Colour, second: Colour, share: float) -> Colour:
-    """A colour between two."""
+    """Interpolate between two colours."""
     red, green, blue = (a + (b - a) * share for a, b in zip(first, second, strict=True))
     return red, green, blue
 
 
 def contrast(first: Colour, second: Colour) -> float:
-    """The contrast ratio of two colours, 1..21, as WCAG 2 defines it."""
+    """Return the contrast ratio of two colours, 1..21, as WCAG 2 defines it."""
     low, high = sorted((_luminance(first), _luminance(second)))
     return (high + 0.05) / (low + 0.05)
 
 
 def on(colour: Colour) -> Colour:
-    """Black or white, whichever is easier to read on a colour."""
+    """Return black or white, whichever is easier to read on a colour."""
     dark, light = (0.04, 0.05, 0.06), (1.0, 1.0, 1.0)
     return dark if contrast(dark, colour) > contrast(light, colour) else light
 
 
 def emphasised(colour: Colour) -> Colour:
-    """A coloured button under the mouse: farther from the colour of its words, which stay as easy to read."""
+    """Return a button's colour under the mouse: with more contrast to its text."""
     red, green, blue = on(colour)
     return mixed(colour, (1 - red, 1 - green, 1 - blue), 0.2)
 
@@ -89,12 +89,12 @@ def _luminance(colour: Colour) -> float:
 
 
 def packed(colour: Colour, opacity: float = 1.0) -> int:
-    """A colour as draw lists take it."""
+    """Return a colour for draw lists."""
     return imgui.color_convert_float4_to_u32(ImVec4(*colour, opacity))
 
 
 def apply(palette: Palette) -> None:
-    """Colour every widget. On light colours they have borders, as their shades are near each other."""
+    """Colour every widget. Light themes have borders, as their shades are similar."""
     style = imgui.get_style()
     dark = sum(palette.panel) < 1.5
     base = imgui.style_colors_dark if dark else imgui.style_colors_light
@@ -111,7 +111,7 @@ def apply(palette: Palette) -> None:
 
 
 def colours(p: Palette) -> dict[str, Colour]:
-    """Of every part of widgets, by imgui's names."""
+    """Return the colours of all widget parts, by imgui's names."""
     quiet, lit = mixed(p.raised, p.panel, 0.35), mixed(p.raised, p.text, 0.1)
     strong = mixed(p.raised, p.accent, 0.45)
     return {
@@ -133,7 +133,7 @@ def colours(p: Palette) -> dict[str, Colour]:
 
 
 def set_spacing() -> None:
-    """Roundings and paddings; the runner scales them to the screen."""
+    """Set roundings and paddings; the runner scales them to the screen."""
     style = imgui.get_style()
     style.window_padding, style.frame_padding = ImVec2(12, 10), ImVec2(9, 5)
     style.item_spacing, style.item_inner_spacing = ImVec2(8, 7), ImVec2(6, 4)
@@ -141,7 +141,7 @@ def set_spacing() -> None:
     style.grab_rounding, style.tab_rounding, style.child_rounding = 4, 5, 6
     style.scrollbar_rounding, style.scrollbar_size, style.grab_min_size = 6, 11, 11
     style.popup_border_size = 1
-    style.tab_min_width_shrink = 44  # all tabs of a narrow panel are seen, if abbreviated
+    style.tab_min_width_shrink = 44  # shows all tabs of a narrow panel, abbreviated
     style.tab_bar_border_size, style.docking_separator_size = 0, 3
     style.window_menu_button_position = imgui.Dir.none
     style.separator_text_border_size = 1

@@ -1,4 +1,4 @@
-"""The operating system's window: whether there can be one, and how it is run."""
+"""The operating system's window: availability, parameters and running."""
 
 import warnings
 from collections.abc import Callable
@@ -10,17 +10,17 @@ import glfw  # isort: skip
 import moderngl
 
 NAME = "CodeNeRF Viewer"
-SMALLEST = 900, 600  # px of a 96 ppi screen: the smallest size of the window
+SMALLEST = 900, 600  # px of a 96 ppi screen
 
 
 class NoDisplayError(RuntimeError):
-    """There is nowhere to open a window, or no OpenGL to draw with."""
+    """No display for a window, or no OpenGL."""
 
 
 def prepare(headless: bool) -> None:
-    """Make ready to open a window, one that nobody sees if ``headless``; needed before every run.
+    """Prepare to open a window, invisible if ``headless``; required before every run.
 
-    Raises :class:`NoDisplayError`, one line that says what to do.
+    Raises :class:`NoDisplayError` with one line of advice.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", glfw.GLFWError)
@@ -28,7 +28,7 @@ def prepare(headless: bool) -> None:
             glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
         if not glfw.init():
             raise NoDisplayError(
-                "no display to open a window on: run it on a desktop (or under ssh -X), or take an image of the "
+                "no display for a window: run on a desktop (or with ssh -X), or save an image of the "
                 "window with --screenshot out.png"
             )
         if headless:
@@ -49,16 +49,16 @@ def _try_opengl() -> None:
     probe = glfw.create_window(64, 64, NAME, None, None)
     glfw.window_hint(glfw.VISIBLE, glfw.TRUE)
     if not probe:
-        raise NoDisplayError("OpenGL 3.3 is not to be had: install a graphics driver (Debian, Ubuntu: libegl1 libgl1)")
+        raise NoDisplayError("OpenGL 3.3 is missing: install a graphics driver (Debian, Ubuntu: libegl1 libgl1)")
     glfw.destroy_window(probe)
 
 
 def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.RunnerParams:
-    """How the window is run.
+    """Return the parameters of the window's runner.
 
     Args:
         size: (width, height) in px of a 96 ppi screen.
-        folder: where the layout is kept for the next time; None keeps nothing.
+        folder: stores the layout between launches; None stores nothing.
     """
     params = hello_imgui.RunnerParams()
     params.app_window_params.window_title = NAME
@@ -69,7 +69,7 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
         folder.mkdir(parents=True, exist_ok=True)
         params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
         params.ini_filename = str(folder / "window.ini")
-    # The default, 8 samples, costs more than half the frame rate where OpenGL is done in software.
+    # The default, 8 samples, costs more than half the frame rate with software OpenGL.
     params.renderer_backend_options.open_gl_options = hello_imgui.OpenGlOptions(anti_aliasing_samples=0)
     params.fps_idling.fps_idle = 1.0
     params.fps_idling.time_active_after_last_event = 0.5
@@ -81,7 +81,7 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
 
 
 def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) -> None:
-    """Draw without pause, and finish every frame: with no display nothing else holds the queue back."""
+    """Draw without pause and finish every frame: without a display nothing else limits the queue."""
     params.fps_idling.enable_idling = False
     params.fps_idling.fps_max = 0.0
     params.callbacks.after_swap = finish
@@ -93,18 +93,18 @@ def run(params: hello_imgui.RunnerParams) -> None:
 
 
 def add_ons() -> immapp.AddOnsParams:
-    """Parts of the window that panels use beside imgui itself."""
+    """Return add-ons that panels use beside imgui."""
     return immapp.AddOnsParams(with_implot=True)
 
 
 def on_drop(dropped: Callable[[list[str]], None]) -> None:
-    """Call ``dropped`` with the paths of files that are dropped on the window."""
+    """Call ``dropped`` with the paths of files dropped on the window."""
     window = glfw_utils.glfw_window_hello_imgui()
     glfw.set_drop_callback(window, lambda _, paths: dropped(list(paths)))  # type: ignore[arg-type, misc]
 
 
 def limit_size() -> None:
-    """Let nobody make the window so small that controls would be out of reach."""
+    """Limit the window's size so that controls stay reachable."""
     glfw.set_window_size_limits(
         glfw_utils.glfw_window_hello_imgui(),
         *SMALLEST,
@@ -114,16 +114,14 @@ def limit_size() -> None:
 
 
 def draw_into(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Framebuffer:
-    """Draw the window into a framebuffer of its own, which is to be kept: one that nobody sees has no surface that is
-    larger than the screen it is not on.
-    """
+    """Draw the window into the returned framebuffer: an invisible window has no surface larger than the screen."""
     surface = context.framebuffer([context.renderbuffer(size)], context.depth_renderbuffer(size))
     surface.use()
     return surface
 
 
 def bring_to_front() -> None:
-    """Show the window before others; where the system lets no program do that, ask for attention."""
+    """Bring the window to the front; where systems forbid that, request attention."""
     window = glfw_utils.glfw_window_hello_imgui()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", glfw.GLFWError)
@@ -135,10 +133,10 @@ def bring_to_front() -> None:
 
 
 def resize(width: int, height: int) -> None:
-    """Give the window a size, be it larger than the screen."""
+    """Resize the window, even beyond the screen."""
     glfw.set_window_size(glfw_utils.glfw_window_hello_imgui(), width, height)
 
 
 def in_software(context: moderngl.Context) -> bool:
-    """OpenGL runs on the processor, which it then shares with the worker."""
+    """True if OpenGL runs on the processor, shared with the worker."""
     return any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))

@@ -1,1 +1,1 @@
-"""Services that everything else calls on: the worker, where values come from, messages, the clipboard."""
+"""Services used everywhere: the worker, the backend, messages, the clipboard."""

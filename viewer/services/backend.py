@@ -1,4 +1,4 @@
-"""Where values come from: core's streams, or a test's stand-ins."""
+"""The backend: functions of core that compute values, replaceable in tests."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -28,14 +28,14 @@ from viewer.values.fit_history import PhotoSource
 
 
 def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-    """The object as a model takes it."""
+    """Prepare the cut-out object of a photo for a model."""
     with naming(source.path):
         return prepare_photo(cut, model, read_pose(source.pose) if source.pose else None, source.crop)
 
 
 @dataclass(frozen=True)
 class Backend:
-    """One function for each kind of value; most of them are streams."""
+    """One function for each kind of value, mostly streams."""
 
     load_model: Callable[[str], Model] = load_model
     cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out

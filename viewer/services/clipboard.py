@@ -1,4 +1,4 @@
-"""Images from the clipboard, pixels or files that were copied, and into it."""
+"""Images from and to the clipboard: pixels, or copied files."""
 
 import shutil
 import tempfile
@@ -12,23 +12,23 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import ImageGrab
 
-_MAX_KEPT = 50  # files in a folder that is kept
+_MAX_KEPT = 50  # files in a permanent folder
 
 
 class Clipboard:
-    """An image that is pasted is kept as a file, as its object may be pointed out once more."""
+    """Reads images; pasted pixels are saved as files, so that their object can be selected again later."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """``folder`` keeps files from one launch to the next, the newest ones; None: until the program ends."""
+        """``folder`` keeps the newest files between launches; None: a temporary folder."""
         self._folder, self._is_kept = folder, folder is not None
 
     def images(self, text: str) -> Iterator[tuple[Path, ...]]:
-        """The files, once: to be run as a job, as the system may have to start a program for it.
+        """Yield the files once; run it as a job, since the system may have to start a program.
 
         Args:
-            text: what the clipboard holds as text, which may name a file.
+            text: the clipboard's text, which may name a file.
 
-        Raises ``ValueError`` where there is no image.
+        Raises ``ValueError`` if there is no image.
         """
         if named := _named(text):
             yield named
@@ -54,7 +54,7 @@ class Clipboard:
         return self._folder
 
     def _free_path(self, folder: Path) -> Path:
-        """In a folder from which the oldest files go."""
+        """Return a new path and delete the oldest files beyond the limit."""
         numbers = {path: path.stem.removeprefix("pasted ") for path in folder.glob("pasted *.png")}
         there = {int(number): path for path, number in numbers.items() if number.isdecimal()}
         old = sorted(there)[: -_MAX_KEPT + 1] if self._is_kept else []
@@ -64,7 +64,7 @@ class Clipboard:
 
 
 def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:
-    """Put an image into the clipboard, for other programs to paste. Raises ``ValueError`` where there is none."""
+    """Copy an image to the clipboard. Raises ``ValueError`` if there is none."""
     height, width = image.shape[:2]
     opaque = np.full((height, width, 1), 255, np.uint8)
     try:
@@ -74,10 +74,10 @@ def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:
 
 
 def _named(text: str) -> tuple[Path, ...]:
-    """The files that lines of text name, as paths or as file:// addresses; none unless all are there."""
+    """Return the files named by lines of text, as paths or file:// addresses; none unless all exist."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     paths = [Path(unquote(urlparse(line).path)) if line.startswith("file://") else Path(line) for line in lines]
     try:
         return tuple(paths) if all(path.is_file() for path in paths) else ()
-    except (OSError, ValueError):  # too long for a path, or no path at all
+    except (OSError, ValueError):  # too long, or not a path
         return ()

@@ -1,4 +1,4 @@
-"""Needed by everything that takes longer than a frame: the worker, the backend, open models, and messages."""
+"""Shared by everything that takes longer than a frame: the worker, the backend, open models, and messages."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
-BACKGROUND_SHARE = 0.05  # of the worker's time, for what nobody looks at; alone it has all of it
+BACKGROUND_SHARE = 0.05  # fraction of the worker's time for invisible work beside other jobs
 
 
 @dataclass(eq=False)
 class Jobs:
-    """Given to every activity in place of the session."""
+    """Passed to every activity instead of the session."""
 
     worker: Worker
     backend: Backend
@@ -26,7 +26,7 @@ class Jobs:
         return self.backend.frames(self.models.of(job.codes), job)
 
     def submit(self, job: Job) -> None:
-        """Start a job, in place of an older one of its name."""
+        """Start a job, replacing an older one of its name."""
         self.worker.submit(job)
 
     def cancel(self, *names: str) -> None:
@@ -35,9 +35,9 @@ class Jobs:
             self.worker.cancel(name)
 
     def busy(self, *names: str) -> bool:
-        """Whether a job (one of these names) is under way or has something to deliver."""
+        """True if a job (one of these names) is running or has results to deliver."""
         return self.worker.busy(*names)
 
     def reporting(self, what: str) -> Callable[[Exception | None], None]:
-        """For the end of a job: reports what went wrong, if anything did."""
+        """Return an end callback that reports an error, if any."""
         return lambda error: self.messages.report(what, error) if error else None

@@ -1,4 +1,4 @@
-"""Thumbnails of a model's objects, kept from one launch to the next: a file for each model."""
+"""Thumbnails of a model's objects, kept between launches: a file for each model."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -12,19 +12,19 @@ from safetensors.numpy import load_file, save_file
 from core.models.model import Model
 from core.runtime.files import atomic_file
 
-_FORMAT = "thumbnails-1"  # another one where renders look different
+_FORMAT = "thumbnails-1"  # changes when renders look different
 Pixels = UInt8[np.ndarray, "height width 4"]
 
 
 class KeptThumbnails:
-    """Pictures (rgb on white, and opacity) by a text that says all that they depend on."""
+    """Stores images (rgb on white, and opacity) under keys that describe everything they depend on."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """``folder`` None keeps nothing."""
+        """``folder`` None stores nothing."""
         self._folder = folder
 
     def load(self, model: Model) -> dict[str, Pixels]:
-        """Those of a model; none where they cannot be read."""
+        """Load the thumbnails of a model; none if unreadable."""
         if self._folder:
             with suppress(OSError, SafetensorError, ValueError):
                 found = load_file(self._path(model))
@@ -32,7 +32,7 @@ class KeptThumbnails:
         return {}
 
     def save(self, model: Model, pictures: Mapping[str, Pixels]) -> None:
-        """Keep these and no others of a model, where the folder can be written to."""
+        """Store exactly these thumbnails of a model, if the folder is writable."""
         if self._folder:
             with suppress(OSError, SafetensorError, ValueError):
                 path = self._path(model)

@@ -1,22 +1,22 @@
-"""Memory that is free, back to the system: glibc keeps it otherwise. Elsewhere nothing is done."""
+"""Return free memory to the system, which glibc otherwise keeps. Does nothing elsewhere."""
 
 import ctypes
 import sys
 from contextlib import suppress
 
-_LARGE = 8 * 2**20  # bytes: larger blocks go back at once; with 1 MiB a fit takes a fifth longer
+_LARGE = 8 * 2**20  # bytes; larger blocks are returned at once; with 1 MiB a fit takes a fifth longer
 _ARENAS = 2
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # as malloc.h of glibc has them
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # from glibc's malloc.h
 
 
 def keep_little_free_memory() -> None:
-    """Keep no large blocks, and few pools of small ones. To be called before there are other threads."""
+    """Keep no large blocks and few arenas. Call before starting threads."""
     for parameter, value in ((_M_TRIM_THRESHOLD, _LARGE), (_M_MMAP_THRESHOLD, _LARGE), (_M_ARENA_MAX, _ARENAS)):
         _glibc("mallopt", parameter, value)
 
 
 def return_free_memory() -> None:
-    """Give back what was freed between values that are still there."""
+    """Return freed memory between allocations that are still in use."""
     _glibc("malloc_trim", 0)
 
 

@@ -1,4 +1,4 @@
-"""Lines for the person at the window, errors included."""
+"""Messages to the person at the window, including errors."""
 
 import json
 import logging
@@ -15,12 +15,12 @@ import torch
 
 from viewer.values.printable import printable
 
-_MAX_OLDER, _MAX_ERRORS = 3, 2  # older lines beside a new one; errors shown at a time
-_SHORT, _LONG = 5.0, 10.0  # s on screen: of what is done, and of what there is to read or to press
-_LOGGED = 500  # lines that the log keeps
-_NO_MEMORY = "can't allocate memory"  # Words of torch in a RuntimeError where the processor's memory does not suffice
+_MAX_OLDER, _MAX_ERRORS = 3, 2  # older messages beside a new one; errors shown at a time
+_SHORT, _LONG = 5.0, 10.0  # s on screen: of plain notes, and of messages to read or with buttons
+_LOGGED = 500  # lines kept in the log
+_NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
-"""the folders of an absolute path"""
+"""folders of an absolute path"""
 UNFORESEEN = "an error in the program; the log has it (menu Panels)"
 
 
@@ -33,7 +33,7 @@ class MessageKind(Enum):
 
 
 class Button(NamedTuple):
-    """Something that a message offers; it takes the message away."""
+    """An action offered by a message; pressing it dismisses the message."""
 
     label: str
     press: Callable[[], None]
@@ -45,16 +45,16 @@ class Message:
 
     text: str
     kind: MessageKind = MessageKind.DONE
-    detail: str = ""  # for the log alone: what an error nobody foresaw says of itself
+    detail: str = ""  # for the log only: text of an unexpected error
     buttons: tuple[Button, ...] = ()
     lasts: bool = False  # until it is answered or dismissed
-    holds: Callable[[], bool] = lambda: True  # whether what it says is still so
+    holds: Callable[[], bool] = lambda: True  # True while the message is still valid
     born: float = field(default_factory=time.monotonic)  # s on the monotonic clock
     written: datetime = field(default_factory=datetime.now)
 
     @property
     def faded(self) -> bool:
-        """It goes from the screen by itself, later where there is something to press, and once it holds no more."""
+        """True once the message leaves the screen: by age (later with buttons), or when it is no longer valid."""
         if not self.holds():
             return True
         short = self.kind is MessageKind.DONE and not self.buttons
@@ -62,26 +62,26 @@ class Message:
 
 
 class Messages:
-    """The lines on screen, the newest at the end, and the log of all there were."""
+    """The messages on screen, the newest last, and the log."""
 
     def __init__(self) -> None:
         self.all: list[Message] = []
-        self.log: list[Message] = []  # all lines of this run, the oldest first
+        self.log: list[Message] = []  # all messages of this run, the oldest first
 
     @property
     def errors(self) -> list[str]:
-        """Errors that were not dismissed, on screen or not any more."""
+        """Errors that were not dismissed, even if off screen."""
         return [message.text for message in self.all if message.kind is MessageKind.PROBLEM]
 
     @property
     def shown(self) -> list[Message]:
-        """The messages on screen: information that has not faded, and the newest errors."""
+        """Messages on screen: information that has not faded, and the newest errors."""
         due = [message for message in self.all if not message.faded]
         errors = [message for message in due if message.kind is MessageKind.PROBLEM][-_MAX_ERRORS:]
         return [message for message in due if message.kind is not MessageKind.PROBLEM or message in errors]
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
-        """Show a line, in place of the same one, if that is still there; ``more`` are fields of a :class:`Message`."""
+        """Show a message, replacing an equal one; ``more`` are fields of :class:`Message`."""
         text = printable(text)
         if "detail" in more:
             more["detail"] = printable(more["detail"])
@@ -93,7 +93,7 @@ class Messages:
         self.log = [*self.log, newest][-_LOGGED:]
 
     def report(self, what: str, error: Exception) -> None:
-        """Show what went wrong; what nobody foresaw is logged with its trace as well."""
+        """Show an error; unexpected ones are also logged with their trace."""
         detail = ""
         if not isinstance(error, ValueError | OSError | MemoryError):
             logging.getLogger(__name__).error(what, exc_info=error)
@@ -101,16 +101,16 @@ class Messages:
         self.notify(f"{what}: {error_text(error)}", MessageKind.PROBLEM, detail=detail)
 
     def dismiss(self, message: Message) -> None:
-        """Take a message away."""
+        """Remove a message."""
         self.all = [other for other in self.all if other is not message]
 
     def clear(self) -> None:
-        """Take every message away."""
+        """Remove every message."""
         self.all = []
 
 
 def error_text(error: Exception) -> str:
-    """An exception as a line of text that a person understands: no folders, no words of the programming language."""
+    """Format an exception for a person: without folders and programming terms."""
     text = (str(error).strip().splitlines() or [""])[0]
     if isinstance(error, MemoryError | torch.OutOfMemoryError) or _NO_MEMORY in text:
         return "not enough memory; try a smaller size"
@@ -125,7 +125,7 @@ def error_text(error: Exception) -> str:
 
 
 def without_folders(text: str) -> str:
-    """A text in which absolute paths are the names of their files.
+    """Shorten absolute paths in a text to file names.
 
     >>> without_folders("no such image: /home/me/my photos/chair.png")
     'no such image: chair.png'

@@ -1,4 +1,4 @@
-"""Photos as they are, small; the worker reads them."""
+"""Thumbnails of whole photos, read by the worker."""
 
 from functools import partial
 from pathlib import Path
@@ -15,14 +15,14 @@ _SIDE = 128  # px
 
 
 class PhotoThumbnails:
-    """Each is read once."""
+    """Thumbnails by path, each read once."""
 
     def __init__(self, jobs: Jobs) -> None:
         self._jobs = jobs
         self._pixels: dict[Path, UInt8[np.ndarray, "side side 3"] | None] = {}
 
     def get(self, path: Path) -> UInt8[np.ndarray, "side side 3"] | None:
-        """The whole photo in a white square; None until it has been read, and where it cannot be: its fit says so."""
+        """Return the whole photo in a white square; None until it is read, or if unreadable, which its fit reports."""
         if path not in self._pixels:
             self._pixels[path] = None
             self._jobs.submit(Job(f"photo {path}", lambda: (_square(path),), partial(self._keep, path)))

@@ -1,4 +1,4 @@
-"""A signal: any number of receivers are called with what is emitted."""
+"""A signal that calls any number of receivers."""
 
 from collections.abc import Callable
 from typing import Generic, ParamSpec
@@ -7,13 +7,13 @@ P = ParamSpec("P")
 
 
 class Signal(Generic[P]):
-    """Receivers are called in the order in which they were connected."""
+    """Calls its receivers in the order of connection."""
 
     def __init__(self) -> None:
         self._receivers: list[Callable[P, object]] = []
 
     def connect(self, receiver: Callable[P, object]) -> None:
-        """Call a receiver at every :meth:`emit`, besides those before it."""
+        """Call a receiver at every :meth:`emit`."""
         self._receivers.append(receiver)
 
     def emit(self, *args: P.args, **kwargs: P.kwargs) -> None:

@@ -1,6 +1,6 @@
-"""One window for each display and folder: a second start hands its files to the first one.
+"""One window per display and folder: a second start passes its files to the first.
 
-Imports nothing that takes long: the second start is to end at once.
+Imports nothing slow, so that a second start ends at once.
 """
 
 import json
@@ -19,12 +19,12 @@ from filelock import FileLock, Timeout
 
 from core.runtime.files import write_json
 
-_PATIENCE = 60.0  # s that a start waits for a window that opens, or that writes its session and ends
+_PATIENCE = 60.0  # s that a start waits for a window that is opening, or saving its session at its end
 _POLL = 0.2  # s
 
 
 class Start(NamedTuple):
-    """The wishes of a start: absolute paths, or names; empty where there is none."""
+    """Requests of a start: absolute paths, or names; empty for none."""
 
     image: str = ""  # a photo to fit
     model: str = ""
@@ -34,13 +34,13 @@ class SingleInstance:
     """The window of a display; each second start is a file in its folder until :meth:`starts` takes it."""
 
     def __init__(self, folder: Path, lock: FileLock) -> None:
-        """Watch a folder. The lock is released with :meth:`close`, or by the system when the process ends."""
+        """Watch a folder. :meth:`close` releases the lock, or the system at the end of the process."""
         self._folder, self._lock, self._ends = folder, lock, threading.Event()
-        self.wake: Callable[[], None] = lambda: None  # called from a thread while there is a start to take
+        self.wake: Callable[[], None] = lambda: None  # called from a thread while a start is waiting
         threading.Thread(target=self._watch, name="second starts", daemon=True).start()
 
     def starts(self) -> Iterator[Start]:
-        """Take the starts that have come since the last call; none once the window ends."""
+        """Yield the starts since the last call; none once the window ends."""
         for path in () if self._ends.is_set() else _waiting(self._folder):
             text = path.read_text()
             path.unlink()
@@ -48,7 +48,7 @@ class SingleInstance:
                 yield Start(**json.loads(text))
 
     def end(self) -> None:
-        """Take no more: a start from now on waits until this window is gone."""
+        """Accept no more starts; new ones wait until this window is gone."""
         self._ends.set()
 
     def close(self) -> None:
@@ -63,13 +63,13 @@ class SingleInstance:
 
 
 def begin(folder: Path, start: Start, display: str | None = None) -> SingleInstance | None:
-    """Become the window of a display; None where one is open, which has taken the start then.
+    """Become the window of a display; None if another window has taken the start.
 
     Args:
-        folder: of the user; the display has one of its own in it.
-        display: None: the present one.
+        folder: of the user; contains one folder per display.
+        display: None: the current one.
 
-    Raises ``TimeoutError`` where that window takes nothing for a minute.
+    Raises ``TimeoutError`` if that window takes nothing for a minute.
     """
     own = folder / f"window-{_display() if display is None else display}"
     own.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
     write_json(wish, start._asdict())
     try:
         while time.monotonic() < until:
-            if not wish.exists():  # first: the window that took it may have ended since
+            if not wish.exists():  # first: the window that took it may have ended
                 return None
             if _is_free(lock):
                 return SingleInstance(own, lock)
@@ -93,7 +93,7 @@ def _waiting(folder: Path) -> list[Path]:
 
 
 def _is_free(lock: FileLock) -> bool:
-    """Whether the lock is ours from now on; always on a file system without locks."""
+    """Acquire the lock and return True; also on a file system without locks."""
     try:
         lock.acquire(timeout=0)
     except Timeout:
@@ -104,6 +104,6 @@ def _is_free(lock: FileLock) -> bool:
 
 
 def _display() -> str:
-    """The machine and its display, as a name of a file."""
+    """Return the machine and its display as a file name."""
     words = platform.node(), os.environ.get("WAYLAND_DISPLAY", ""), os.environ.get("DISPLAY", "")
     return re.sub(r"\W+", "-", "-".join(filter(None, words)))

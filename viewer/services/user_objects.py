@@ -1,6 +1,4 @@
-"""User objects, kept from one launch to the next: a folder with a file for each fitted object, and one for the named
-directions of each model.
-"""
+"""User objects kept between launches: a file for each fitted object, and one per model for its named directions."""
 
 import json
 import re
@@ -30,27 +28,27 @@ class _Stored(NamedTuple):
 
 
 class UserObjects:
-    """The file of an object is a scene with a name, so it opens as any other scene."""
+    """Stores each object as a scene file with a name, which opens like any scene."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """``folder`` None keeps nothing."""
+        """``folder`` None stores nothing."""
         self._folder = folder
-        self._stored: dict[str, _Stored] = {}  # by name, those of the models that were opened
+        self._stored: dict[str, _Stored] = {}  # by name, of the opened models
 
     def open(self, model: Model) -> tuple[EditableObject, ...]:
-        """The objects of a model, the oldest first. What cannot be read, or is of another model, is left alone."""
+        """Return the objects of a model, the oldest first; skips unreadable files and other models' objects."""
         found, others = list[EditableObject](), self._stored.items()
         self._stored = {name: one for name, one in others if one.about.codes.model != model.fingerprint}
         files = self._folder.glob("*.json") if self._folder else ()
         for path in sorted(files, key=lambda path: path.stat().st_mtime):
             if one := optional(partial(_read, path, model)):
-                name = unique_name(one.name, self._stored)  # another window may have given the same one
+                name = unique_name(one.name, self._stored)  # another window may have used the same name
                 found.append(replace(one, name=name))
                 self._stored[name] = _Stored(path, found[-1])
         return tuple(found)
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
-        """Keep these and no others. Raises ``ValueError`` where that cannot be."""
+        """Store exactly these objects. Raises ``ValueError`` if that fails."""
         if self._folder is None:
             return
         wanted = {one.name: one for one in objects}
@@ -64,7 +62,7 @@ class UserObjects:
             self._stored.pop(name).path.unlink(missing_ok=True)
 
     def directions(self, model: Model) -> tuple[Direction, ...]:
-        """The named directions of a model, or of the latest one that it extends; none where they cannot be read."""
+        """Return the named directions of a model, or of the latest model it extends; none if unreadable."""
         paths = [self._directions(one) for one in (model.fingerprint, *model.extends)] if self._folder else []
         path = next((path for path in paths if path.exists()), None)
         found = (optional(lambda: _read_directions(path)) or ()) if path else ()
@@ -73,7 +71,7 @@ class UserObjects:
         return tuple(replace(one, step=replace(one.step, model=model.fingerprint)) for one in fits)
 
     def keep_directions(self, models: OpenModels, directions: Iterable[Direction]) -> None:
-        """Keep these and no others of the open models. Raises ``ValueError`` or ``OSError`` where that cannot be."""
+        """Store exactly these directions of the open models. Raises ``ValueError`` or ``OSError`` if that fails."""
         for model in models if self._folder else ():
             path, own = self._directions(model.fingerprint), (one for one in directions if models.of(one.step) is model)
             steps = [(one.name, one.step.shape.tolist(), one.step.texture.tolist()) for one in own]
@@ -91,7 +89,7 @@ def _is_same(first: EditableObject, second: EditableObject) -> bool:
 
 
 def _file_name(name: str) -> str:
-    """One that no system refuses, and that no other object has."""
+    """Return a unique file name that every system accepts."""
     return f"{re.sub(r'[^A-Za-z0-9]+', '-', name)[:40].strip('-').lower()}-{secrets.token_hex(3)}.json"
 
 
@@ -104,7 +102,7 @@ def _write(path: Path, one: EditableObject, model: Model) -> None:
 
 
 class _About(NamedTuple):
-    """The content of a file beside its scene."""
+    """JSON fields of an object beside its scene."""
 
     name: str
     confidence: float | None = None

@@ -1,4 +1,4 @@
-"""One thread that does the slow work, a step at a time, so that the window never waits."""
+"""A thread that does slow work in small steps, so that the window never waits."""
 
 import os
 import sys
@@ -13,33 +13,33 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-_REST = 1.0  # s without work after which the worker is at rest: memory that it gives back then costs time to get again
+_REST = 1.0  # s without work until the worker counts as idle: returning memory earlier would cost time to get it again
 
 
 @dataclass(frozen=True, eq=False)
 class Job(Generic[T]):
     """A stream that the worker steps. Its callbacks run in :meth:`Worker.deliver`, on the window's thread."""
 
-    name: str  # a newer job of the same name takes the place of an older one
-    start: Callable[[], Iterable[T | None]]  # makes the stream, on the worker; None says only that time has passed
+    name: str  # a newer job replaces an older one of the same name
+    start: Callable[[], Iterable[T | None]]  # makes the stream, on the worker; None only marks progress
     value: Callable[[T], None]
     end: Callable[[Exception | None], None] = lambda error: None  # called once unless cancelled
-    urgent: bool = False  # goes before all others until its first value, and is not replaced before it
-    share: float = 1.0  # of the worker's time, against other jobs'
+    urgent: bool = False  # runs before all others until its first value, and is not replaced before it
+    share: float = 1.0  # weight of the worker's time against other jobs
 
 
 @dataclass(eq=False)
 class _Running:
     job: Job
-    spent: float  # seconds over the job's share
+    spent: float  # seconds over the job's weight
     stream: Iterator | None = None
     shown: bool = False
-    over: bool = False  # to be stepped no more
-    muted: bool = False  # what it still has to deliver is dropped
+    over: bool = False  # not to be stepped again
+    muted: bool = False  # its pending callbacks are dropped
 
 
 class Worker:
-    """Steps streams in turn. To stop a stream is not to step it any more, so a cancel waits for one step at most."""
+    """Steps streams in turn. A stream stops by not being stepped, so a cancel waits for one step at most."""
 
     def __init__(
         self,
@@ -47,8 +47,8 @@ class Worker:
         at_rest: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        """All are called from the worker's thread: ``wake`` whenever there is something to deliver, ``at_rest`` once
-        there has been nothing to do for a while, ``clock`` (s) before and after every step.
+        """All callbacks run in the worker's thread: ``wake`` if there is something to deliver, ``at_rest`` after a
+        while without work, ``clock`` (s) before and after every step.
         """
         self.wake, self._at_rest, self._clock, self._rests = wake, at_rest, clock, False
         self._running: list[_Running] = []
@@ -60,7 +60,7 @@ class Worker:
         self._thread.start()
 
     def submit(self, job: Job) -> None:
-        """Start a job, in place of an older one of its name."""
+        """Start a job, replacing an older one of its name."""
         with self._changed:
             current = self._find(job.name)
             if current and current.job.urgent and not current.shown:
@@ -70,7 +70,7 @@ class Worker:
             self._changed.notify()
 
     def cancel(self, name: str) -> None:
-        """Stop the job of this name; nothing of it is delivered from now on."""
+        """Stop the job of this name and drop its pending callbacks."""
         with self._changed:
             self._next.pop(name, None)
             for entry in (*self._running, *(entry for entry, _ in self._delivery)):
@@ -79,21 +79,21 @@ class Worker:
             self._changed.notify()
 
     def busy(self, *names: str) -> bool:
-        """Whether a job (one of these names) is under way or has something to deliver."""
+        """True if a job (one of these names) is running or has results to deliver."""
         with self._changed:
             due = [entry for entry, _ in self._delivery if not entry.muted]
             alive = [entry for entry in self._running if not entry.over]
             return any(not names or entry.job.name in names for entry in due + alive)
 
     def deliver(self) -> None:
-        """Call the callbacks that are due; to be called once a frame."""
+        """Call the pending callbacks; call once a frame."""
         for _ in range(len(self._delivery)):
             entry, callback = self._delivery.popleft()
             if not entry.muted:
                 callback()
 
     def close(self) -> None:
-        """End after the step under way and wait for that; streams are closed, so that they clean up."""
+        """End after the current step and wait for it; streams are closed, so that they clean up."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -104,14 +104,14 @@ class Worker:
         return next((entry for entry in self._running if entry.job.name == name and not entry.over), None)
 
     def _begin(self, job: Job, old: _Running | None) -> None:
-        if old:  # a frame that is on its way is still worth seeing, anything else would mislead
+        if old:  # a pending frame is still worth seeing, other results would mislead
             old.over, old.muted = True, not old.job.urgent
         least = min((entry.spent for entry in self._running if not entry.over), default=0.0)
         self._running.append(_Running(job, least))
 
     def _run(self) -> None:
-        if sys.platform == "linux":  # the window stays at its frame rate beside torch on few cores
-            os.nice(10)  # of this thread alone
+        if sys.platform == "linux":  # the window keeps its frame rate beside torch on few cores
+            os.nice(10)  # only this thread
         while (entry := self._pick()) is not None:
             began = self._clock()
             self._step(entry)
@@ -120,7 +120,7 @@ class Worker:
             _close(left.stream)
 
     def _pick(self) -> _Running | None:
-        """The job to step next: an urgent one that has shown nothing, else the one that had the least time."""
+        """Return the job to step next: an urgent one without a value, else the one with the least time."""
         while not self._closing:
             with self._changed:
                 ended = [entry for entry in self._running if entry.over]
@@ -146,7 +146,7 @@ class Worker:
             value = next(entry.stream)
         except StopIteration:
             self._post(entry, lambda: entry.job.end(None), over=True)
-        except Exception as error:  # whatever goes wrong in a job is shown in the window, and only there
+        except Exception as error:  # the window shows any error of a job
             self._post(entry, partial(entry.job.end, error), over=True)
         else:
             if value is not None:
@@ -163,5 +163,5 @@ class Worker:
 
 def _close(stream: Iterator | None) -> None:
     if isinstance(stream, Generator):
-        with suppress(Exception):  # the job was given up: nobody waits for its errors
+        with suppress(Exception):  # nobody waits for errors of an abandoned job
             stream.close()

@@ -1,4 +1,4 @@
-"""Straight ways through the codes, along which a slider changes an object: principal ones, or from one to another."""
+"""Straight directions in code space, moved along by sliders: principal ones, or from one object to another."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -12,23 +12,23 @@ from viewer.values.part import PARTS, Part
 
 @dataclass(frozen=True)
 class Direction:
-    """A way that changes shape, texture, or both by equally many standard deviations of the trained codes."""
+    """A direction in shape, texture, or both, by equally many standard deviations of the trained codes."""
 
     name: str
-    step: Codes  # one standard deviation; zero in a code that it leaves as it is
+    step: Codes  # one standard deviation; zero in a code that does not change
 
     @classmethod
     def principal(cls, book: CodeBook, part: Part, index: int) -> "Direction":
-        """One of the principal directions of the trained codes, named by its number."""
+        """Return one of the principal directions of the trained codes, named by its number."""
         space = book.shape_space if part == "shape" else book.texture_space
         zero, way = _zero(book), space.basis[index]
         return cls(str(index + 1), replace(zero, shape=way) if part == "shape" else replace(zero, texture=way))
 
     @classmethod
     def between(cls, name: str, book: CodeBook, ends: tuple[Codes, Codes], parts: Iterable[Part]) -> "Direction":
-        """From the shape, the texture, or both of one object to those of another.
+        """Return the direction from one object's shape, texture, or both to another's.
 
-        Raises ``ValueError`` where they do not differ.
+        Raises ``ValueError`` if they do not differ.
         """
         first, second = ends
         spaces = {"shape": book.shape_space, "texture": book.texture_space}
@@ -46,12 +46,14 @@ class Direction:
         return tuple(part for part in PARTS if bool(getattr(self.step, part).any()))
 
     def strength(self, codes: Codes, mean: Codes) -> float:
-        """How far codes are along it, in standard deviations from the mean; of two codes the average."""
+        """Return the position of codes along the direction, in standard deviations from the mean, averaged over both
+        parts.
+        """
         ways = ((getattr(codes, part) - getattr(mean, part), getattr(self.step, part)) for part in self.parts)
         return sum(float(way @ step / step.square().sum()) for way, step in ways) / len(self.parts)
 
     def moved(self, codes: Codes, mean: Codes, to: float) -> Codes:
-        """The codes with another strength; nothing across it changes, nor a code that it leaves as it is."""
+        """Return the codes at another position; components across the direction stay."""
         by = to - self.strength(codes, mean)
         return replace(codes, **{part: getattr(codes, part) + by * getattr(self.step, part) for part in self.parts})
 

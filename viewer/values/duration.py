@@ -1,8 +1,8 @@
-"""Times in words."""
+"""Durations in words."""
 
 
 def duration(seconds: float) -> str:
-    """So many seconds, as exactly as a person wants to know.
+    """Format a duration with the precision that a person needs.
 
     >>> [duration(seconds) for seconds in (0.2, 6.4, 38, 170, 4000)]
     ['1 s', '6 s', '40 s', '3 min', '67 min']

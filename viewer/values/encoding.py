@@ -1,4 +1,4 @@
-"""Frozen values as JSON, by the types of their fields; bulk stands beside it once and is referred to by number."""
+"""Frozen values as JSON by the types of their fields; large values are stored once and referred to by number."""
 
 import io
 from collections.abc import Callable
@@ -22,25 +22,25 @@ from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
 
-_SHARED = Timeline, PhotoView, Erasure  # types of values that many states of undo have in common
-_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes: pixels of one photo, and of all
+_SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
+_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes, of the pixels of one photo and of all photos
 
 
 @dataclass(eq=False)
 class Parts:
-    """Values that JSON refers to by number: many states share a code or a timeline, and numbers in bulk are no text."""
+    """Values that JSON refers to by number, since many states share them and arrays make bad text."""
 
     tensors: list[Tensor] = field(default_factory=list)
-    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity, WebP of detail
+    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity, WebP of photo detail
     timelines: list[Any] = field(default_factory=list)
-    """timelines, and what is erased of photos, as JSON; as values once they have been decoded"""
-    models: OpenModels | None = None  # where the models of codes are found that are read
-    model: str = ""  # fingerprint of the model of codes that do not name any
-    left: int = _MAX_PHOTOS  # bytes that the pixels of photos may take still, when they are read
+    """timelines and erasures of photos: JSON, replaced by values when decoded"""
+    models: OpenModels | None = None  # finds the models of decoded codes
+    model: str = ""  # default fingerprint for codes without one
+    left: int = _MAX_PHOTOS  # bytes left for the pixels of photos yet to be read
     _known: dict[int, tuple[object, int]] = field(default_factory=dict)  # by identity, values and their numbers
 
     def number(self, value: object, stored: list, make: Callable[[], Any]) -> int:
-        """Of a value in a list, which it joins unless it is there."""
+        """Return a value's number in a list, adding the value if it is new."""
         if id(value) not in self._known:
             made = make()
             self._known[id(value)] = value, len(stored)
@@ -49,7 +49,7 @@ class Parts:
 
 
 def encode(value: Any, parts: Parts) -> Any:
-    """A value as JSON; what it refers to joins the parts."""
+    """Encode a value as JSON; large values are added to ``parts``."""
     if isinstance(value, Tensor):
         return parts.number(value, parts.tensors, lambda: value.detach().cpu().contiguous())
     if isinstance(value, _SHARED):
@@ -75,15 +75,15 @@ def _encode_shared(value: Any, parts: Parts) -> Any:
 
 
 def decode(kind: Any, value: Any, parts: Parts) -> Any:
-    """The inverse of :func:`encode`, of a type; fields that are not there have their defaults.
+    """Invert :func:`encode` for a type; missing fields get their defaults.
 
-    Raises ``ValueError`` where it is no such value.
+    Raises ``ValueError`` for other content.
     """
     return typed(kind, value, lambda one: _reader(one, parts), getattr(kind, "__name__", "it"))
 
 
 def _reader(kind: Any, parts: Parts) -> Callable[[Any], Any] | None:
-    """Of a type that is not in JSON itself."""
+    """Return the decoder of a type that JSON lacks."""
     if kind in _SPECIAL:
         return lambda value: _SPECIAL[kind](value, parts)
     if isinstance(kind, type) and issubclass(kind, AbstractArray):
@@ -92,7 +92,7 @@ def _reader(kind: Any, parts: Parts) -> Callable[[Any], Any] | None:
 
 
 def encode_photo(photo: Photo) -> bytes:
-    """A photo as a PNG, its mask as opacity."""
+    """Encode a photo as PNG with its mask as opacity."""
     pixels = to_bytes(photo.pixels)
     file = io.BytesIO()
     Image.fromarray(np.dstack((pixels, 255 * photo.mask.numpy().astype(np.uint8)))).save(file, "PNG")
@@ -100,7 +100,7 @@ def encode_photo(photo: Photo) -> bytes:
 
 
 def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
-    """The inverse of :func:`encode_photo`, and the other fields. Raises ``ValueError`` where it is no photo.
+    """Invert :func:`encode_photo`, adding the other fields. Raises ``ValueError`` if it is not a photo.
 
     Args:
         most: bytes that its pixels may take.
@@ -111,7 +111,7 @@ def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
 
 
 _BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur", "mask_confidence"
-"""Fields of a photo that a PNG cannot hold."""
+"""Fields of a photo that a PNG cannot store."""
 
 
 def _decode_photo(about: Any, parts: Parts) -> Photo:
@@ -122,7 +122,7 @@ def _decode_photo(about: Any, parts: Parts) -> Photo:
     if about.get("fine") is None:
         return photo
     fine = _part(parts.photos, about["fine"])
-    decompressed(fine)  # raises where it is damaged
+    decompressed(fine)  # raises if damaged
     return replace(photo, fine=fine)
 
 
@@ -130,7 +130,7 @@ def _decode_view(about: dict, parts: Parts) -> PhotoView:
     kinds = _kinds(PhotoView)
     beside = {name: decode(kinds[name], about[name], parts) for name in kinds if name in about and name != "image"}
     view = PhotoView(_part(parts.photos, about["image"]), **beside)
-    view.pixels()  # raises where it is damaged
+    view.pixels()  # raises if damaged
     return view
 
 
@@ -140,18 +140,18 @@ def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
 
 
 def _decode_codes(about: Any, parts: Parts) -> Codes:
-    """Codes of an open model: of one that extends theirs where that is open. Raises ``ValueError`` where none is."""
+    """Decode codes of an open model, or one that extends theirs. Raises ``ValueError`` if neither is open."""
     codes: Codes = _decode_in_place(Codes, about, parts)
     assert parts.models is not None, "no models"
     model = parts.models[codes.model or parts.model]
     sizes = model.field.config.shape_latent, model.field.config.texture_latent
     if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
-        raise ValueError(f"it is no object of its model of {model.category or 'unnamed things'}")
+        raise ValueError(f"it does not fit its model of {model.category or 'unnamed objects'}")
     return replace(codes, model=model.fingerprint)
 
 
 def _decode_shared(kind: Any, about: Any, parts: Parts) -> Any:
-    """The same value for the same number, once it has been decoded; files of November 2026 hold some in place."""
+    """Return the same value for the same number; some files of November 2026 hold values in place."""
     if isinstance(about, dict):
         return _decode_in_place(kind, about, parts)
     found = _part(parts.timelines, about)
@@ -167,7 +167,7 @@ def _decode_in_place(kind: Any, about: Any, parts: Parts) -> Any:
 
 
 def _part(stored: list, number: Any) -> Any:
-    """By its number."""
+    """Look up a stored value by number."""
     if not 0 <= whole(number) < len(stored):
         raise ValueError(f"part {number} is missing")
     return stored[whole(number)]
@@ -182,7 +182,7 @@ _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
 
 @cache
 def _kinds(kind: Any) -> dict[str, Any]:
-    """The types of the fields; finding them takes long."""
+    """Return the types of the fields, cached because it is slow."""
     return get_type_hints(kind)
 
 

@@ -1,4 +1,4 @@
-"""The history of a fit: photos, steps, and which of them is shown. All frozen."""
+"""The history of a fit: photos, steps, and the selected step. All frozen."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from core.rendering.progressive import Frame
 from core.runtime.reading import optional, read_numbers
 from viewer.values.printable import printable
 
-_AROUND = 0.08  # of the object's size, that is shown around it
-MAX_STEPS = 800  # kept; of more, every other one is forgotten
+_AROUND = 0.08  # margin shown around the object, relative to its size
+MAX_STEPS = 800  # steps kept; beyond, every other one is dropped
 
 
 class PhotoSource(NamedTuple):
-    """Where a photo comes from."""
+    """Origin of a photo."""
 
     path: Path
-    pose: Path | None = None  # its camera, where that is known: an SRN pose file
-    hints: Hints | None = None  # where the object is, where a person pointed it out
+    pose: Path | None = None  # its SRN pose file, if the camera is known
+    hints: Hints | None = None  # a person's hints to the object, if any
     crop: Crop | None = None
 
     @property
     def name(self) -> str:
-        """Of its file, as the window can draw it."""
+        """Name of the file, printable."""
         return printable(self.path.name)
 
 
@@ -51,17 +51,17 @@ class FittedPhoto:
 
     @classmethod
     def of(cls, source: PhotoSource, photo: Photo) -> FittedPhoto:
-        """With its pixels as bytes."""
+        """Build from a photo, converting its pixels to bytes."""
         return cls(source, photo, to_bytes(photo.pixels))
 
     @property
     def digest(self) -> str:
-        """By which the photo is known again."""
+        """Hash that identifies the photo."""
         return hashlib.sha256(self.pixels.tobytes()).hexdigest()[:16]
 
     @cached_property
     def part(self) -> tuple[float, float, float, float]:
-        """The part of the photo that shows the object, and a little around it: left, top, right, bottom, 0..1."""
+        """Region of the photo with the object and a margin: left, top, right, bottom, 0..1."""
         bounds = list[float]()
         for axis in (0, 1):
             there = (self.photo.mask > 0.5).any(axis).nonzero()[:, 0].tolist()
@@ -72,37 +72,37 @@ class FittedPhoto:
         return bounds[0], bounds[2], bounds[1], bounds[3]
 
     def doubled_difference(self, render: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "height width 3"]:
-        """Twice the absolute difference, at the photo's size; a render that is a preview is smaller."""
+        """Return twice the absolute difference at the photo's size; the render may be a smaller preview."""
         enlarged = np.asarray(Image.fromarray(render).resize(self.pixels.shape[1::-1]), np.int16)
         return (2 * np.abs(self.pixels - enlarged)).clip(0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
 class FitHistory:
-    """How a fit has gone so far."""
+    """The course of a fit so far."""
 
     sources: tuple[PhotoSource, ...] = ()
-    photos: tuple[FittedPhoto, ...] = ()  # as many of the sources as have been read
+    photos: tuple[FittedPhoto, ...] = ()  # of the sources read so far
     steps: tuple[FitStep, ...] = ()
-    selected: int | None = None  # the step that is shown; None: the newest
-    photo_index: int = 0  # the photo that is shown
-    model: str = ""  # fingerprint of the model that is fitted; empty until the first photo's category is known
-    frame: Frame | None = None  # the newest render of that step, from the photo's camera
-    difference: UInt8[np.ndarray, "height width 3"] | None = None  # photo less render, doubled
+    selected: int | None = None  # the selected step; None: the newest
+    photo_index: int = 0  # the selected photo
+    model: str = ""  # fingerprint of the fitted model; empty until the first photo's category is known
+    frame: Frame | None = None  # newest render of the selected step, from the photo's camera
+    difference: UInt8[np.ndarray, "height width 3"] | None = None  # doubled difference of photo and render
 
     @property
     def name(self) -> str:
-        """Of the object: that of its first photo."""
+        """Name of the object: its first photo's."""
         return printable(self.sources[0].path.stem) if self.sources else ""
 
     @property
     def photo(self) -> FittedPhoto | None:
-        """The photo that is shown, once it has been read."""
+        """The selected photo, once it has been read."""
         return self.photos[self.photo_index] if self.photo_index < len(self.photos) else None
 
     @property
     def image(self) -> UInt8[np.ndarray, "height width 3"] | None:
-        """The newest render on white, as the photo is."""
+        """The newest render on white, like the photo."""
         return self.frame.image if self.frame else None
 
     @property
@@ -112,40 +112,40 @@ class FitHistory:
 
     @property
     def step(self) -> FitStep | None:
-        """The step that is shown."""
+        """The selected step."""
         return self.steps[self.selected] if self.selected is not None else self.last
 
     @property
     def progress(self) -> float:
-        """0..1"""
+        """Progress, 0..1."""
         return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
 
     def with_step(self, step: FitStep) -> FitHistory:
-        """With a step more; where there are too many, only every other one is kept, and the newest."""
+        """Add a step; beyond :data:`MAX_STEPS` keep only every other step and the newest."""
         steps, selected = (*self.steps, step), self.selected
         if len(steps) > MAX_STEPS:
             steps, selected = (*steps[:-1:2], step), selected and selected // 2
         return replace(self, steps=steps, selected=selected)
 
     def up_to_selected(self) -> FitHistory:
-        """Without the steps after the one that is shown."""
+        """Drop the steps after the selected one."""
         kept = len(self.steps) if self.selected is None else self.selected + 1
         return replace(self, steps=self.steps[:kept], selected=None)
 
 
 class FitRequest(NamedTuple):
-    """A fit that is wanted: what there is of it already, and from which hypothesis it goes on, if not from anew."""
+    """A requested fit: its history so far, and the hypothesis to resume from (None: start anew)."""
 
     history: FitHistory
     resume_from: Hypothesis | None = None
-    restored: bool = False  # of a run that ended in it, maybe after its result had joined the objects
+    restored: bool = False  # from a run that ended during this fit, maybe after its result had joined the objects
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
-    """Sort files into images, with the poses that have their names, and files that are neither.
+    """Sort files into images with the poses of the same names, and other files.
 
-    A pose is a text of 16 numbers. Without an image, all files but texts count as images: reading them says why they
-    are none. Raises ``ValueError`` where there are only texts.
+    A pose is a text of 16 numbers. Without an image, all other files count as images, so that reading them reports why
+    they are not. Raises ``ValueError`` if there are only texts.
     """
     texts = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
     no_texts = [path for path in paths if path not in texts.values()]
@@ -159,13 +159,13 @@ def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[P
 
 
 def _is_image(path: Path) -> bool:
-    """By its name, or by its content."""
+    """Recognise an image by name or content."""
     return path.suffix.lower() in IMAGE_SUFFIXES or optional(lambda: upright_size(path)) is not None
 
 
 @dataclass(frozen=True)
 class Ready:
-    """A fitted object that can be shown."""
+    """A fitted object that is ready to be shown."""
 
     name: str
-    camera: Camera  # from where its photo was taken, at the size of the model's images
+    camera: Camera  # its photo's camera, at the size of the model's images

@@ -1,4 +1,4 @@
-"""Cameras round the object as lines in a plane: plain projection, no renderer. Pure."""
+"""Cameras around the object as lines in a plane: plain projection, no renderer. Pure."""
 
 import math
 from typing import NamedTuple
@@ -9,28 +9,28 @@ from jaxtyping import Float
 
 from core.geometry.camera import Camera, camera_rotation
 
-_LENGTH = 0.3  # scene units, of a frustum as it is shown
+_LENGTH = 0.3  # scene units, length of a drawn frustum
 _EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
 
 
 class OverviewCamera(NamedTuple):
-    """From where the cameras are shown, without perspective; rad."""
+    """Direction of the overview, without perspective; rad."""
 
     azimuth: float = math.radians(25)
     elevation: float = math.radians(35)
 
     def turned(self, across: float, down: float) -> "OverviewCamera":
-        """Moved by these angles, never below the horizontal plane."""
+        """Rotate by these angles, never below the horizontal plane."""
         return OverviewCamera(self.azimuth - across, max(0.0, min(math.pi / 2, self.elevation + down)))
 
     def project(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 2"]:
-        """Where points of the world are in the plane, x right and y down, in scene units."""
+        """Project world points to the plane, x right and y down, in scene units."""
         right, up, _ = _axes(self.azimuth, self.elevation)
         return np.stack((points @ right, -(points @ up)), -1)
 
 
 def frustum(camera: Camera) -> Float[np.ndarray, "lines 2 3"]:
-    """The pyramid of what a camera sees, its top at the camera: eight lines."""
+    """Return a camera's viewing pyramid, its apex at the camera: eight lines."""
     right, up, back = _axes(camera.azimuth, camera.elevation)
     half = _LENGTH * np.array((camera.width, camera.height)) / (2 * camera.focal)
     apex = camera.distance * back
@@ -41,7 +41,7 @@ def frustum(camera: Camera) -> Float[np.ndarray, "lines 2 3"]:
 
 
 def box(extent: tuple[float, float, float]) -> Float[np.ndarray, "lines 2 3"]:
-    """The object's box: twelve lines.
+    """Return the object's box: twelve lines.
 
     Args:
         extent: half its sides, scene units.
@@ -52,13 +52,13 @@ def box(extent: tuple[float, float, float]) -> Float[np.ndarray, "lines 2 3"]:
 
 
 def ring(radius: float, lines: int = 48) -> Float[np.ndarray, "lines 2 3"]:
-    """A circle in the horizontal plane."""
+    """Return a circle in the horizontal plane."""
     angles = np.linspace(0, 2 * math.pi, lines + 1)
     points = radius * np.stack((np.cos(angles), np.sin(angles), 0 * angles), -1)
     return np.stack((points[:-1], points[1:]), 1)
 
 
 def _axes(azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Right, up and backward, as :func:`core.geometry.camera.camera_rotation` has them."""
+    """Return right, up and backward like :func:`core.geometry.camera.camera_rotation`."""
     right, up, backward = camera_rotation(*torch.tensor([azimuth, elevation], dtype=torch.float64)).numpy()
     return right, up, backward

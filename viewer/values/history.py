@@ -1,4 +1,4 @@
-"""The history of undo: states before and after this one, a drag counted once."""
+"""The undo history: states before and after the current one; a drag counts once."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from viewer.values.direction import Direction
 from viewer.values.part import PARTS
 from viewer.values.variety import readable
 
-_DEPTH = 500  # States kept; a state is a few hundred numbers
+_DEPTH = 500  # states kept; a state is a few hundred numbers
 
 
 class Pair(NamedTuple):
-    """An object put together: whose shape, and whose texture."""
+    """An object composed of one object's shape and another's texture."""
 
     shape: str
     texture: str
@@ -26,7 +26,7 @@ class Pair(NamedTuple):
 
 @dataclass(frozen=True)
 class Mix:
-    """Between which objects the two sliders run, and their values (0 is A, 1 is B)."""
+    """Objects between which the two sliders mix, and the sliders' values (0 is A, 1 is B)."""
 
     a: Pair
     b: str
@@ -34,22 +34,22 @@ class Mix:
     texture: float = 0.0
 
     def with_amount(self, part: str, amount: float) -> Mix:
-        """With the slider of one part moved."""
+        """Move the slider of one part."""
         return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
 
     @property
     def names(self) -> frozenset[str]:
-        """The objects that it mixes."""
+        """Names of the mixed objects."""
         return frozenset((*self.a, self.b))
 
     def renamed(self, names: Mapping[str, str]) -> Mix:
-        """With other names for some objects."""
+        """Rename some objects."""
         return replace(self, a=Pair(*(names.get(name, name) for name in self.a)), b=names.get(self.b, self.b))
 
 
 @dataclass(frozen=True)
 class State:
-    """The edited state: the scene, the values of the mixing sliders, the timeline, and the named directions."""
+    """The edited state: scene, mixing sliders, timeline and named directions."""
 
     scene: Scene
     mix: Mix
@@ -57,11 +57,11 @@ class State:
     directions: tuple[Direction, ...] = ()
 
     def moved_from(self, before: State) -> bool:
-        """They differ in nothing but the camera."""
+        """True if the states differ only in the camera."""
         return replace(self, scene=before.scene) == before and self.scene.codes == before.scene.codes
 
     def change_from(self, before: State) -> str:
-        """What was edited, in a few words."""
+        """Describe the edit since an earlier state in a few words."""
         mix, was = self.mix, before.mix
         if mix.a != was.a:
             return readable(mix.a.shape) + ("" if mix.a.shape == mix.a.texture else f" as {readable(mix.a.texture)}")
@@ -76,18 +76,16 @@ class State:
 
 @dataclass(frozen=True)
 class History:
-    """The state of now between two tuples of states. Every edit makes a new history."""
+    """The current state between two tuples of states. Every edit makes a new history."""
 
     now: State
     past: tuple[State, ...] = ()
     future: tuple[State, ...] = ()
-    gesture: str = ""  # the drag under way, whose edits change the state that it began
-    moved: bool = field(default=False, compare=False)  # the next move continues this
+    gesture: str = ""  # drag under way; its edits replace the state it began
+    moved: bool = field(default=False, compare=False)  # the next move continues this one
 
     def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
-        """Edited. Edits of one gesture, until :meth:`without_gesture`, are one step; so are moves of the camera
-        (``moves``) that follow each other.
-        """
+        """Add an edited state. Edits of one gesture, or consecutive camera moves (``moves``), count as one step."""
         if state == self.now:
             return self
         same = (bool(gesture) and gesture == self.gesture) or (moves and self.moved)
@@ -95,29 +93,29 @@ class History:
         return History(state, past, (), gesture, moves)
 
     def without_gesture(self) -> History:
-        """The drag has ended: the next edit is a step of its own."""
+        """End the drag: the next edit is a step of its own."""
         return replace(self, gesture="")
 
     def undone(self) -> History:
-        """One step back, or the same where there is none."""
+        """Go one step back, if there is one."""
         if not self.past:
             return self
         return History(self.past[-1], self.past[:-1], (self.now, *self.future))
 
     def redone(self) -> History:
-        """One step forward again, or the same where there is none."""
+        """Go one step forward, if there is one."""
         if not self.future:
             return self
         return History(self.future[0], (*self.past, self.now), self.future[1:])
 
     @property
     def states(self) -> tuple[State, ...]:
-        """All there are, the oldest first; that of now has the index ``len(past)``."""
+        """All states, the oldest first; the current one has the index ``len(past)``."""
         return (*self.past, self.now, *self.future)
 
     @property
     def edits(self) -> tuple[tuple[int, str], ...]:
-        """The index of the last state of every edit, and what that was: moves of the camera after it belong to it."""
+        """Index of each edit's last state, and the edit's description; later camera moves belong to the edit."""
         states = self.states
         begins = [0, *(at for at in range(1, len(states)) if not states[at].moved_from(states[at - 1]))]
         ends = (*(begin - 1 for begin in begins[1:]), len(states) - 1)
@@ -125,24 +123,24 @@ class History:
         return tuple(zip(ends, named, strict=True))
 
     def at(self, index: int) -> History:
-        """At another of the states; the others stay, before and after it."""
+        """Make another state current; all states stay."""
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
 
     def newer(self, steps: int) -> History:
-        """Without the oldest steps before the state of now; so many stay."""
+        """Keep only the latest ``steps`` steps before the current state."""
         return replace(self, past=self.past[max(0, len(self.past) - steps) :])
 
     def after(self, earlier: History) -> History:
-        """With all states of another history before these."""
+        """Put all states of another history before these."""
         return replace(self, past=(*earlier.states, *self.past)[-_DEPTH:])
 
     def renamed(self, names: Mapping[str, str]) -> History:
-        """With other names for some objects, in every state."""
+        """Rename some objects in every state."""
         return self._everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
 
     def with_directions(self, directions: tuple[Direction, ...]) -> History:
-        """With these named directions too, in every state, where the state of now lacks them."""
+        """Add named directions to every state unless the current state has them."""
         more = tuple(one for one in directions if one not in self.now.directions)
         return self._everywhere(lambda state: replace(state, directions=(*state.directions, *more))) if more else self
 

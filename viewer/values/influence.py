@@ -1,4 +1,4 @@
-"""The influence of a slider: where in the image, and whether it moves the silhouette. Pure."""
+"""The influence of a slider: changed image regions, and changes of the silhouette. Pure."""
 
 from dataclasses import dataclass
 
@@ -8,20 +8,20 @@ from jaxtyping import UInt8
 from core.rendering.progressive import Frame
 from viewer.values.view_modes import colour_map
 
-_VISIBLE = 4 / 255  # of a colour: what an eye may notice
-_OVER = 0.8  # opacity of the heat over the object, where much changes
+_VISIBLE = 4 / 255  # difference of colours that an eye may notice
+_OVER = 0.8  # opacity of the overlay at large changes
 
 
 @dataclass(frozen=True, eq=False)
 class CodeInfluence:
     """The difference between two renders from the same camera."""
 
-    image: UInt8[np.ndarray, "height width 4"]  # clear where nothing changes, the brighter the more
-    leak: float  # the largest change of any pixel's opacity, 0..1: how far the silhouette moves
+    image: UInt8[np.ndarray, "height width 4"]  # transparent where nothing changes, brighter for larger changes
+    leak: float  # largest change of any pixel's opacity, 0..1: movement of the silhouette
 
     @classmethod
     def between(cls, low: Frame, high: Frame) -> "CodeInfluence":
-        """Of a slider at two of its values."""
+        """Compare renders of a slider at two of its values."""
         moved = np.abs(low.image.astype(float) - high.image).max(-1) / 255
         leak = float(np.abs(low.opacity - high.opacity).max())
         share = moved / max(moved.max(), _VISIBLE)

@@ -1,4 +1,4 @@
-"""The objects of a session: those that the open models were trained on, and those added since."""
+"""The objects of a session: training objects of the open models, and added ones."""
 
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
@@ -19,8 +19,8 @@ class EditableObject:
     name: str
     codes: Codes
     fitted: bool = False  # to a photo
-    confidence: float | None = None  # probability that the photo's camera is right; None: not known
-    photo: str = ""  # digest of that photo's pixels; empty where that is not known
+    confidence: float | None = None  # probability that the photo's camera is right; None: unknown
+    photo: str = ""  # digest of that photo's pixels; empty if unknown
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
@@ -28,20 +28,20 @@ class EditableObject:
 
 
 class ObjectLibrary:
-    """Objects by name: those of the models but their collapsed ones, and those that are added."""
+    """Objects by name: those of the models except collapsed ones, and added ones."""
 
     def __init__(self, models: Iterable[Model]) -> None:
         self._trained: dict[str, EditableObject] = {}
         self._added: dict[str, EditableObject] = {}
-        self.removed: frozenset[str] = frozenset()  # in no list any more; undo may come back to them
+        self.removed: frozenset[str] = frozenset()  # in no list, but undo may restore them
         self.version = 0  # counts the changes
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
-        """by the fingerprint of their model: one object of each form, and its variants, different forms first"""
+        """by fingerprint of the model: one object of each form and its variants, different forms first"""
         for model in models:
             self.add_model(model)
 
     def add_model(self, model: Model) -> None:
-        """Take in the objects that a model was trained on, or its mean object where it has none."""
+        """Add the objects that a model was trained on, or its mean object if there are none."""
         book, names = model.codes, list[str]()
         objects = [(book.objects[index].name, book[index]) for index in book.valid] or [("mean", book.mean)]
         for wanted, codes in objects:
@@ -58,43 +58,43 @@ class ObjectLibrary:
 
     @property
     def names(self) -> list[str]:
-        """Added objects first, the newest in front, then those of each model: one of each form, then the variants."""
+        """Added objects, the newest first, then those of each model: one of each form, then the variants."""
         forms = self.families.values()
         return [*self.own, *(name for one in forms for name in (*one, *chain.from_iterable(one.values())))]
 
     @property
     def own(self) -> list[str]:
-        """The names of added objects, the newest in front."""
+        """Names of added objects, the newest first."""
         return [one.name for one in reversed(self.added)]
 
     def families_of(self, name: str) -> dict[str, tuple[str, ...]]:
-        """The forms and their variants among which an object is listed; none for an added one."""
+        """Return the forms with variants that list an object; none for an added object."""
         return {} if name in self._added else self.families[self[name].codes.model]
 
     @property
     def added(self) -> tuple[EditableObject, ...]:
-        """Those that are no model's own, the oldest first: fitted, or opened."""
+        """Added objects (fitted or opened) that were not removed, the oldest first."""
         return tuple(one for name, one in self._added.items() if name not in self.removed)
 
     @property
     def ever_added(self) -> tuple[EditableObject, ...]:
-        """Those that were removed too."""
+        """All added objects, including removed ones."""
         return tuple(self._added.values())
 
     def add(self, added: EditableObject) -> str:
-        """Take in an object; its name, which is made unique."""
+        """Add an object and return its name, made unique."""
         name = unique_name(added.name, self)
         self._added[name] = replace(added, name=name)
         self.version += 1
         return name
 
     def replace(self, name: str, better: EditableObject) -> None:
-        """Put another object in the place of an added one; the name stays."""
+        """Replace an added object, keeping its name."""
         self._added[name] = replace(better, name=name)
         self.version += 1
 
     def rename(self, name: str, to: str) -> str:
-        """Give an added object another name, which is made unique; that name."""
+        """Rename an added object and return the new name, made unique."""
         to = unique_name(to, self)
         self._added = {
             to if key == name else key: replace(one, name=to) if key == name else one
@@ -104,14 +104,12 @@ class ObjectLibrary:
         return to
 
     def remove(self, *names: str) -> None:
-        """Take added objects out of all lists."""
+        """Remove added objects from all lists."""
         self.removed |= frozenset(names)
         self.version += 1
 
     def add_missing(self, others: Iterable[EditableObject]) -> dict[str, str]:
-        """Take in those whose codes no added object has that was there before, each for one; by their names, the names
-        that they have here.
-        """
+        """Add objects whose codes no earlier added object has, one for one; map their names to the names here."""
         before, names = list(self.ever_added), dict[str, str]()
         for other in others:
             same = [one for one in before if one.codes == other.codes]
@@ -123,7 +121,7 @@ class ObjectLibrary:
 
 
 def unique_name(wanted: str, taken: Container[str]) -> str:
-    """A name that is not taken: the wanted one, or that with a number."""
+    """Return the wanted name, with a number if it is taken."""
     name, count = (wanted := printable(wanted)), 1
     while name in taken:
         count += 1

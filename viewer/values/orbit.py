@@ -7,70 +7,71 @@ from core.geometry.camera import FRONT_AZIMUTH, Camera
 from core.models.model import Model
 from core.rendering.progressive import Frame
 
-HIGHEST = math.radians(89.0)  # Short of the pole, where the image would spin
+HIGHEST = math.radians(89.0)  # short of the pole, where the image would spin
 _ZOOM_STEP = 1.1
-REACH = 0.4, 3.0  # Nearest and farthest, in shares of the distance the model was trained at
+REACH = 0.4, 3.0  # nearest and farthest distance, relative to the training distance
 VIEWS = {"front": (FRONT_AZIMUTH, 0.0), "side": (FRONT_AZIMUTH - math.pi / 2, 0.0), "top": (FRONT_AZIMUTH, HIGHEST)}
-"""Azimuth and elevation (rad) of the usual views."""
-_FAR = 30.0  # times as far away as with perspective: the camera of an orthographic view
-_MAX_PAN = 1.0  # How far the object can be panned, in shares of the view's shorter side
+"""Azimuth and elevation (rad) of the standard views."""
+_FAR = 30.0  # distance of the orthographic camera, relative to the perspective one
+_MAX_PAN = 1.0  # largest pan of the object, relative to the view's shorter side
 
 
 def home(model: Model) -> Camera:
-    """Where a model is first seen from: the front, a little from the side and above, near enough to fill the view."""
+    """Return the initial camera of a model: from the front, slightly sideways and above, filling the view."""
     half_view = math.atan(model.image_size / 2 / model.focal)
-    # Four fifths: the box's corners are empty, so a little less than all of it fills the view.
+    # Four fifths, because the box's corners are empty.
     filling_it = 0.8 * math.hypot(*model.extent) / math.sin(half_view)
     return model.camera(math.radians(60), math.radians(20), min(model.distance, filling_it))
 
 
 def dragged(camera: Camera, across: float, down: float) -> Camera:
-    """The object turns with the mouse: half a turn for a drag across the whole view.
+    """Rotate the object with the mouse: half a turn for a drag across the whole view.
 
     Args:
-        across, down: how far the mouse moved, in shares of the view's size.
+        across, down: motion of the mouse, relative to the view's size.
     """
     return turned(camera, -math.pi * across, math.pi * down)
 
 
 def turned(camera: Camera, azimuth: float, elevation: float) -> Camera:
-    """The camera moved by these angles (rad), kept off the poles."""
+    """Rotate the camera by these angles (rad), kept off the poles."""
     around = math.remainder(camera.azimuth + azimuth, 2 * math.pi)
     up = max(-HIGHEST, min(HIGHEST, camera.elevation + elevation))
     return replace(camera, azimuth=around, elevation=up)
 
 
 def reach(camera: Camera, model: Model) -> tuple[float, float]:
-    """The least and the largest distance of a camera; a longer focal length sees objects from further away."""
+    """Return the least and the largest distance of a camera; longer focal lengths allow larger distances."""
     longer = max(1.0, camera.focal / camera.height / (model.focal / model.image_size))
     return REACH[0] * model.distance, REACH[1] * longer * model.distance
 
 
 def zoomed(camera: Camera, steps: float, model: Model) -> Camera:
-    """Nearer by so many clicks of the wheel, neither into the object nor out of sight."""
+    """Zoom in by wheel clicks, within :func:`reach`."""
     nearest, farthest = reach(camera, model)
     return replace(camera, distance=max(nearest, min(farthest, camera.distance * _ZOOM_STEP**-steps)))
 
 
 def seen_from(camera: Camera, view: str) -> Camera:
-    """One of :data:`VIEWS`, from as far away as now."""
+    """Return one of :data:`VIEWS` at the current distance."""
     azimuth, elevation = VIEWS[view]
     return replace(camera, azimuth=azimuth, elevation=elevation)
 
 
 def same_direction(one: Camera, other: Camera) -> bool:
-    """Both see the object from the same side; from how far away does not matter."""
+    """True if both cameras see the object from the same side, at any distance."""
     return (one.azimuth, one.elevation) == (other.azimuth, other.elevation)
 
 
 def is_orthographic(camera: Camera, model: Model) -> bool:
-    """The camera is so far away that nearly no perspective is left."""
+    """True if the camera is so far away that almost no perspective is left."""
     return camera.focal / camera.height > _FAR / 2 * model.focal / model.image_size
 
 
 def with_perspective(camera: Camera, model: Model, perspective: bool) -> Camera:
-    """The object as large as before with the perspective of the model's focal length, or with next to none: the camera
-    is then many times as far away and its focal length as many times as long.
+    """Switch the perspective of the model's focal length on or off; the object keeps its size.
+
+    Without perspective the distance and the focal length are many times as large.
     """
     wanted = (1.0 if perspective else _FAR) * model.focal / model.image_size
     ratio = wanted / (camera.focal / camera.height)
@@ -78,34 +79,34 @@ def with_perspective(camera: Camera, model: Model, perspective: bool) -> Camera:
 
 
 def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
-    """The object moved in the view, with the mouse; shares of the view's shorter side."""
+    """Move the object in the view; fractions of the view's shorter side."""
     x, y = (max(-_MAX_PAN, min(_MAX_PAN, value)) for value in (pan[0] + across, pan[1] + down))
     return x, y
 
 
 @dataclass(frozen=True)
 class PanelCrop:
-    """An image to be rendered, and what of it a panel shows: a camera looks at the middle of the object only."""
+    """An image to render and the part of it that a panel shows: cameras only look at the object's middle."""
 
     camera: Camera
     width: int
-    height: int  # px that are shown
+    height: int  # px shown
     left: int = 0
-    top: int = 0  # px before them
+    top: int = 0  # px to the left of and above the shown part
 
     def widened(self, across: int, down: int) -> "PanelCrop":
-        """The same shown, of an image with so many px more on either side of it."""
+        """Add pixels to the image on both sides without changing the shown part."""
         camera = self.camera
         wider = replace(camera, width=camera.width + 2 * across, height=camera.height + 2 * down)
         return replace(self, camera=wider, left=self.left + across, top=self.top + down)
 
     def middle(self, camera: Camera, right: int = 0, below: int = 0) -> "PanelCrop":
-        """The view of a camera of fewer pixels, from the same place, with the object so many px right and below."""
+        """Return the same view at a smaller camera size, with the object shifted by px to the right and below."""
         left, top = (self.camera.width - camera.width) // 2, (self.camera.height - camera.height) // 2
         return PanelCrop(self.camera, camera.width, camera.height, left - right, top - below)
 
     def cropped(self, frame: Frame) -> Frame:
-        """The part of the frame that is shown, at the size of any of its stages."""
+        """Crop a frame of any resolution to the shown part."""
         if (self.width, self.height) == (self.camera.width, self.camera.height):
             return frame
         scale = frame.image.shape[0] / self.camera.height
@@ -121,12 +122,12 @@ class PanelCrop:
 def fit_to_panel(
     camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)
 ) -> PanelCrop:
-    """The view for a panel of any shape: its shorter side shows what the camera's height shows.
+    """Return the view for a panel of any shape; its shorter side shows the camera's height.
 
     Args:
         width, height: of the panel, px.
-        detail: px along the shorter side of what is shown.
-        pan: how far the object is moved right and down, in shares of the shorter side.
+        detail: px along the shorter side of the shown part.
+        pan: shift of the object to the right and down, relative to the shorter side.
     """
     shorter = max(1, min(width, height))
     across, down = (max(1, round(detail * side / shorter)) for side in (width, height))

@@ -1,4 +1,4 @@
-"""How much of an object is from its photos, in words."""
+"""Descriptions of how much of an object comes from its photos."""
 
 import math
 from collections.abc import Mapping
@@ -13,18 +13,18 @@ SIDES = {
     "right side": orbit.VIEWS["side"],
     "back": (orbit.FRONT_AZIMUTH + math.pi, 0.0),
     "left side": (orbit.FRONT_AZIMUTH + math.pi / 2, 0.0),
-}  # azimuth and elevation of the camera that sees each
-_SIZE = 32  # px of the renders that are looked at
-_COVERED = 0.4  # of a side's pixels, from which on it counts as from a photo
+}  # azimuth and elevation of the camera facing each side
+_SIZE = 32  # px of the renders examined
+_COVERED = 0.4  # fraction of a side's pixels from which it counts as from a photo
 
 
 def side_cameras(model: Model) -> dict[str, Camera]:
-    """A small view of every side."""
+    """Return a small view of every side."""
     return {name: model.camera(*angles).resized(_SIZE, _SIZE) for name, angles in SIDES.items()}
 
 
 def describe_sources(model: Model, frames: Mapping[str, Frame]) -> str:
-    """Which sides are from the photo, which from its mirror image, by frames of the sides."""
+    """List the sides from the photo and from its mirror image, given frames of the sides."""
     found: dict[str, list[str]] = {"photo": [], "mirrored": []}
     for side, frame in frames.items():
         if frame.sources is not None:

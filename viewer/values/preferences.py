@@ -1,4 +1,4 @@
-"""Preferences, remembered from one launch to the next, in a small file that may be lost or broken."""
+"""Preferences kept between launches in a small file that may be missing or broken."""
 
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -13,43 +13,43 @@ from viewer.values.share_settings import ShareSettings
 _FILE = "preferences.json"
 _RECENT = 8  # files remembered
 TURNING = {"automatic": "Automatic", "on": "On", "off": "Off"}
-"""Whether OpenGL draws a baked object while it is turned, and how that is called; first: where it is fast."""
-SMALLEST, LARGEST = 0.75, 2.0  # of the text, relative to the default
+"""Labels of choices: draw a baked object by OpenGL while it turns; automatic: if OpenGL is fast."""
+SMALLEST, LARGEST = 0.75, 2.0  # text sizes, relative to the default
 
 
 @dataclass(frozen=True)
 class Preferences:
-    """Values that a person chose. A new choice is a new one of these."""
+    """A person's choices. Changes make a new object."""
 
     dark: bool = True
-    smooth: bool = True  # the finished render without visible pixels; previews show theirs
+    smooth: bool = True  # hide pixels of the finished render; previews show theirs
     text: float = 1.0  # size of the text, relative to the default
-    quality: int = DEFAULT_QUALITY  # which of :data:`viewer.values.quality.QUALITIES`
-    turning: str = "automatic"  # what draws the object while it is turned: one of :data:`TURNING`
-    idle_turn: bool = True  # what was rebuilt turns slowly until something is touched
-    shadow: bool = True  # on the ground below the object, in the view and in what is shared of it
+    quality: int = DEFAULT_QUALITY  # index into :data:`viewer.values.quality.QUALITIES`
+    turning: str = "automatic"  # one of :data:`TURNING`
+    idle_turn: bool = True  # a fitted object turns slowly until something is touched
+    shadow: bool = True  # on the ground below the object, in the view and in shared files
     newcomer: bool = True  # nobody has turned the object yet
-    camera_path: bool = True  # drawn over the view, where the timeline has one
+    camera_path: bool = True  # drawn over the view if the timeline has one
     share: ShareSettings = field(default_factory=ShareSettings)
-    recent: tuple[str, ...] = ()  # paths of images and scenes that were opened, the last one first
+    recent: tuple[str, ...] = ()  # paths of opened images and scenes, the latest first
 
     def with_text_size(self, text: float) -> "Preferences":
-        """With a larger or smaller text, within reason."""
+        """Change the text size, within limits."""
         return replace(self, text=max(SMALLEST, min(LARGEST, text)))
 
     def with_recent(self, path: Path) -> "Preferences":
-        """With a file at the head of the recent ones."""
+        """Put a file at the head of the recent ones."""
         name = str(path.absolute())
         return replace(self, recent=(name, *(other for other in self.recent if other != name))[:_RECENT])
 
     def save(self, folder: Path) -> None:
-        """Write them into a folder, which is made. Raises ``ValueError`` or ``OSError`` where that cannot be."""
+        """Write to a folder, creating it. Raises ``ValueError`` or ``OSError`` if that fails."""
         folder.mkdir(parents=True, exist_ok=True)
         write_json(folder / _FILE, asdict(self))
 
     @classmethod
     def load(cls, folder: Path) -> "Preferences":
-        """Read them; what is missing or makes no sense is as on the first launch."""
+        """Read preferences; missing or invalid values get their defaults."""
         stored = optional(lambda: read_json(folder / _FILE))
         if not isinstance(stored, dict):
             return cls()
@@ -63,7 +63,7 @@ class Preferences:
 
 
 def _share(stored: object) -> ShareSettings:
-    """The choices of the Share dialog, all of them or none."""
+    """Read the choices of the Share dialog, all of them or none."""
     try:
         return ShareSettings(**_kept(ShareSettings(), stored)) if isinstance(stored, dict) else ShareSettings()
     except ValueError:
@@ -71,7 +71,7 @@ def _share(stored: object) -> ShareSettings:
 
 
 def _kept(default: Any, stored: dict) -> dict[str, Any]:
-    """The stored ones of a dataclass's numbers, texts and choices, where it is of the right type."""
+    """Return the stored numbers, texts and choices of the right type."""
     return {
         one.name: stored[one.name]
         for one in fields(default)

@@ -1,13 +1,13 @@
-"""Text as the window can draw it."""
+"""Text that the window can draw."""
 
 _CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
 _JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))  # join parts of an emoji: no glyphs
 
 
 def printable(text: object) -> str:
-    """A name or a line of text on its way into the window: what is no character of Unicode is a question mark.
+    """Clean text for the window: invalid characters become question marks.
 
-    Names of files may hold bytes that are no UTF-8; imgui takes none of them, in any frame.
+    File names may hold bytes that are not UTF-8, which imgui rejects.
 
     Example:
         >>> printable("bad_\\udcff.png")

@@ -1,4 +1,4 @@
-"""A project: all that a person made, as a value and as one file, a zip of JSON, tensors and photos."""
+"""A project: everything a person made, as a value and as one file, a zip of JSON, tensors and photos."""
 
 import json
 import zipfile
@@ -23,7 +23,7 @@ from viewer.values.objects import EditableObject, unique_name
 
 SUFFIX = ".codenerf"
 _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
-_MAX_BYTES = 100_000_000  # of what is unpacked; a project of a day's work has some millions
+_MAX_BYTES = 100_000_000  # of unpacked content; a project of a day's work has some millions
 
 
 class SavedTile(NamedTuple):
@@ -36,26 +36,26 @@ class SavedTile(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """Everything that a session can go on with."""
+    """Everything needed to resume a session."""
 
     history: History
-    objects: tuple[EditableObject, ...] = ()  # those that are no model's own, the oldest first
-    removed: tuple[str, ...] = ()  # those of them that are in no list any more
+    objects: tuple[EditableObject, ...] = ()  # those added to the models' own, the oldest first
+    removed: tuple[str, ...] = ()  # names of added objects that no list shows
     grid: tuple[str, ...] = ()  # objects in the grid
-    fit: FitHistory = field(default_factory=FitHistory)  # the last one that is over
-    tiles: tuple[SavedTile, ...] = ()  # its candidates
-    pending: tuple[FitRequest, ...] = ()  # the fit under way, and those that wait
-    models: tuple[str, ...] = ()  # names and paths of the models that were open
-    path: Path | None = None  # where a person saved it last, if it is kept from launch to launch
+    fit: FitHistory = field(default_factory=FitHistory)  # the last finished fit
+    tiles: tuple[SavedTile, ...] = ()  # candidates of that fit
+    pending: tuple[FitRequest, ...] = ()  # the fit under way, and waiting ones
+    models: tuple[str, ...] = ()  # names and paths of the open models
+    path: Path | None = None  # last path chosen by a person, if the project is kept between launches
 
     @property
     def is_empty(self) -> bool:
-        """Nothing was made, edited or begun."""
+        """True if nothing was made, edited or begun."""
         return not (self.history.past or self.history.future or self.fit.sources or self.pending)
 
     @property
     def summary(self) -> str:
-        """How many steps, objects and photos under way it holds; empty where it holds none."""
+        """Counts of steps, objects and photos under way in words; empty for none."""
         counts = {
             ("step", "steps"): len(self.history.past) + len(self.history.future),
             ("object", "objects"): len({one.name for one in self.objects} - {*self.removed}),
@@ -64,15 +64,15 @@ class Project:
         return ", ".join(f"{count} {one if count == 1 else more}" for (one, more), count in counts.items() if count)
 
     def shared(self) -> "Project":
-        """To be handed on: without the folders of this machine, except those of photos that have not been read yet."""
+        """Return the project without this machine's folders, except those of photos not yet read."""
         return replace(self._moved(lambda path: Path(path.name)), path=None)
 
     def beside(self, folder: Path) -> "Project":
-        """With the photos that are found by their names in a folder."""
+        """Locate photos by their names in a folder."""
         return self._moved(lambda path: folder / path if (folder / path).is_file() else path)
 
     def after(self, earlier: "Project") -> "Project":
-        """With all of another project before it; objects of that which have a name of this one's get another."""
+        """Append this project to another one, renaming the other's objects on a clash."""
         taken, names = {one.name for one in self.objects}, dict[str, str]()
         for one in earlier.objects:
             names[one.name] = unique_name(one.name, taken)
@@ -91,21 +91,21 @@ class Project:
         )
 
     def save(self, path: Path, models: OpenModels) -> None:
-        """Write it, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
+        """Write the file atomically. Raises ``ValueError`` for a path that cannot be written."""
         parts = Parts()
         bare = replace(self, fit=_without_renders(self.fit), pending=tuple(map(_request, self.pending)))
         about = {"format": "codenerf-project-2", "project": encode(bare, parts), "timelines": parts.timelines}
         with atomic_file(path, partial(Project.load, models=models)) as written, zipfile.ZipFile(written, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
-            # A copy each, as safetensors refuses tensors that share memory.
+            # Cloned because safetensors refuses tensors that share memory.
             file.writestr(_TENSORS, save({str(number): one.clone() for number, one in enumerate(parts.tensors)}))
             for number, photo in enumerate(parts.photos):
                 file.writestr(_photo(number), photo)
 
     @classmethod
     def load(cls, path: Path, models: OpenModels) -> "Project":
-        """Read it; the models that it names are opened. Raises ``ValueError`` where it is no whole project, or where
-        one of its models cannot be opened.
+        """Read a project and open its models. Raises ``ValueError`` for a damaged file or a model that cannot be
+        opened.
         """
         with reading(path, "a project"), open_zip(path, _MAX_BYTES) as file:
             about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
@@ -116,7 +116,7 @@ class Project:
             return _first_format(about, parts) if about.project is None else _decoded(about.project, parts)
 
     def _moved(self, move: Callable[[Path], Path]) -> "Project":
-        """With other paths of the photos and poses that have been read."""
+        """Map the paths of photos and poses that have been read."""
         pending = tuple(one._replace(history=_moved(one.history, move)) for one in self.pending)
         return replace(self, fit=_moved(self.fit, move), pending=pending)
 
@@ -129,13 +129,13 @@ class _About(NamedTuple):
     project: dict | None = None
     model: str = ""
     sessions: tuple[dict, ...] = ()
-    path: Path | None = None  # the last three of the first format: a session for each model, one of which was open
+    path: Path | None = None  # the last three only in the first format, which had a session per model
 
 
 def _decoded(about: dict, parts: Parts) -> Project:
     assert parts.models is not None
     for name in about.get("models", ()):
-        with suppress(ValueError):  # codes of a model that is not there say so
+        with suppress(ValueError):  # codes of a missing model report it
             parts.models.open(str(name))
     found: Project = decode(Project, about, parts)
     for fit in (found.fit, *(request.history for request in found.pending)):
@@ -144,30 +144,30 @@ def _decoded(about: dict, parts: Parts) -> Project:
 
 
 def _first_format(about: _About, parts: Parts) -> Project:
-    """The sessions of all models one after another, that of the model that was open at the end."""
+    """Join the sessions of all models, that of the current model last."""
     assert parts.models is not None
     found: Project | None = None
     for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
-        parts.model = session["history"]["now"]["scene"]["model"]  # codes did not know it
+        parts.model = session["history"]["now"]["scene"]["model"]  # codes did not store it
         one = _decoded(_completed(session, parts) | {"models": [session["model"]]}, parts)
-        model = parts.models[parts.model].fingerprint  # one that extends it may be open in its place
+        model = parts.models[parts.model].fingerprint  # of the open model, which may extend the stored one
         pending = tuple(request._replace(history=_of_model(request.history, model)) for request in one.pending)
         one = replace(one, fit=_of_model(one.fit, model), pending=pending, path=about.path)
         found = one.after(found) if found else one
     if found is None:
-        raise ValueError("nothing was made in it")
+        raise ValueError("the project is empty")
     return found
 
 
 def _completed(value: Any, parts: Parts) -> Any:
-    """JSON of the first format with what its oldest files lack: how photos were moved in their crops."""
+    """Add fields that the oldest files lack to JSON of the first format: the shift of photos in their crops."""
     if isinstance(value, list):
         return [_completed(one, parts) for one in value]
     if not isinstance(value, dict):
         return value
     found = {name: _completed(one, parts) for name, one in value.items()}
     if isinstance(found.get("photo"), dict) and "name" in found:
-        found |= {"photo": "", "fitted": True}  # of an object, whose photo is known by its digest now
+        found |= {"photo": "", "fitted": True}  # an object, whose photo is now identified by its digest
     if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
         found["crop_transform"] = len(parts.tensors)
         parts.tensors.append(torch.zeros(len(found["cameras"]), 4))
@@ -179,7 +179,7 @@ def _of_model(fit: FitHistory, model: str) -> FitHistory:
 
 
 def is_project(path: Path) -> bool:
-    """Whether a file is a project, by its name."""
+    """True for a project file, judged by name."""
     return path.suffix.lower() == SUFFIX
 
 
@@ -188,7 +188,7 @@ def _photo(number: int) -> str:
 
 
 def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
-    """Files that have not been read yet stay where they are."""
+    """Map paths of photos already read; the others stay."""
     read = [one._replace(path=move(one.path), pose=one.pose and move(one.pose)) for one in fit.sources]
     read = read[: len(fit.photos)]
     photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))
@@ -196,7 +196,7 @@ def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
 
 
 def _check_cameras(fit: FitHistory) -> None:
-    """Raise ``ValueError`` where the cameras of a fit are not of its photos' sizes, at which they are rendered."""
+    """Raise ``ValueError`` if a fit's cameras differ in size from its photos, at which they are rendered."""
     sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
     for step in fit.steps:
         for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
@@ -205,7 +205,7 @@ def _check_cameras(fit: FitHistory) -> None:
 
 
 def _without_renders(fit: FitHistory) -> FitHistory:
-    """Renders are made again. Of each step but the last, the leading hypothesis is enough to resume from."""
+    """Drop renders, and all hypotheses but the leading one of each step except the last."""
     steps = tuple(replace(step, hypotheses=step.hypotheses[:1]) for step in fit.steps[:-1])
     return replace(fit, steps=(*steps, *fit.steps[-1:]), frame=None, difference=None)
 

@@ -1,12 +1,12 @@
-"""How fine the image is that is rendered at once; once the hand rests it gets all pixels of the view."""
+"""Resolutions of the preview; at rest the view gets all its pixels."""
 
 from typing import NamedTuple
 
 
 class Quality(NamedTuple):
-    """Of the image that is rendered at once."""
+    """Resolution of the preview."""
 
-    detail: int  # px along its shorter side, if the view has as many
+    detail: int  # px along its shorter side, limited by the view
     samples: int  # intervals along the longest side of the scene's box
 
 
@@ -18,5 +18,5 @@ QUALITIES = (
     Quality(384, 192),
     Quality(512, 192),
     Quality(768, 256),
-)  # From coarse to fine; each takes about twice as long as the one before.
+)  # from coarse to fine; each takes about twice as long as the one before
 DEFAULT_QUALITY = 3  # index into :data:`QUALITIES`

@@ -1,4 +1,4 @@
-"""Settings of shared files: the choices of the Share dialog, which are kept from one launch to the next."""
+"""Choices of the Share dialog, kept between launches."""
 
 from dataclasses import dataclass, replace
 
@@ -12,14 +12,14 @@ from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient
 
-KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # names
+KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # labels
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
-"""what is behind the object, and its name"""
+"""labels of the backgrounds behind the object"""
 
 
 @dataclass(frozen=True)
 class ShareSettings:
-    """How a file is written. Raises ``ValueError`` for a choice that there is not."""
+    """Options of a shared file. Raises ``ValueError`` for an unknown choice."""
 
     kind: str = "turntable"  # one of :data:`KINDS`
     video: str = ".mp4"
@@ -29,18 +29,18 @@ class ShareSettings:
     rate: int = 24  # frames per second
     quality: int = 85  # 1 to 100
     frames: int = 72  # of one turn
-    fill: bool = True  # the object fills the frame; else it is as large as in the view
+    fill: bool = True  # the object fills the frame; else it has the view's size
     background: str = "view"  # one of :data:`BACKGROUNDS`
     red: int = 255
     green: int = 255
-    blue: int = 255  # 0..255, the colour of that background
-    shadow: bool = False  # on the ground: as in the view
+    blue: int = 255  # 0..255, for the background "colour"
+    shadow: bool = False  # on the ground, as in the view
     view_background: Gradient | None = None
-    exact: bool = False  # every pixel of a picture or a video by the network; else drawn from a baked copy
-    cells: int = 0  # of a mesh along the object; 0: as many as its detail needs
-    texture: int = 1024  # px, of the image with the colours of a mesh; 0: its vertices have them
-    triangles: int = 0  # of a mesh at the most; 0: as many as its detail needs
-    metres: float = 0.0  # the longest side of a mesh; 0: as usual for the model's objects
+    exact: bool = False  # every pixel of an image or a video by the network; else baked
+    cells: int = 0  # of a mesh along the object; 0: as many as the detail needs
+    texture: int = 1024  # px, of a mesh's colour image; 0: colours per vertex
+    triangles: int = 0  # of a mesh, at most; 0: as many as the detail needs
+    metres: float = 0.0  # longest side of a mesh; 0: usual for the model
 
     def __post_init__(self) -> None:
         choices = (
@@ -51,7 +51,7 @@ class ShareSettings:
             if chosen not in among:
                 raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
         if not all(0 <= part <= 255 for part in (self.red, self.green, self.blue)) or self.frames < 1:
-            raise ValueError(f"a colour has parts of 0 to 255, a turn has frames; got {self}")
+            raise ValueError(f"colour channels must be 0 to 255 and frames positive, got {self}")
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
         VideoSettings(self.size, self.rate, self.quality)
@@ -59,25 +59,25 @@ class ShareSettings:
 
     @property
     def suffix(self) -> str:
-        """The ending of the file's name."""
+        """Ending of the file's name."""
         return {"picture": self.picture, "mesh": self.mesh}.get(self.kind, self.video)
 
     @property
     def can_be_transparent(self) -> bool:
-        """The format has pixels without a colour."""
+        """True if the format supports transparent pixels."""
         if self.kind == "picture":
             return self.picture not in OPAQUE_FORMATS
         return self.kind != "mesh" and video.FORMATS[self.video].transparent
 
     @property
     def shows_shadow(self) -> bool:
-        """The file can have the shadow that was asked for."""
+        """True if a shadow is requested and the file supports it."""
         able = self.kind == "picture" or (self.kind != "mesh" and video.FORMATS[self.video].shows_shadow(self.behind))
         return self.shadow and able
 
     @property
     def behind(self) -> Background | None:
-        """What is behind the object, None for nothing; white where the format cannot be transparent."""
+        """Background of the file, None for transparent; white if the format requires one."""
         if self.background == "view":
             return self.view_background or WHITE
         if self.background == "colour":
@@ -86,29 +86,29 @@ class ShareSettings:
 
     @property
     def video_settings(self) -> VideoSettings:
-        """As videos are written with."""
+        """Settings for writing videos."""
         return VideoSettings(self.size, self.rate, self.quality, self.behind, self.exact, self.shadow)
 
     def mesh_settings(self, usual: float) -> MeshSettings:
-        """As meshes are written with: on the ground, in metres.
+        """Return the settings for writing meshes: on the ground, in metres.
 
         Args:
-            usual: the longest side of an object of the model (:attr:`core.models.model.Model.metres`).
+            usual: the longest side of the model's objects (:attr:`core.models.model.Model.metres`).
         """
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
     def views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
-        """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same; a
-        turntable that fills its frame is seen from no nearer than the model's images are, however near the view is.
+        """Return the views to render, in order.
+
+        A video keeps its cameras except for one common zoom in. A turntable that fills the frame stays at least at the
+        model's training distance.
         """
         shots = self.unframed_views(models, scene, timeline)
         return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
 
     def unframed_views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
-        """The views before they fill the frame, which takes a while and makes little difference to how long they take
-        to render.
-        """
+        """Return the views before framing, which is slow and hardly affects the rendering time."""
         if self.kind == "turntable":
             nearest = models.of(scene.codes).distance if self.fill else 0.0
             camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))

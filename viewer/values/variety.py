@@ -1,4 +1,4 @@
-"""Objects in an order to choose from: the most different forms first, the variants of a form behind it. Pure."""
+"""Ordering of objects to choose from: the most different forms first, each with its variants. Pure."""
 
 import re
 from collections.abc import Sequence
@@ -12,14 +12,14 @@ _SOURCE = re.compile(
     r"^(aws|blendswap_cc_(0|by)|chrono|gazebo|infinigen|jme|jtoastie|kaolin|katorlegaz|kaykit(_furniture|_restaurant)?"
     r"|kenney|khronos|morse|polygoogle|polyhaven|quaternius(_realistic|_house|_zombie|_[a-z]+\d{4})?|scopia|servicesim"
     r"|sharetextures|smarts|zhabotinsky)_"
-)  # who made a mesh, before its name
+)  # source of a mesh, before its name
 _GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")  # category, seed of the form, seed of the texture
-_VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")  # of a mesh: reshaped, repainted
+_VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")  # of a mesh: deformed, recoloured
 _NOUN = re.compile(r"(?<=[a-z])(?<!\barm)(?=(chair|stool)\b)")
 
 
 def family(name: str) -> str:
-    """The common name of the variants of one form.
+    """Return the common name of the variants of one form.
 
     >>> family("kenney_chair_desk-form1-look2"), family("chairs-0000087-0000287"), family("object 3")
     ('kenney_chair_desk', 'chairs-0000087', 'object 3')
@@ -30,7 +30,7 @@ def family(name: str) -> str:
 
 
 def readable(name: str) -> str:
-    """The name of a training object as a person says it; any other name as it is.
+    """Return a readable name for a training object; other names stay.
 
     >>> readable("blendswap_cc_0_antiquechair"), readable("kenney_chair_desk-form1-look2")
     ('Antique chair', 'Chair desk, form 1, look 2')
@@ -56,10 +56,10 @@ def readable(name: str) -> str:
 
 
 def families(names: Sequence[str], codes: Float[Tensor, "names latent"]) -> dict[str, tuple[str, ...]]:
-    """The first of each family and its variants, the most different forms first.
+    """Group names into families, each by its first member, the most different forms first.
 
     Args:
-        codes: shape codes, of which near ones are alike.
+        codes: shape codes by which forms are compared.
     """
     members: dict[str, list[int]] = {}
     for index, name in enumerate(names):

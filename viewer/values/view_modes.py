@@ -1,4 +1,4 @@
-"""View modes: a frame's colours, or depth, normals, opacity, samples and where its colours are from. Pure."""
+"""View modes: a frame's colours, or depth, normals, opacity, samples and sources of colours. Pure."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,21 +11,21 @@ from core.geometry.camera import Camera, camera_directions, camera_rotation, pix
 from core.geometry.pixels import to_bytes
 from core.rendering.progressive import Frame
 
-_OPAQUE = 0.5  # opacity from which a pixel counts as the object's
+_OPAQUE = 0.5  # opacity from which a pixel counts as the object
 _COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])
-"""from nothing to the most"""
+"""from lowest to highest"""
 
 SOURCE_COLOURS = {
     name: np.array(colour, np.float32)
     for name, colour in (("photo", (50, 190, 90)), ("mirrored", (60, 120, 240)), ("model", (150, 150, 150)))
-}  # of what is from a photo, from the mirror image of one, and the model's own
+}  # from a photo, from its mirror image, and from the model alone
 
 
 def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
-    """The frame with another image in it, one of :data:`MODES`; as it is where that is not known.
+    """Replace the frame's image by one of :data:`MODES`; unchanged if the data are missing.
 
     Args:
-        camera: with which it was rendered, at any size.
+        camera: of the frame, at any size.
     """
     image = MODES[mode](frame, camera)
     if image is None:
@@ -36,16 +36,16 @@ def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
 
 
 def colour_map(values: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
-    """Numbers 0..1 as colours from dark to bright."""
+    """Map numbers 0..1 to colours from dark to bright."""
     steps = np.linspace(0, 1, len(_COLOUR_MAP))
     channels = [np.interp(values, steps, _COLOUR_MAP[:, channel]) for channel in range(3)]
     return (np.stack(channels, -1) + 0.5).astype(np.uint8)
 
 
 def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]:
-    """Unit normals of the surface that depth describes, in the world's axes; 0 off the object and at its edges.
+    """Return unit normals from depth in world axes; 0 off the object and at its edges.
 
-    They are found by differences between neighbouring pixels, so they are as coarse as the frame.
+    Computed by differences between neighbouring pixels, so as coarse as the frame.
     """
     height, width = frame.depth.shape
     view = camera.resized(width, height)
@@ -65,7 +65,7 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
 
 
 def _depth(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
-    """Bright is near, within what the object spans."""
+    """Show depth within the object's range; bright is near."""
     there = frame.opacity > _OPAQUE
     if not there.any():
         return np.full_like(frame.image, 255)
@@ -75,27 +75,27 @@ def _depth(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
 
 
 def _opacity(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
-    """White is solid, black is clear."""
+    """Show opacity from black to white."""
     grey = to_bytes(frame.opacity)
     return np.repeat(grey[..., None], 3, -1)
 
 
 def _normal(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
-    """The axes of the world as red, green and blue."""
+    """Show the world axes of normals as red, green and blue."""
     found = normals(frame, camera)
     colours = np.where(found.any(-1, keepdims=True), 127.5 * (found + 1) + 0.5, 255.0)
     return _on_white(frame, colours.clip(0, 255).astype(np.uint8))
 
 
 def _samples(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"] | None:
-    """How many samples of each ray were evaluated, against the most of any."""
+    """Show the number of samples evaluated per ray, relative to the maximum."""
     if frame.evaluations is None:
         return None
     return colour_map(frame.evaluations / max(1, int(frame.evaluations.max())))
 
 
 def _source(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
-    """Green is from a photo, blue from the mirror image of one, grey the model's own."""
+    """Show sources of colours: green from a photo, blue from its mirror image, grey from the model."""
     light = frame.image.astype(np.float32).mean(-1, keepdims=True)
     shares = np.zeros((*frame.opacity.shape, 2), np.float32) if frame.sources is None else frame.sources
     photo, mirrored = (shares / np.maximum(frame.opacity, 1e-3)[..., None]).clip(0, 1).transpose(2, 0, 1)[..., None]
@@ -117,4 +117,4 @@ MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
     "samples": _samples,
     "source": _source,
 }
-_WITHOUT_BACKGROUND = ("opacity", "samples")  # Modes whose images have no background to shine through
+_WITHOUT_BACKGROUND = ("opacity", "samples")  # their images have no background to shine through

@@ -10,23 +10,23 @@ from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """How objects are seen, whichever model is open."""
+    """Settings of the view, independent of the open model."""
 
-    panel: tuple[int, int] = (512, 512)  # px, the size of the view
-    pan: tuple[float, float] = (0.0, 0.0)  # right and down, in shares of the view's shorter side
+    panel: tuple[int, int] = (512, 512)  # px, size of the view
+    pan: tuple[float, float] = (0.0, 0.0)  # right and down, relative to the view's shorter side
     quality: Quality = QUALITIES[DEFAULT_QUALITY]
     mode: str = "colour"  # one of :data:`viewer.values.view_modes.MODES`
-    opengl: bool = False  # OpenGL draws a baked copy while the object is turned; else every image is exact
-    covered: int = 0  # px at the view's lower edge that something lies over: an object stands above it
+    opengl: bool = False  # draw a baked object while it turns; else every image is exact
+    covered: int = 0  # px covered at the view's lower edge, above which the object is placed
 
     @property
     def offset(self) -> tuple[float, float]:
-        """How far the object is right of and below the view's middle, in shares of the view's shorter side."""
+        """Offset of the object to the right of and below the view's middle, relative to its shorter side."""
         return self.pan[0], self.pan[1] - self.covered / (2 * min(self.panel))
 
     @property
     def baked(self) -> bool:
-        """A baked copy may be drawn; it has colours alone."""
+        """True if a baked object may be drawn, which shows colours only."""
         return self.opengl and self.mode == "colour"
 
 
@@ -45,9 +45,9 @@ class ViewRequest:
 
     @property
     def preview(self) -> int:
-        """px along that side of the image that is rendered at once."""
+        """px of the preview along that side."""
         return min(self.settings.quality.detail, self.full)
 
     def crop(self, detail: int) -> orbit.PanelCrop:
-        """The camera to render, so many px along the view's shorter side, and what of it is shown."""
+        """Return the camera to render with ``detail`` px along the view's shorter side, and the part shown."""
         return orbit.fit_to_panel(self.camera, *self.settings.panel, detail, self.settings.offset)

@@ -1,4 +1,4 @@
-"""Renders a folder of GLB meshes into a dataset: ``index.json`` lists the files with their categories."""
+"""Render a folder of GLB meshes into a dataset; ``index.json`` lists the files with their categories."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ TURN_TO_FRONT = {
     "quaternius_oct2017_chair": -90,
     "quaternius_oct2017_chaircushioned": -90,
     "quaternius_oct2017_chairhandle": -90,
-}  # Degrees about the vertical that bring the front of a mesh to +y where its file has it elsewhere.
+}  # degrees about the vertical that turn the front of a mesh to +y, for files with another front
 
 
 @dataclass(frozen=True)
 class MeshEntry:
-    """One line of a mesh folder's index."""
+    """An entry of a mesh folder's index."""
 
     name: str
     category: str
@@ -36,7 +36,7 @@ class MeshEntry:
 
 
 class _Line(NamedTuple):
-    """Of an index."""
+    """JSON of an index entry."""
 
     id: str
     category: str
@@ -44,7 +44,7 @@ class _Line(NamedTuple):
 
 
 def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
-    """The meshes that a split renders, in the index's order. Raises ``ValueError`` for a folder without an index."""
+    """Return a split's meshes in the index's order. Raises ``ValueError`` for a folder without an index."""
     index = Path(folder) / "index.json"
     with reading(index, "a mesh index"):
         lines = typed(tuple[_Line, ...], read_json(index), name="index")
@@ -52,26 +52,26 @@ def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[Mesh
     split_of = {name: held for held, names in held_out_meshes(category).items() for name in names}
     selected = tuple(e for e in entries if e.category == category and split_of.get(e.name, "train") == split)
     if not selected:
-        raise ValueError(f"{index}: no {category} for the {split} split")
+        raise ValueError(f"{index}: no {category} in the {split} split")
     return selected
 
 
 def mesh_tasks(folder: Path | str, category: str, split: Split, variants: int = 0) -> tuple[RenderTask, ...]:
-    """Every mesh of :func:`select_meshes`, to be rendered by :func:`core.lab.datasets.render_objects.render_objects`.
+    """Return render tasks of every mesh of :func:`select_meshes`.
 
-    ``variants`` deformed shapes of each are added, in as many recolourings: see :mod:`core.lab.datasets.mesh_variants`.
-    Raises ``ValueError`` for a negative number of them.
+    Adds ``variants`` deformed shapes of each, in as many recolourings (:mod:`core.lab.datasets.mesh_variants`). Raises
+    ``ValueError`` for a negative number of variants.
     """
     if variants < 0:
-        raise ValueError(f"a mesh has no {variants} variants")
+        raise ValueError(f"the number of variants must not be negative, got {variants}")
     meshes = select_meshes(folder, category, split)
     return tuple(_render_task(entry, *pair) for entry in meshes for pair in pairs(variants))
 
 
 def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:
-    """A mesh in one of its shapes and recolourings; where one is 0 it has the mesh's own name.
+    """Describe a mesh with a shape and a recolouring; 0 keeps the mesh's own.
 
-    The names are those of the objects in the shipped models, and the cameras' seeds.
+    Names occur in the shipped models and seed the cameras.
     """
     shape_id = f"{entry.name}-form{shape}" if shape else entry.name
     texture_id = f"{entry.name}-look{recolouring}" if recolouring else entry.name
@@ -85,13 +85,13 @@ def _variant(entry: MeshEntry, shape: int, recolouring: int) -> tuple[Surface, .
 
 
 def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
-    """A GLB's surfaces in the world: centred, bounding box diagonal 1, base colours only.
+    """Load a GLB's surfaces into the world: centred, bounding box diagonal 1, base colours only.
 
     Args:
         path: the file; glTF axes.
         turn: degrees about the world's vertical, counter-clockwise seen from above.
 
-    Raises ``ValueError`` naming the file where it holds no triangles or cannot be read.
+    Raises ``ValueError`` naming the file if it is unreadable or holds no triangles.
     """
     with reading(path, "a mesh"):
         scene = trimesh.load_scene(path)
@@ -108,7 +108,7 @@ def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
 
 
 def normalised(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
-    """The same object with its bounding box centred on the origin and a diagonal of 1 (ShapeNet v2's scale)."""
+    """Scale and centre an object: bounding box around the origin, diagonal 1 (ShapeNet v2's scale)."""
     used = np.vstack([surface.vertices[np.unique(surface.faces)] for surface in surfaces])
     low, high = used.min(0), used.max(0)
     scale = 1.0 / max(float(np.linalg.norm(high - low)), 1e-12)
@@ -119,9 +119,9 @@ def normalised(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
 
 
 def _surface(geometry: trimesh.Trimesh, placed: Float[np.ndarray, "3 4"]) -> Surface:
-    """One mesh of the scene graph, placed in the world by a 3x3 matrix and a shift."""
+    """Place one mesh of the scene graph in the world by a 3x3 matrix and a shift."""
     vertices = geometry.vertices @ placed[:, :3].T + placed[:, 3]
-    # Normals turn with the inverse transpose; the cofactors are that up to scale and never divide by zero.
+    # Normals turn with the inverse transpose; the cofactors equal it up to scale and never divide by zero.
     a, b, c = placed[:, :3].T
     normals = geometry.vertex_normals @ np.stack((np.cross(b, c), np.cross(c, a), np.cross(a, b)))
     colours, uvs, texture = _appearance(geometry)
@@ -131,7 +131,7 @@ def _surface(geometry: trimesh.Trimesh, placed: Float[np.ndarray, "3 4"]) -> Sur
 def _appearance(
     geometry: trimesh.Trimesh,
 ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 2"] | None, UInt8[np.ndarray, "h w 4"] | None]:
-    """Colours, texture coordinates and texture: from vertex colours, or from the material's factor and image."""
+    """Return colours, texture coordinates and texture from vertex colours, or the material's factor and image."""
     count, visual = len(geometry.vertices), geometry.visual
     if isinstance(visual, trimesh.visual.ColorVisuals):
         return np.asarray(visual.vertex_colors)[:, :3] / 255.0, None, None
@@ -144,6 +144,6 @@ def _appearance(
     image = getattr(material, "baseColorTexture", None)
     if not isinstance(image, Image.Image) or visual.uv is None:
         return colours, None, None
-    # trimesh counts v from the image's bottom.
+    # trimesh measures v from the image's bottom.
     uvs = np.asarray(visual.uv) * (1.0, -1.0) + (0.0, 1.0)
     return colours, uvs, np.asarray(image.convert("RGBA"))

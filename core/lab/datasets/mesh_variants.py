@@ -1,4 +1,4 @@
-"""Variants of a mesh: other proportions and other colours, each an identity of its own."""
+"""Variants of a mesh with other proportions and colours, each a separate identity."""
 
 import zlib
 from collections.abc import Callable, Sequence
@@ -12,19 +12,18 @@ from scipy.cluster.vq import kmeans2
 from core.lab.datasets.procedural.paint import any_colour
 from core.lab.datasets.rasteriser import Surface
 
-_COLOURS = 6  # At most as many groups of colour, taken as the parts of a mesh.
-_STRETCH = 0.16
-"""Largest logarithm of the factor by which an axis is stretched, and of that by which its two halves differ."""
-_TEXELS = 1024  # px; larger textures are shrunk to this before they are recoloured.
+_COLOURS = 6  # largest number of colour groups, taken as the parts of a mesh
+_STRETCH = 0.16  # largest logarithm of the stretch along an axis, and of the ratio between its two halves
+_TEXELS = 1024  # px; larger textures are shrunk to this before recolouring
 
 Recolouring = Callable[[Float[np.ndarray, "*colours 3"]], Float[np.ndarray, "*colours 3"]]
 
 
 def pairs(variants: int) -> tuple[tuple[int, int], ...]:
-    """The pairs (shape, recolouring) that are rendered of a mesh with so many deformed shapes beside its own.
+    """Return the pairs (shape, recolouring) to render of a mesh with ``variants`` additional shapes.
 
-    With n shapes there are n - 1 recolourings, each shape has one or two of them, and neighbouring shapes share one:
-    about half of the table. (0, 0) is the mesh as it is.
+    With n shapes there are n - 1 recolourings. Each shape has one or two of them and shares one with the next shape:
+    about half of the table. (0, 0) is the unchanged mesh.
     """
     colourings = max(1, variants)
     filled = [(shape, colours) for shape in range(colourings) for colours in (shape, shape + 1) if colours < colourings]
@@ -32,10 +31,10 @@ def pairs(variants: int) -> tuple[tuple[int, int], ...]:
 
 
 def deformed(surfaces: Sequence[Surface], name: str, shape: int) -> tuple[Surface, ...]:
-    """The object in other proportions; the mesh as it is for shape 0.
+    """Deform the proportions of an object; shape 0 is the unchanged mesh.
 
-    Length, width and height are stretched, and along length and height the part below a random place and the
-    part above it differently. The object stays symmetric.
+    Stretches length, width and height; along length and height the parts below and above a random position differ. The
+    object stays symmetric.
     """
     if shape == 0:
         return tuple(surfaces)
@@ -51,9 +50,9 @@ def deformed(surfaces: Sequence[Surface], name: str, shape: int) -> tuple[Surfac
 
 
 def recoloured(surfaces: Sequence[Surface], name: str, recolouring: int) -> tuple[Surface, ...]:
-    """The object in other colours; the mesh as it is for recolouring 0.
+    """Recolour an object; recolouring 0 is the unchanged mesh.
 
-    Similar colours belong to one part and change together; what is black or grey mostly stays (tyres, glass).
+    Similar colours form a part and change together; black and grey (tyres, glass) mostly stay.
     """
     if recolouring == 0:
         return tuple(surfaces)
@@ -62,14 +61,14 @@ def recoloured(surfaces: Sequence[Surface], name: str, recolouring: int) -> tupl
 
 
 def _stretched(surface: Surface, knee: Float[np.ndarray, "3"], factors: Float[np.ndarray, "2 3"]) -> Surface:
-    """Stretched along each axis by the first factors below the knee and by the second above it."""
+    """Stretch along each axis by the first factors below the knee and by the second above it."""
     away = surface.vertices - knee
     factor = np.where(away < 0, factors[0], factors[1])
     return replace(surface, vertices=knee + away * factor, normals=surface.normals / factor)
 
 
 def _recolouring(surfaces: Sequence[Surface], generator: np.random.Generator) -> Recolouring:
-    """New colours for the groups of colour that an object shows, the largest one among them."""
+    """Choose new colours for groups of an object's colours, always including the largest group."""
     seen = _seen_colours(surfaces, generator)
     count = min(_COLOURS, len(np.unique(np.round(seen, 2), axis=0)))
     centres, group = kmeans2(seen, count, minit="++", seed=generator)
@@ -89,7 +88,7 @@ def _recolouring(surfaces: Sequence[Surface], generator: np.random.Generator) ->
 
 
 def _seen_colours(surfaces: Sequence[Surface], generator: np.random.Generator) -> Float[np.ndarray, "4096 3"]:
-    """Colours of points sampled evenly over the surfaces."""
+    """Sample colours evenly over the surfaces."""
     found, areas = [], []
     for surface in surfaces:
         a, b, c = surface.vertices[surface.faces.T]
@@ -107,7 +106,7 @@ def _seen_colours(surfaces: Sequence[Surface], generator: np.random.Generator) -
 
 
 def _repainted(surface: Surface, recolour: Recolouring) -> Surface:
-    """A surface in its new colours; the factor of a textured one moves into its texture."""
+    """Recolour a surface; the factor of a textured one moves into its texture."""
     if surface.texture is None:
         return replace(surface, colours=recolour(surface.colours))
     image = Image.fromarray(surface.texture)

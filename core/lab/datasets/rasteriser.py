@@ -1,4 +1,4 @@
-"""Renders coloured triangles off screen: one object in daylight, on white, antialiased."""
+"""Off-screen rendering of coloured triangles: one object in daylight, on white, antialiased."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from core.geometry.camera import Camera
 
-SUPERSAMPLES = 4  # Samples a pixel along each axis; the mean of the 16 is the pixel.
+SUPERSAMPLES = 4  # samples a pixel along each axis; the pixel is their mean
 
 
 def _unit(x: float, y: float, z: float) -> Float[np.ndarray, "3"]:
@@ -23,12 +23,11 @@ DAYLIGHT = {
     "powers": (0.52, 0.2, 0.14),
     "sky": (0.26, 0.46),
 }
-"""A key, a fill and a back light, all infinitely far away, and a sky; fixed to the world, from the front right, above.
+"""Key, fill and back light at infinity, and a sky; fixed to the world, from the front right, above.
 
-Matt, so a point has one colour from wherever it is seen. Directions (world) are towards the lights. Powers are in
-linear light, relative to the surface's colour: of key, fill and back on a surface that faces them, of the sky on one
-that faces down and on one that faces up. Where they add up to 1 a surface has its own colour.
-"""
+Matt shading: a point has the same colour from every direction. Directions (world) point to the lights. Powers are in
+linear light, relative to the surface's colour: of key, fill and back on a surface facing them, of the sky facing down
+and up. A surface whose powers add up to 1 shows its own colour."""
 
 _VERTEX = """
 #version 330
@@ -89,14 +88,14 @@ void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 -
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles with one texture. Raises ``ValueError`` where the arrays do not belong together."""
+    """Triangles with one texture. Raises ``ValueError`` for arrays that do not match."""
 
     vertices: Float[np.ndarray, "vertices 3"]  # world
-    normals: Float[np.ndarray, "vertices 3"]  # world, either side; a zero normal: flat shading
+    normals: Float[np.ndarray, "vertices 3"]  # world, either side; zero: flat shading
     faces: Int[np.ndarray, "faces 3"]
     colours: Float[np.ndarray, "vertices 3"]  # sRGB, 0..1; multiplies the texture
-    uvs: Float[np.ndarray, "vertices 2"] | None = None  # (0, 0) is the texture's top left, and it repeats
-    texture: UInt8[np.ndarray, "height width 4"] | None = None  # sRGB and alpha; cut out where alpha is below a half
+    uvs: Float[np.ndarray, "vertices 2"] | None = None  # (0, 0) is the texture's top left; repeats
+    texture: UInt8[np.ndarray, "height width 4"] | None = None  # sRGB and alpha; transparent below a half
 
     def __post_init__(self) -> None:
         count = len(self.vertices)
@@ -113,7 +112,7 @@ class Surface:
 class Rasteriser:
     """An off-screen GL context for images of one size. Use as a context manager, on one thread.
 
-    Raises ``RuntimeError`` in one line where the machine has no OpenGL.
+    Raises ``RuntimeError`` if the machine has no OpenGL.
     """
 
     def __init__(self, size: int) -> None:
@@ -146,7 +145,7 @@ class Rasteriser:
         self._context.release()
 
     def upload(self, surfaces: Sequence[Surface]) -> None:
-        """Load an object in place of the last one."""
+        """Load an object, replacing the last one."""
         plain = [surface for surface in surfaces if surface.texture is None]
         with self._context:
             self._release()
@@ -154,16 +153,16 @@ class Rasteriser:
                 self._batches.append(self._batch(group))
 
     def render(self, camera: Camera) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
-        """The object's image on white, and the mask of pixels that it covers by half or more.
+        """Return the object's image on white, and the mask of pixels covered by half or more.
 
         Raises ``ValueError`` for a camera of another size.
         """
         if (camera.width, camera.height) != (self._size, self._size):
             raise ValueError(f"this rasteriser renders {self._size} px, not {camera.width}x{camera.height}")
-        # Planes that clear the object, whose bounding box has a diagonal of 1.
+        # Near and far planes around the object, whose bounding box has a diagonal of 1.
         clip_from_world = camera.clip_from_world(max(camera.distance - 0.75, 0.02), camera.distance + 0.75)
         eye = camera.pose()[:3, 3].numpy().astype(np.float32)
-        # Entering makes the context this thread's own: the program's window, or another rasteriser, may have been.
+        # Entering makes this context current: the program's window or another rasteriser may have been.
         with self._context as context:
             self._fine.use()
             context.enable_only(moderngl.DEPTH_TEST)
@@ -183,7 +182,7 @@ class Rasteriser:
         return np.ascontiguousarray(pixels[..., :3]), pixels[..., 3] > 127
 
     def _batch(self, group: Sequence[Surface]) -> tuple[moderngl.VertexArray, moderngl.Texture, list[moderngl.Buffer]]:
-        """Surfaces that share a texture, as one draw call."""
+        """Combine surfaces that share a texture into one draw call."""
         first = group[0]
         blank = [s.uvs if s.uvs is not None else np.zeros((len(s.vertices), 2)) for s in group]
         rows = [np.hstack((s.vertices, s.normals, s.colours, uv)) for s, uv in zip(group, blank, strict=True)]

@@ -1,7 +1,7 @@
 """Recombined chairs: the legs of one mesh under the seat of another.
 
-A chair is cut just below its seat. The lower half of one, scaled to the seat of the other, carries the upper half. So n
-chairs give up to n^2 forms that nobody modelled, each made of parts that somebody did.
+A chair is cut just below its seat. The lower half of one, scaled to another's seat, carries the upper half. So n chairs
+give up to n^2 new shapes of modelled parts.
 """
 
 import zlib
@@ -18,13 +18,13 @@ from core.lab.datasets.glb_objects import TURN_TO_FRONT, load_mesh, normalised, 
 from core.lab.datasets.rasteriser import Surface
 from core.lab.datasets.render_objects import RenderTask
 
-_SEAT_RANGE = 0.2, 0.62  # heights, relative to the chair's, between which a seat is looked for
+_SEAT_RANGE = 0.2, 0.62  # heights, relative to the chair's, in which a seat is searched
 _BINS = 64  # of the area profile, over the whole height
 _HORIZONTAL = 0.8  # cosine: a face within 37 degrees of horizontal counts as part of a seat
-_SEAT_DEPTH = 0.12  # of the chair's height: the slab above the cut whose box is the seat's
+_SEAT_DEPTH = 0.12  # of the chair's height: thickness of the slab above the cut that bounds the seat
 _ACROSS, _HIGH = (0.65, 1.5), (0.8, 1.25)  # limits of the factors that scale the lower half
-_MIN_SUPPORT = 0.7  # fraction of the cut through the lower half that has to lie under the seat
-_MARGIN = 0.02  # scene units around the seat that still count as under it
+_MIN_SUPPORT = 0.7  # fraction of the cut through the lower half that must lie under the seat
+_MARGIN = 0.02  # scene units around the seat that count as under it
 
 
 class Halves(NamedTuple):
@@ -32,14 +32,14 @@ class Halves(NamedTuple):
 
     lower: tuple[Surface, ...]
     upper: tuple[Surface, ...]
-    section: Float[np.ndarray, "points 2"]  # where the cut crosses the surfaces, x and y
+    section: Float[np.ndarray, "points 2"]  # points where the cut crosses the surfaces, x and y
     seat: Float[np.ndarray, "2 2"]  # least and greatest x and y of the slab above the cut
 
 
 def recombined_tasks(folder: Path | str, count: int) -> tuple[RenderTask, ...]:
-    """Return render tasks of ``count`` random pairs of a folder's training meshes, the same ones every time.
+    """Return render tasks of ``count`` random pairs of a folder's training meshes, deterministically.
 
-    Each is a shape and a texture of its own. Raises ``ValueError`` where the meshes do not give so many.
+    Each is a separate shape and texture. Raises ``ValueError`` if the meshes give fewer.
     """
     halves = {}
     for entry in select_meshes(folder, "chairs", "train"):
@@ -56,7 +56,7 @@ def recombined_tasks(folder: Path | str, count: int) -> tuple[RenderTask, ...]:
         if recombine(halves[base], halves[top], name):
             tasks.append(RenderTask(name, name, name, partial(_recombined, halves[base], halves[top], name)))
     if len(tasks) < count:
-        raise ValueError(f"{folder}: its chairs give {len(tasks)} recombined ones, not {count}")
+        raise ValueError(f"{folder}: its chairs give only {len(tasks)} of {count} recombinations")
     return tuple(tasks)
 
 
@@ -69,7 +69,7 @@ def _recombined(base: "Halves", top: "Halves", name: str) -> tuple[Surface, ...]
 def cut_below_seat(surfaces: Sequence[Surface]) -> Halves | None:
     """Cut a chair below the largest nearly horizontal area at the height of a seat.
 
-    Returns None where there is none, or where nothing crosses the cut.
+    Returns None if there is no such area, or if nothing crosses the cut.
     """
     height = _seat_height(surfaces)
     if height is None:
@@ -92,7 +92,7 @@ def cut_below_seat(surfaces: Sequence[Surface]) -> Halves | None:
 
 
 def recombine(base: Halves, top: Halves, name: str) -> tuple[Surface, ...] | None:
-    """The lower half of one chair under the upper half of another, normalised; None where they do not meet.
+    """Put the lower half of one chair under the upper half of another, normalised; None if they do not meet.
 
     Args:
         name: seeds the height of the legs.
@@ -113,7 +113,7 @@ def recombine(base: Halves, top: Halves, name: str) -> tuple[Surface, ...] | Non
 
 
 def _seat_height(surfaces: Sequence[Surface]) -> float | None:
-    """The height just below the largest nearly horizontal area; world units."""
+    """Return the height just below the largest nearly horizontal area; world units."""
     triangles = np.vstack([surface.vertices[surface.faces] for surface in surfaces])
     crossed = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = np.linalg.norm(crossed, axis=1) / 2
@@ -125,14 +125,14 @@ def _seat_height(surfaces: Sequence[Surface]) -> float | None:
     if profile.max() <= 0.05 * area.sum() / _BINS:
         return None
     seat = int(profile.argmax())
-    # The bottom of the seat: down from its top while there is much horizontal area in the next bins.
+    # Step down from the seat's top to its bottom while the next bins hold much horizontal area.
     while seat > 0 and profile[max(0, seat - 2) : seat].max(initial=0.0) > 0.3 * profile.max():
         seat -= 1
     return float(low + (edges[seat] - 0.01) * (high - low))
 
 
 def _cut(surface: Surface) -> tuple[Surface, Surface, Float[np.ndarray, "points 2"]]:
-    """The parts of a surface below and above z = 0, and the points where its edges cross that plane."""
+    """Split a surface at z = 0; return the parts below and above, and the crossings of its edges."""
     above = surface.vertices[:, 2] >= 0
     count = above[surface.faces].sum(1)
     whole_below, whole_above = surface.faces[count == 0], surface.faces[count == 3]
@@ -152,7 +152,7 @@ def _cut(surface: Surface) -> tuple[Surface, Surface, Float[np.ndarray, "points 
 def _with_crossings(
     surface: Surface, a: Int[np.ndarray, "cut"], b: Int[np.ndarray, "cut"], c: Int[np.ndarray, "cut"]
 ) -> tuple[Surface, Int[np.ndarray, "cut"], Int[np.ndarray, "cut"]]:
-    """The surface with a vertex more where the edges ab and ac cross z = 0, and the indices of those."""
+    """Add a vertex where the edges ab and ac cross z = 0; return the surface and the new indices."""
     z = surface.vertices[:, 2]
     start, end = np.concatenate((a, a)), np.concatenate((b, c))
     share = (z[start] / np.where(z[start] == z[end], 1.0, z[start] - z[end]))[:, None]
@@ -173,7 +173,7 @@ def _with_crossings(
 
 
 def _with_faces(surface: Surface, faces: Int[np.ndarray, "faces 3"]) -> Surface:
-    """These faces of a surface, with the vertices that they use."""
+    """Return these faces of a surface, with the vertices they use."""
     used, inverse = np.unique(faces, return_inverse=True)
     rows = (surface.vertices[used], surface.normals[used], inverse.reshape(faces.shape), surface.colours[used])
     return Surface(*rows, None if surface.uvs is None else surface.uvs[used], surface.texture)

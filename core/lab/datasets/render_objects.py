@@ -1,4 +1,4 @@
-"""Renders objects from a split's cameras, one after another, and writes the dataset."""
+"""Render objects from a split's cameras and write the dataset."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -31,10 +31,10 @@ def render_objects(
     views: int,
     size: int,
 ) -> Iterator[str]:
-    """Renders the tasks into the dataset ``out``, yielding each one's name once it is there.
+    """Render the tasks into the dataset ``out``, yielding each name when it is done.
 
-    Objects that are there already with as many views of this size are skipped, so a stopped job resumes.
-    Raises ``RuntimeError`` where the machine has no OpenGL, ``ValueError`` for an object that cannot be made.
+    Skips objects that exist with as many views of this size, so a stopped job resumes. Raises ``RuntimeError`` without
+    OpenGL, ``ValueError`` for an object that cannot be built.
     """
     if views < 1 or size < 1:
         raise ValueError(f"views and size must be positive, got {views} and {size}")
@@ -51,7 +51,7 @@ def render_objects(
 
 
 def _is_rendered(folder: Path, views: int, size: int) -> bool:
-    """Whether an object's folder holds this many images of this size."""
+    """True if an object's folder holds this many images of this size."""
     paths = list((folder / "rgb").glob("*.png"))
     if len(paths) != views:
         return False

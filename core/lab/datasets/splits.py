@@ -1,4 +1,4 @@
-"""Which objects train and which are held out (``assets/held_out.json``), and each split's cameras."""
+"""Training and held-out objects (``assets/held_out.json``), and each split's cameras."""
 
 import json
 import zlib
@@ -19,7 +19,7 @@ _Item = TypeVar("_Item")
 
 
 def evenly_spaced(items: Sequence[_Item], count: int | None) -> tuple[_Item, ...]:
-    """``count`` of the items, evenly spaced; all where there are no more, or without a count.
+    """Return ``count`` evenly spaced items, or all if ``count`` is None or larger.
 
     Example:
         >>> evenly_spaced("abcdef", 3)
@@ -30,19 +30,19 @@ def evenly_spaced(items: Sequence[_Item], count: int | None) -> tuple[_Item, ...
 
 
 def held_out_meshes(category: str) -> dict[Split, frozenset[str]]:
-    """Names of the meshes that are never trained on: those that choose settings, and those that results are told of."""
+    """Return the names of meshes excluded from training, of the validation and the test split."""
     lists = json.loads(_HELD_OUT.read_text())
     held: tuple[Split, ...] = ("validation", "test")
     return {split: frozenset(lists[split].get(category, ())) for split in held}
 
 
 def first_seed(split: Split) -> int:
-    """The first seed of a split's procedural shapes and textures."""
+    """Return the first seed of a split's procedural shapes and textures."""
     return int(json.loads(_HELD_OUT.read_text())["procedural_first_seed"][split])
 
 
 def split_cameras(split: Split, count: int, name: str, category: str, size: int) -> tuple[Camera, ...]:
-    """SRN's cameras of a split. Training views depend on the object's name alone, whatever else is rendered."""
+    """Return SRN's cameras of a split. Training views depend only on the object's name."""
     distance = category_sizes(category).distance
     if split != "train":
         return spiral_views(count, distance, size)

@@ -1,7 +1,7 @@
 """Datasets on disk in ShapeNet-SRN's layout: ``DATASET/OBJECT/{rgb/000000.png, pose/000000.txt, intrinsics.txt}``.
 
-Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.png`` (255 inside the object), and
-``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture.
+Two optional additions: ``OBJECT/mask/000000.png`` (255 inside the object), and ``DATASET/manifest.json`` with the
+category and the objects that share a shape or a texture.
 """
 
 from collections import Counter
@@ -21,13 +21,12 @@ from core.photos.decode import IMAGE_SUFFIXES
 from core.runtime.files import atomic_folder, write_json
 from core.runtime.reading import number, open_image, read_json, read_text, reading, typed, whole
 
-_WHITE_LEVEL = 253
-"""A pixel whose channels are all this bright is background where there is no mask; saving again changes 1-2 levels."""
+_WHITE_LEVEL = 253  # Background threshold of all channels, for images without a mask; saving again changes 1-2 levels
 
 
 @dataclass(frozen=True)
 class ObjectViews:
-    """One object's images and their cameras. Raises ``ValueError`` where they do not belong together."""
+    """One object's images and their cameras. Raises ``ValueError`` for values that do not match."""
 
     name: str
     shape_id: str  # objects with the same shape_id have one geometry
@@ -61,17 +60,17 @@ class ObjectViews:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Objects of one category, all seen through the same square image and focal length."""
+    """Objects of one category with the same square image size and focal length."""
 
     objects: tuple[ObjectViews, ...]
-    category: str  # '' where the files do not say
+    category: str  # '' if the files do not say
     image_size: int  # px, width and height
     focal: float  # px, at image_size
-    weights: tuple[float, ...] = ()  # of each object, how often training takes a ray of it; all alike where empty
+    weights: tuple[float, ...] = ()  # relative frequency of each object's training rays; uniform if empty
 
 
 class _Identity(NamedTuple):
-    """Of an object, in a manifest."""
+    """Manifest entry of an object."""
 
     shape_id: str
     texture_id: str
@@ -84,7 +83,7 @@ class _Manifest(NamedTuple):
 
 @dataclass(frozen=True)
 class ObjectEntry:
-    """An object of a dataset that has not been read yet: a test set need not fit into memory."""
+    """An object of a dataset that is read on demand: a test set need not fit into memory."""
 
     folder: Path
     shape_id: str
@@ -92,18 +91,18 @@ class ObjectEntry:
 
     @property
     def name(self) -> str:
-        """As :class:`ObjectViews` has it."""
+        """Name of the object."""
         return self.folder.name
 
     def read(self) -> ObjectViews:
-        """Its images. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
+        """Read the object's images. Raises ``ValueError`` naming a missing, broken or contradictory file."""
         return _read_object(self.folder, (self.shape_id, self.texture_id))
 
 
 def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry, ...]]:
-    """The category ('' where no manifest says) and the objects of dataset folders, in order of folder, then of name.
+    """Return the category ('' if unknown) and the objects of dataset folders, by folder, then by name.
 
-    Raises ``ValueError`` naming the folder where there are none, or where categories or names clash.
+    Raises ``ValueError`` naming the folder if it is empty, or if categories or names clash.
     """
     categories, entries = set[str](), list[ObjectEntry]()
     for folder in map(Path, folders):
@@ -115,7 +114,7 @@ def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry
     names = [entry.name for entry in entries]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
-        raise ValueError(f"{twice}: two folders hold an object of this name")
+        raise ValueError(f"{twice}: two dataset folders contain an object of this name")
     return "".join(categories), tuple(entries)
 
 
@@ -123,15 +122,15 @@ def read_dataset(folders: Path | str | Sequence[Path | str], shares: Sequence[fl
     """Read one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
 
     Args:
-        shares: of each folder, the fraction of training rays; by the number of objects where there are none.
+        shares: fraction of training rays for each folder; by default in proportion to its objects.
 
-    Raises ``ValueError`` naming the file for anything missing, broken or contradictory.
+    Raises ``ValueError`` naming any missing, broken or contradictory file.
     """
     folders = [folders] if isinstance(folders, str | Path) else folders
     category, entries = index_objects(folders)
     if not entries:
         raise ValueError("no dataset folder was given")
-    # Decoding a PNG releases the interpreter lock, so threads are enough.
+    # Decoding a PNG releases the interpreter lock, so threads suffice.
     with ThreadPoolExecutor() as pool:
         objects = tuple(pool.map(ObjectEntry.read, entries))
     _check_sizes(objects)
@@ -141,7 +140,7 @@ def read_dataset(folders: Path | str | Sequence[Path | str], shares: Sequence[fl
 
 
 def _weights(entries: Sequence[ObjectEntry], folders: Sequence[Path], shares: Sequence[float]) -> tuple[float, ...]:
-    """Each object's part of its folder's share."""
+    """Divide each folder's fraction among its objects."""
     if len(shares) != len(folders) or min(shares) <= 0:
         raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
     share_of, owners = dict(zip(folders, shares, strict=True)), [entry.folder.parent for entry in entries]
@@ -150,9 +149,9 @@ def _weights(entries: Sequence[ObjectEntry], folders: Sequence[Path], shares: Se
 
 
 def write_object(folder: Path | str, views: ObjectViews) -> None:
-    """Writes ``folder/NAME/...``, replacing what is there.
+    """Write ``folder/NAME/...``, replacing existing files.
 
-    A folder of that name appears only once it is whole, so a stopped job can resume.
+    A folder appears only when complete, so a stopped job can resume.
     """
     target = Path(folder) / views.name
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -170,9 +169,9 @@ def write_object(folder: Path | str, views: ObjectViews) -> None:
 
 
 def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
-    """Writes ``manifest.json``: the category and, for each object's name, its (shape_id, texture_id).
+    """Write ``manifest.json``: the category and each object's (shape_id, texture_id).
 
-    It may name objects that are not there yet, so it can be written before the images are.
+    May name objects that do not exist yet, so it can be written before the images.
     """
     objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
     Path(folder).mkdir(parents=True, exist_ok=True)
@@ -180,9 +179,9 @@ def write_manifest(folder: Path | str, category: str, identities: Mapping[str, t
 
 
 def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
-    """The category and the objects of one dataset folder.
+    """Return the category and the objects of one dataset folder.
 
-    Without a manifest, an object shares neither shape nor texture (the paper's setting).
+    Without a manifest, objects share neither shape nor texture (the paper's setting).
     """
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such dataset folder")
@@ -194,7 +193,7 @@ def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
 
 
 def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
-    """The category and name -> (shape_id, texture_id); ('', {}) where there is no manifest."""
+    """Return the category and name -> (shape_id, texture_id); ('', {}) without a manifest."""
     if not path.exists():
         return "", {}
     with reading(path, "a manifest"):
@@ -203,7 +202,7 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
 
 
 def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
-    """One object's folder."""
+    """Read one object's folder."""
     paths, masks_there = _images(folder / "rgb"), {path.stem: path for path in _images(folder / "mask")}
     if not paths:
         raise ValueError(f"{folder / 'rgb'}: no images ({', '.join(IMAGE_SUFFIXES)})")
@@ -223,17 +222,17 @@ def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
 
 
 def _images(folder: Path) -> list[Path]:
-    """The images in a folder, by their names; none where there is no folder."""
+    """Return the images in a folder, sorted by name; none if there is no folder."""
     return sorted(one for one in folder.glob("*") if one.suffix.lower() in IMAGE_SUFFIXES and not _is_junk(one))
 
 
 def _is_junk(path: Path) -> bool:
-    """Files that systems leave in folders that are copied or zipped: ``._000000.png``, ``__MACOSX``."""
+    """True for files that systems leave in copied or zipped folders: ``._000000.png``, ``__MACOSX``."""
     return path.name.startswith(".") or path.name == "__MACOSX"
 
 
 def _read_intrinsics(path: Path) -> tuple[float, int]:
-    """Focal length in px and the image height in px that it belongs to."""
+    """Return the focal length in px and the image height in px that it refers to."""
     with reading(path, "a file of SRN intrinsics"):
         lines = [line.split() for line in read_text(path).splitlines() if line.strip()]
         focal, height = number(float(lines[0][0])), whole(float(lines[-1][0]))
@@ -243,7 +242,7 @@ def _read_intrinsics(path: Path) -> tuple[float, int]:
 
 
 def _camera(path: Path, focal: float, width: int, height: int) -> Camera:
-    """The camera of a pose file."""
+    """Read the camera of a pose file."""
     pose = read_pose(path)
     with reading(path, "a pose"):
         return Camera.from_pose(pose, focal, width, height)
@@ -252,7 +251,7 @@ def _camera(path: Path, focal: float, width: int, height: int) -> Camera:
 def _read_image(
     path: Path, mask_path: Path | None
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
-    """An image laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
+    """Composite an image over white and find its mask: the mask file, else alpha, else pixels that are not white."""
     with reading(path, "an image"):
         with open_image(path) as opened:
             rgba = np.asarray(opened.convert("RGBA"))
@@ -273,7 +272,7 @@ def _read_image(
 
 
 def _check_sizes(objects: Sequence[ObjectViews]) -> None:
-    """Raises ``ValueError`` unless all images are square, of one size and of one focal length."""
+    """Raise ``ValueError`` unless all images are square and share size and focal length."""
     first = objects[0].cameras[0]
     if first.width != first.height:
         raise ValueError(f"{objects[0].name}: images must be square, got {first.width}x{first.height}")

@@ -6,16 +6,16 @@ import numpy as np
 
 from core.geometry.camera import Camera
 
-SRN_FOCAL = 131.25  # px, at SRN's 128 px images.
+SRN_FOCAL = 131.25  # px, at SRN's 128 px images
 SRN_SIZE = 128
 SPIRAL_VIEWS = 251
-_SPIRAL_TURN = 150.0  # rad of azimuth on SRN's way from the horizon to the pole: 0.6 a step, about 24 turns.
+_SPIRAL_TURN = 150.0  # rad of azimuth from the horizon to the pole: 0.6 a step, about 24 turns
 
 
 def training_views(
     count: int, generator: np.random.Generator, distance: float, size: int = SRN_SIZE
 ) -> tuple[Camera, ...]:
-    """Random directions, even over the sphere's area in each half; three in four (rounded) from above the horizon."""
+    """Return random directions, uniform over each half of the sphere; three in four (rounded) above the horizon."""
     heights = generator.random(count)
     below = generator.permutation(count) >= round(0.75 * count)
     azimuths = generator.uniform(-math.pi, math.pi, count)
@@ -24,7 +24,7 @@ def training_views(
 
 
 def spiral_views(count: int, distance: float, size: int = SRN_SIZE) -> tuple[Camera, ...]:
-    """SRN's test cameras: an Archimedean spiral from the horizon up to the pole, ``SPIRAL_VIEWS`` of them there.
+    """Return SRN's test cameras: an Archimedean spiral from the horizon to the pole, originally ``SPIRAL_VIEWS``.
 
     Any other count samples the same curve evenly.
     """
@@ -33,6 +33,6 @@ def spiral_views(count: int, distance: float, size: int = SRN_SIZE) -> tuple[Cam
 
 
 def _camera(azimuth: float, elevation: float, distance: float, size: int) -> Camera:
-    """SRN's field of view at another size; the azimuth within (-pi, pi]."""
+    """Return a camera with SRN's field of view at another size; the azimuth within (-pi, pi]."""
     turned = math.remainder(float(azimuth), 2 * math.pi)
     return Camera(turned, float(elevation), distance, SRN_FOCAL * size / SRN_SIZE, size, size)

@@ -1,8 +1,7 @@
-"""Whether shape and texture are disentangled: codes recombined in pairs never trained together, and leaks.
+"""Disentanglement of shape and texture: codes recombined in untrained pairs, and information leaks.
 
-A factorial dataset says in its manifest which objects share a shape and which a texture. Objects that the model
-was trained on, found by name, give the codes; any other object whose shape and texture two of those have is a held-out
-pair.
+The manifest of a factorial dataset says which objects share a shape or a texture. The model's training objects, matched
+by name, provide the codes. Any other object whose shape and texture both occur among them is a held-out pair.
 """
 
 from collections.abc import Hashable, Iterator, Sequence
@@ -23,40 +22,40 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.images import render_image
 
-_RENDERED_VIEWS = 12  # of a pair, evenly spaced over all
-_FITTED_VIEWS = 6  # of a pair, with their cameras; others than the rendered ones where it has more
-_BACKGROUND_OPACITY = 1e-3  # A pixel that is less opaque than this shows the background.
+_RENDERED_VIEWS = 12  # of a pair, evenly spaced
+_FITTED_VIEWS = 6  # of a pair, with their cameras; disjoint from the rendered ones if possible
+_BACKGROUND_OPACITY = 1e-3  # pixels less opaque than this are background
 _EDIT_SAMPLES = 96
 
 
 @dataclass(frozen=True)
 class ShapeTexturePair:
-    """A combination of a shape and a texture, and the rows of the code books that describe them."""
+    """A combination of a shape and a texture with their rows in the code book."""
 
     entry: ObjectEntry
     shape: int
     texture: int
-    trained: bool  # as this pair
+    trained: bool  # True if trained as this pair
 
 
 @dataclass(frozen=True, eq=False)
 class PairScore:
-    """How well a pair is rendered with the codes of its shape and its texture."""
+    """Quality of a pair's renders with the codes of its shape and its texture."""
 
     pair: ShapeTexturePair
     psnr: float  # dB
     ssim: float
     refitted: tuple[float, float] | None  # PSNR in dB and SSIM of the same views, rendered with :attr:`fitted_codes`
-    opacity_change: float  # 0..1, the largest at any pixel when the texture code is replaced by another pair's
-    background_change: float  # 0..1, the largest change of a colour beside the object
-    fitted_codes: Codes | None  # fitted to images of the pair alone; None for entangled designs, which cannot be fitted
+    opacity_change: float  # 0..1, largest over pixels when the texture code is replaced by another pair's
+    background_change: float  # 0..1, largest change of a colour beside the object
+    fitted_codes: Codes | None  # fitted to images of the pair alone; None for entangled designs, which fits exclude
     images: UInt8[np.ndarray, "height two_widths 3"]  # the true view and the rendered one
 
 
 def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePair, ...]:
-    """The pairs that the model has codes for. Raises ``ValueError`` where none of them is held out.
+    """Return the pairs that the model has codes for. Raises ``ValueError`` if none of them is held out.
 
-    The codes of objects whose training collapsed are not used.
+    Excludes codes of collapsed objects.
     """
     book = model.codes
     known = {book.objects[index].name: book.objects[index] for index in book.valid}
@@ -77,7 +76,7 @@ def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePai
 
 
 def score_pairs(model: Model, chosen: Sequence[ShapeTexturePair], seed: int = 0) -> Iterator[PairScore]:
-    """Yields a score per pair, in order."""
+    """Yield a score per pair, in order."""
     for index, pair in enumerate(chosen):
         yield _score_pair(model, pair, chosen[index - 1].texture, seed)
 
@@ -120,19 +119,18 @@ def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed
 
 @dataclass(frozen=True)
 class Probe:
-    """How often a classifier recovers an identity from codes."""
+    """Accuracy of a classifier that recovers an identity from codes."""
 
-    accuracy: Mean  # share of pairs, 0..1
+    accuracy: Mean  # fraction of pairs, 0..1
     chance: float
-    pairs: int  # whose label could be predicted
+    pairs: int  # whose label occurs in another group
 
 
 def probe(codes: Float[Tensor, "pairs latent"], labels: Sequence[Hashable], groups: Sequence[Hashable]) -> Probe | None:
-    """Accuracy of a nearest-centroid classifier that sees only pairs of other groups than the one it classifies.
+    """Score a nearest-centroid classifier trained on pairs of other groups than the one to be classified.
 
-    To predict the texture, pairs of the same shape are a group: the same shape in its other textures would
-    otherwise count against the right one. Chance is one in as many labels as can be predicted. None where no label
-    has a pair in another group.
+    To predict the texture, pairs of one shape form a group: otherwise the same shape in other textures would count
+    against the right one. Chance is one over the number of predictable labels. None if no label occurs in two groups.
     """
     hits, chances = [], []
     for index, (label, group) in enumerate(zip(labels, groups, strict=True)):
@@ -158,7 +156,7 @@ class DisentanglementSummary:
     refitted: Mean
     """of the same pairs and views, with codes fitted to other images of each pair; NaN for entangled designs"""
     refitted_ssim: Mean
-    trained: Mean  # of trained pairs; higher where their views were trained on
+    trained: Mean  # of trained pairs, also from their training views
     trained_ssim: Mean
     trained_pairs: int
     opacity_change: float
@@ -167,7 +165,7 @@ class DisentanglementSummary:
 
 
 def summarise_pairs(scores: Sequence[PairScore]) -> DisentanglementSummary:
-    """Means, the largest changes, and four probes on the fitted codes."""
+    """Summarise means, largest changes, and four probes of the fitted codes."""
     held, trained = ([score for score in scores if score.pair.trained == trained] for trained in (False, True))
     fits = [score.refitted for score in held if score.refitted]
     opacity, background = (

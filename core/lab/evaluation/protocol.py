@@ -1,4 +1,4 @@
-"""The paper's protocol: fit an object on one or a few views, render its other views, compare."""
+"""The paper's protocol: fit an object to one or a few views, render its other views, compare."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,24 +19,24 @@ from core.photos.photo import Photo
 from core.rendering.images import render_image
 
 OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
-"""A camera with a larger rotation or translation error than this is an outlier."""
+"""Errors of a camera (rotation, translation over true distance) above which it is an outlier."""
 
 
 @dataclass(frozen=True)
 class EvaluationProtocol:
-    """Which views of an object are fitted and which are rendered."""
+    """Choice of fitted and rendered views."""
 
-    inputs: tuple[int, ...] = (64,)  # the views that are fitted; the others are rendered and compared
-    estimate: bool = False  # estimate the cameras of the input views instead of taking the true ones
+    inputs: tuple[int, ...] = (64,)  # fitted views; the others are rendered and compared
+    estimate: bool = False  # estimate the cameras of the input views instead of using the true ones
     preset: str = "normal"  # of PRESETS
     seed: int = 0
     every: int = 1  # stride over the other views; the paper renders all of them
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
-            raise ValueError(f"no fit preset is called {self.preset}; there are {', '.join(PRESETS)}")
+            raise ValueError(f"no preset {self.preset!r}; choose one of {', '.join(PRESETS)}")
         if not self.inputs or min(self.inputs) < 0 or len(set(self.inputs)) < len(self.inputs):
-            raise ValueError(f"input views are different views, counted from 0, got {self.inputs}")
+            raise ValueError(f"input views must be distinct numbers from 0, got {self.inputs}")
         if self.every < 1:
             raise ValueError(f"the stride over views must be at least 1, got {self.every}")
 
@@ -47,39 +47,39 @@ class PoseScore:
 
     view: int
     rotation: float  # degrees
-    translation: float  # share of the true distance
+    translation: float  # fraction of the true distance
     initial_rotation: float
     initial_translation: float
 
     @property
     def outlier(self) -> bool:
-        """Whether the camera is further off than 5 degrees or 3 % of the distance."""
+        """True if the camera is off by more than 5 degrees or 3 % of the distance."""
         return self.rotation > OUTLIER_DEGREES or self.translation > OUTLIER_SHARE
 
 
 @dataclass(frozen=True)
 class ObjectScore:
-    """How well one object was reconstructed."""
+    """Reconstruction quality of one object."""
 
     name: str
     psnr: float  # dB, mean over the rendered views
     ssim: float
-    views: int  # rendered and compared
+    views: int  # number of rendered views
     seconds: float  # of the fit
-    poses: tuple[PoseScore, ...] = ()  # one per input view where cameras were estimated
+    poses: tuple[PoseScore, ...] = ()  # one per input view, for estimated cameras
 
     @property
     def outlier(self) -> bool:
-        """Whether one of its cameras is an outlier."""
+        """True if one of its cameras is an outlier."""
         return any(pose.outlier for pose in self.poses)
 
 
 def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectScore]:
-    """Yields a score per object, in order.
+    """Yield a score per object, in order.
 
-    Codes live in the frame of the fitted cameras; the other views are rendered from their true cameras all the same,
-    as in the paper. Raises ``ValueError`` for an object that has too few views or another focal length than the
-    model's where cameras are estimated.
+    Codes are relative to the fitted cameras, yet the other views are rendered from their true cameras, as in the paper.
+    Raises ``ValueError`` for an object with too few views or, when estimating cameras, another focal length than the
+    model's.
     """
     for views in objects:
         yield _score_object(model, views, protocol)
@@ -104,7 +104,7 @@ def _score_object(model: Model, views: ObjectViews, protocol: EvaluationProtocol
 
 
 def fit_first_last(model: Model, job: FitJob) -> tuple[FitStep, FitStep]:
-    """Runs a fit and returns its first and its last step."""
+    """Run a fit and return its first and its last step."""
     steps = fit_as_set(model, job)
     first = last = next(steps)
     for step in steps:
@@ -113,7 +113,7 @@ def fit_first_last(model: Model, job: FitJob) -> tuple[FitStep, FitStep]:
 
 
 def as_photo(views: ObjectViews, index: int, posed: bool) -> Photo:
-    """A view as a photo to fit; ``posed``: with its true camera."""
+    """Return a view as a photo to fit; ``posed``: with its true camera."""
     pixels = torch.from_numpy(views.images[index]).float() / 255
     return Photo(pixels, torch.from_numpy(views.masks[index]), views.cameras[index] if posed else None)
 
@@ -139,16 +139,16 @@ def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> Vi
 def _require_views(views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:
     count, wanted = len(views.cameras), ",".join(map(str, protocol.inputs))
     if max(protocol.inputs) >= count:
-        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, and the input views are {wanted}")
+        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, but the input views are {wanted}")
     if not rest:
-        raise ValueError(f"{views.name}: {count} views, all of them input views ({wanted}): none to compare")
+        raise ValueError(f"{views.name}: {count} views, all used as input ({wanted}): none left to compare")
 
 
 def _require_focal_length(model: Model, views: ObjectViews) -> None:
     camera = views.cameras[0]
     theirs, ours = camera.focal / camera.height, model.focal / model.image_size
     if abs(theirs - ours) > 0.01 * ours:
-        raise ValueError(f"{views.name}: focal length {theirs:.3f} image heights, and the model's is {ours:.3f}")
+        raise ValueError(f"{views.name}: focal length {theirs:.3f} image heights, but the model's is {ours:.3f}")
 
 
 def _pose_score(view: int, truth: Camera, estimated: Camera, initial: Camera) -> PoseScore:
@@ -167,10 +167,10 @@ class PoseSummary:
 
     cameras: int
     rotation: Mean  # degrees
-    translation: Mean  # share of the true distance
+    translation: Mean  # fraction of the true distance
     initial_rotation: Mean
     initial_translation: Mean
-    within_5_degrees: Mean  # shares of cameras, 0..1
+    within_5_degrees: Mean  # fractions of cameras, 0..1
     within_10_degrees: Mean
     within_3_percent: Mean
     within_5_percent: Mean
@@ -184,12 +184,12 @@ class EvaluationSummary:
     psnr: Mean
     ssim: Mean
     seconds: Mean
-    pose: PoseSummary | None  # None where cameras are known
+    pose: PoseSummary | None  # None for known cameras
     without_outliers: "EvaluationSummary | None" = None
 
 
 def summarise(scores: Sequence[ObjectScore]) -> EvaluationSummary:
-    """Means over all objects and, where cameras were estimated, over the objects without outliers."""
+    """Average over all objects and, for estimated cameras, over the objects without outliers."""
     whole = _summary(scores)
     if whole.pose is None:
         return whole

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)  # degrees
 _TRANSLATION_BINS = (0, 1, 2, 3, 5, 10, 20, 50, 100, 200)  # per cent of the distance
 _PSNR_BINS = tuple(range(10, 42, 2))  # dB
-_SHEET = 24  # pairs on the contact sheet of a disentanglement report, at the most
+_SHEET = 24  # pairs on the contact sheet, at most
 _FINAL, _INITIAL = "#2f6fb0", "#8cc084"
 
 
@@ -36,7 +36,7 @@ class _Panel(NamedTuple):
 
 
 def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) -> str:
-    """The paper's table and, where cameras were estimated, their errors as a table and a histogram."""
+    """Format the paper's table and, for estimated cameras, their errors as a table and a histogram."""
     summary = summarise(scores)
     inputs = f"{len(protocol.inputs)}-view ({', '.join(map(str, protocol.inputs))})"
     name = f"{inputs}, camera {'estimated' if protocol.estimate else 'known'}"
@@ -52,7 +52,7 @@ def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) ->
 def write_report(
     path: Path, scores: Sequence[ObjectScore], protocol: EvaluationProtocol, about: dict[str, str]
 ) -> None:
-    """Write the numbers as JSON, per object too, and a chart as PNG beside it; to a stream the numbers alone."""
+    """Write the numbers as JSON, per object too, with a PNG chart beside it; to a stream the JSON only."""
     objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
     content = about | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
     write_json(path, content)
@@ -62,9 +62,9 @@ def write_report(
 
 
 def chart(scores: Sequence[ObjectScore]) -> "Figure":
-    """Histograms: PSNR of objects and, where cameras were estimated, their errors beside the initial ones.
+    """Draw histograms: PSNR of objects and, for estimated cameras, final and initial errors.
 
-    Raises ``ImportError`` where matplotlib is not installed.
+    Raises ``ImportError`` without matplotlib.
     """
     from matplotlib.figure import Figure
 
@@ -82,7 +82,7 @@ def chart(scores: Sequence[ObjectScore]) -> "Figure":
 
 
 def format_disentanglement(scores: Sequence[PairScore]) -> str:
-    """Held-out pairs beside trained ones, what a texture edit changes, and what codes leak."""
+    """Format scores of held-out and trained pairs, effects of a texture edit, and leaks of codes."""
     found = summarise_pairs(scores)
     rows = (
         ("held-out pairs, codes of two objects", found.recombined, found.recombined_ssim, found.recombined_pairs),
@@ -106,7 +106,7 @@ def format_disentanglement(scores: Sequence[PairScore]) -> str:
 
 
 def write_disentanglement_report(path: Path, scores: Sequence[PairScore], about: dict[str, str]) -> None:
-    """Write the numbers as JSON, per pair too, and beside it, as PNG, true and rendered views, held-out first."""
+    """Write the numbers as JSON, per pair too, and true and rendered views as PNG beside it, held-out pairs first."""
     pairs = [
         {
             "name": score.pair.entry.name,
@@ -168,12 +168,12 @@ def _pose_histogram(scores: Sequence[ObjectScore]) -> list[str]:
 
 
 def _counts(values: Sequence[float], bins: Sequence[int]) -> list[int]:
-    """Counts per bin; the first and the last bin include what lies beyond them."""
+    """Count values per bin; the outer bins include values beyond them."""
     return np.histogram(np.clip(values, bins[0], bins[-1]), bins)[0].tolist()
 
 
 def _draw_panel(axes: "Axes", panel: _Panel) -> None:
-    """One histogram with bins of equal width, whatever they span, and counts above the bars."""
+    """Draw a histogram with bars of equal width and counts above them."""
     series = [("final", panel.values, _FINAL), ("initial", panel.initial, _INITIAL)][: 1 + bool(panel.initial)]
     for number, (name, values, colour) in enumerate(series):
         counts, width = _counts(values, panel.bins), 0.8 / len(series)

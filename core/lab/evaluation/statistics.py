@@ -1,4 +1,4 @@
-"""Means over objects with bootstrap intervals, and how they are printed."""
+"""Means over objects with bootstrap intervals, and their formatting."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,7 +17,7 @@ class Mean(NamedTuple):
 
 
 def mean_of(values: Sequence[float]) -> Mean:
-    """The mean and its bootstrap interval; the same values give the same interval. NaN where there are no values.
+    """Return the mean and its deterministic bootstrap interval; NaN without values.
 
     Example:
         >>> mean_of([2.0, 2.0])
@@ -32,7 +32,7 @@ def mean_of(values: Sequence[float]) -> Mean:
 
 
 def mean_gain(values: Sequence[float], others: Sequence[float]) -> Mean:
-    """The mean difference of pairs: of the same objects, or of the same views.
+    """Return the mean difference of paired values (same objects or same views).
 
     Example:
         >>> mean_gain([21.0, 31.0], [20.0, 30.0]).mean
@@ -42,7 +42,7 @@ def mean_gain(values: Sequence[float], others: Sequence[float]) -> Mean:
 
 
 def share_within(values: Sequence[float], limit: float) -> Mean:
-    """The share of values that are at most ``limit``, 0..1, with its interval.
+    """Return the fraction of values that are at most ``limit``, 0..1, with its interval.
 
     Example:
         >>> share_within([1.0, 2.0, 9.0, 9.0], 5.0).mean
@@ -52,7 +52,7 @@ def share_within(values: Sequence[float], limit: float) -> Mean:
 
 
 def format_share(share: Mean) -> str:
-    """A share of 0..1 as per cent with its interval.
+    """Format a fraction of 0..1 as per cent with its interval.
 
     Example:
         >>> format_share(Mean(0.8, 0.634, 0.93))
@@ -62,7 +62,7 @@ def format_share(share: Mean) -> str:
 
 
 def format_difference(difference: Mean) -> str:
-    """A paired difference with its sign and its interval.
+    """Format a paired difference with its sign and its interval.
 
     Example:
         >>> format_difference(Mean(-1.0, -1.25, 0.0))

@@ -1,7 +1,7 @@
-"""Photographic changes to an image of an object: other colours, light, blur, grain, wrong masks, things in front.
+"""Photographic augmentation: changed colours, light, blur, noise, wrong masks and occlusion.
 
-The viewpoint classifier (:mod:`core.classifiers.viewpoint`) is trained on images that went through this. All images are
-square crops, (4, side, side): rgb on white and the mask, 0..1.
+Used to train the viewpoint classifier (:mod:`core.classifiers.viewpoint`). All images are square crops, (4, side,
+side): rgb on white and the mask, 0..1.
 """
 
 import torch
@@ -12,16 +12,16 @@ from torch.nn import functional
 from core.classifiers.crops import CROP_MARGIN
 from core.geometry.camera import FRONT_AZIMUTH
 
-_COLOUR_STD, _BRIGHTNESS_STD = 0.35, 0.2  # by how much colours are mixed and shifted
+_COLOUR_STD, _BRIGHTNESS_STD = 0.35, 0.2  # of the colour mixing matrix and of the shift of channels
 _INVERT_PROBABILITY = 0.15
 _SCALE_STD, _ASPECT_STD, _SHIFT_STD = 0.06, 0.08, 0.04
-"""of an object's size, of its proportions and, in halves of an image, of its place"""
-_SHADING_STD = 0.35  # slope of the light across half an image
-_MIN_SIDE = 12  # px: the resolution that the coarsest images are reduced to
+"""of an object's size, of its proportions and, in halves of an image, of its position"""
+_SHADING_STD = 0.35  # slope of the light over half an image
+_MIN_SIDE = 12  # px: lowest resolution that images are reduced to
 _BLUR_PROBABILITY, _NOISE_PROBABILITY, _MASK_PROBABILITY, _HIDE_PROBABILITY = 0.4, 0.3, 0.3, 0.3
 _MAX_NOISE = 0.12  # standard deviation
-_HIDDEN = (0.1, 0.6)  # share of the object's box behind what is in front of it, along one axis
-_MIN_VISIBLE = 0.25  # Share of an object that stays visible: of less, nobody knows the direction.
+_HIDDEN = (0.1, 0.6)  # fraction of the object's box hidden along one axis
+_MIN_VISIBLE = 0.25  # fraction of an object that stays visible; below, the direction is unrecognisable
 
 Crops = Float[Tensor, "images 4 side side"]
 
@@ -29,9 +29,7 @@ Crops = Float[Tensor, "images 4 side side"]
 def augment_photo(
     images: Crops, azimuth: Float[Tensor, "images"], generator: torch.Generator
 ) -> tuple[Crops, Float[Tensor, "images"]]:
-    """The images as photographs might show their objects, cropped to what is left of them; and their azimuths (rad),
-    which mirroring changes.
-    """
+    """Augment images like photographs and crop them to the visible object; mirroring changes azimuths (rad)."""
     images, azimuth = mirror(images, azimuth, generator)
     images = _change_colours(images, generator)
     images = _shade(images, generator)
@@ -45,16 +43,16 @@ def augment_photo(
 def mirror(
     images: Crops, azimuth: Float[Tensor, "images"], generator: torch.Generator
 ) -> tuple[Crops, Float[Tensor, "images"]]:
-    """Half of the images mirrored: a mirrored object is one seen from the other side of its front."""
+    """Mirror half of the images: a mirrored object is seen from the other side of its front."""
     mirrored = _some(len(images), 0.5, generator)
     turned = torch.where(mirrored[:, None, None, None], images.flip(-1), images)
     return turned, torch.where(mirrored, 2 * FRONT_AZIMUTH - azimuth, azimuth)
 
 
 def recrop(images: Crops) -> Crops:
-    """Each object scaled to fill its image again, as :func:`core.classifiers.crops.crop_to_object` leaves it.
+    """Scale each object to fill its image again, as after :func:`core.classifiers.crops.crop_to_object`.
 
-    An image of nothing stays as it is.
+    Empty images stay unchanged.
     """
     visible = images[:, 3] > 0.5
     side = images.shape[-1]
@@ -69,7 +67,7 @@ def recrop(images: Crops) -> Crops:
 
 
 def _extent(occupied: Bool[Tensor, "images side"], side: int) -> Float[Tensor, "images 2"]:
-    """From where to where an axis is occupied, from -1 to 1; all of it where nowhere."""
+    """Return the occupied range of an axis, -1 to 1; all of the axis if nothing is occupied."""
     places = torch.arange(side)
     first = torch.where(occupied, places, side).amin(1)
     last = torch.where(occupied, places, -1).amax(1) + 1
@@ -78,12 +76,12 @@ def _extent(occupied: Bool[Tensor, "images side"], side: int) -> Float[Tensor, "
 
 
 def _some(count: int, probability: float, generator: torch.Generator) -> Bool[Tensor, "count"]:
-    """True for about so large a share."""
+    """Choose each image with this probability."""
     return torch.rand(count, generator=generator) < probability
 
 
 def _change_colours(images: Crops, generator: torch.Generator) -> Crops:
-    """Channels mixed and shifted, some colours inverted."""
+    """Mix and shift channels, invert some images."""
     count = len(images)
     mixing = torch.eye(3) + _COLOUR_STD * torch.randn(count, 3, 3, generator=generator)
     shift = _BRIGHTNESS_STD * torch.randn(count, 3, 1, 1, generator=generator)
@@ -93,7 +91,7 @@ def _change_colours(images: Crops, generator: torch.Generator) -> Crops:
 
 
 def _shade(images: Crops, generator: torch.Generator) -> Crops:
-    """Light that falls off across the object, in any direction."""
+    """Let the light fall off across the object, in any direction."""
     slope = _SHADING_STD * torch.randn(len(images), 2, 1, 1, generator=generator)
     axis = torch.linspace(-1, 1, images.shape[-1])
     light = (1 + slope[:, :1] * axis + slope[:, 1:] * axis[:, None]).clamp(0.2, 2)
@@ -101,14 +99,14 @@ def _shade(images: Crops, generator: torch.Generator) -> Crops:
 
 
 def _hide(images: Crops, generator: torch.Generator) -> Crops:
-    """Some objects partly behind something: it is cut away, or it is taken for a part of the object."""
+    """Occlude some objects; the mask excludes the occluder or mistakes it for the object."""
     count, side = len(images), images.shape[-1]
     low, high = _HIDDEN
     axis = torch.linspace(-1, 1, side).expand(count, side)
     share = low + (high - low) * torch.rand(count, 2, generator=generator)
     centre = 2 * torch.rand(count, 2, generator=generator) - 1
     across, down = ((axis - centre[:, one : one + 1]).abs() < share[:, one : one + 1] for one in (0, 1))
-    # A third of them are bands from edge to edge, as posts, branches and edges of images are.
+    # A third are bands from edge to edge, like posts, branches and image borders.
     across, down = (part | _some(count, 1 / 6, generator)[:, None] for part in (across, down))
     covered = (across[:, None, :] & down[:, :, None])[:, None]
     left = (images[:, 3:] * ~covered).sum((1, 2, 3)) / images[:, 3:].sum((1, 2, 3)).clamp_min(1)
@@ -121,7 +119,7 @@ def _hide(images: Crops, generator: torch.Generator) -> Crops:
 
 
 def _corrupt_masks(images: Crops, generator: torch.Generator) -> Crops:
-    """Some masks are a pixel or two too wide or too narrow; what they wrongly hold is of any colour."""
+    """Dilate or erode some masks by a pixel or two; wrongly included pixels get any colour."""
     count, mask = len(images), images[:, 3:]
     wrong = _some(count, _MASK_PROBABILITY, generator)[:, None, None, None]
     wide = functional.max_pool2d(mask, 3, 1, 1)
@@ -136,7 +134,7 @@ def _corrupt_masks(images: Crops, generator: torch.Generator) -> Crops:
 
 
 def _place(images: Crops, generator: torch.Generator) -> Crops:
-    """Other proportions, and masks that are not quite where they should be."""
+    """Change proportions and shift the crop."""
     count = len(images)
 
     def normal(std: float, *shape: int) -> Tensor:
@@ -151,7 +149,7 @@ def _place(images: Crops, generator: torch.Generator) -> Crops:
 
 
 def _reduce(images: Crops, generator: torch.Generator) -> Crops:
-    """Some images at a resolution down to ``_MIN_SIDE`` px."""
+    """Reduce some images to a resolution down to ``_MIN_SIDE`` px."""
     count, side = len(images), images.shape[-1]
     if not bool(_some(1, _BLUR_PROBABILITY * 2, generator)):
         return images
@@ -169,12 +167,12 @@ def _add_noise(images: Crops, generator: torch.Generator) -> Crops:
 
 
 def _on_white(colours: Float[Tensor, "images 3 side side"], mask: Float[Tensor, "images 1 side side"]) -> Crops:
-    """Colours where the mask is, white elsewhere."""
+    """Composite colours over white by a mask."""
     return torch.cat(((colours - 1) * mask + 1, mask), 1)
 
 
 def _resample(images: Crops, affine: Float[Tensor, "images 2 3"]) -> Crops:
-    """The images at other places: ``affine`` takes output coordinates (-1 to 1) to those of the input."""
+    """Resample images; ``affine`` maps output coordinates (-1 to 1) to input coordinates."""
     grid = functional.affine_grid(affine, list(images.shape), align_corners=False)
     found = functional.grid_sample(torch.cat((images[:, :3] - 1, images[:, 3:]), 1), grid, align_corners=False)
     return torch.cat((found[:, :3] + 1, found[:, 3:]), 1)

@@ -22,7 +22,7 @@ class CurvePoint:
 
 
 def read_curve(path: Path) -> list[CurvePoint]:
-    """The points of a curve that :func:`write_curve` wrote; none where there is no file."""
+    """Read the points of a curve that :func:`write_curve` wrote; none if there is no file."""
     if not path.exists():
         return []
     with reading(path, "a training curve"):
@@ -31,16 +31,16 @@ def read_curve(path: Path) -> list[CurvePoint]:
 
 
 def write_curve(path: Path, name: str, points: list[CurvePoint]) -> None:
-    """``path`` as JSON, and beside it, where matplotlib is installed, a chart as PNG: PSNR against minutes."""
+    """Write JSON to ``path`` and, with matplotlib, a PNG chart beside it: PSNR against minutes."""
     write_json(path, {name: [asdict(point) for point in points]})
     with suppress(ImportError):  # the chart is extra; training needs no matplotlib
         draw_curves({name: points}).savefig(path.with_suffix(".png"), dpi=110)
 
 
 def draw_curves(curves: dict[str, list[CurvePoint]]) -> "Figure":
-    """A chart of PSNR (dB) against minutes of training, a line per named curve.
+    """Draw PSNR (dB) against minutes of training, a line per named curve.
 
-    Raises ``ImportError`` where matplotlib is not installed.
+    Raises ``ImportError`` without matplotlib.
     """
     from matplotlib.figure import Figure
 

@@ -1,7 +1,7 @@
-"""What tells parts of objects apart, learned from the generated objects that a model was trained on.
+"""Train a part head from the generated objects that a model was trained on.
 
-Their generators know wheels from body and seat from legs. The surface of the field has the part of the nearest place
-of the generated shape.
+The generators label parts of shapes. Each point on the field's surface takes the part of the nearest point on the
+generated shape.
 """
 
 from collections.abc import Iterator
@@ -24,35 +24,37 @@ from core.rendering.folded_field import FoldedField
 from core.streams import run_to_end
 
 PARTS = {"cars": ("body", "wheels", "glass"), "chairs": ("seat", "back", "legs", "arms")}
-"""The names of each category's parts; what is no other part is the first."""
-_RESOLUTION = 96  # cells along the longest side of the surfaces that are learned from
-_PLACES = 1000  # of each object's surface
-_SAMPLES = 60000  # of the generated shape's surface
+"""The names of each category's parts; the first takes the rest of the object."""
+_RESOLUTION = 96  # cells along the longest side of the training surfaces
+_PLACES = 1000  # points on each object's surface
+_SAMPLES = 60000  # points on the generated shape's surface
 _DEPTH = 0.004  # scene units below the surface
-_SHELL_BACK = 0.1  # m above its legs: from there on a bent shell is the back
+_SHELL_BACK = 0.1  # m above its legs, from where a bent shell is the back
 _STEPS, _WEIGHT_DECAY = 60, 1e-4  # of L-BFGS; of the squared norm of the weights
 
-Places = tuple[Float[Tensor, "places width"], Int[Tensor, "places"]]  # features of the field, and parts as indices
+Places = tuple[Float[Tensor, "places width"], Int[Tensor, "places"]]  # field features, part indices
 
 
 def labelled_places(model: Model, count: int) -> Iterator[Places]:
-    """Places on about ``count`` generated objects of different shapes that the model was trained on, object by object.
+    """Yield labelled points of about ``count`` generated training objects of different shapes, object by object.
 
-    Raises ``ValueError`` where it was trained on none, or its category has no parts.
+    Raises ``ValueError`` if there are none, or if the category has no parts.
     """
     if model.category not in PARTS:
-        raise ValueError(f"only the parts of {' and '.join(PARTS)} are known, not of {model.category or 'anything'}")
+        raise ValueError(
+            f"parts can be learned for {' and '.join(PARTS)} only, not for {model.category or 'this model'}"
+        )
     named = {index: ProceduralObject.named(model.codes.objects[index].name) for index in model.codes.valid}
     shapes = {item.shape: index for index, item in named.items() if item and item.category == model.category}
     if not shapes:
-        raise ValueError("the model was trained on no generated object, whose parts would be known")
+        raise ValueError("the model was not trained on generated objects, which have labelled parts")
     generator = np.random.default_rng(0)
     for seed in sorted(shapes)[:: max(1, len(shapes) // count)]:
         yield _places(model, model.codes[shapes[seed]], shape_of(model.category, seed), generator)
 
 
 def fit_part_head(model: Model, places: list[Places]) -> PartHead:
-    """The linear classifier of these places by logistic regression."""
+    """Fit the linear classifier to labelled points by logistic regression."""
     features, part = (torch.cat(values) for values in zip(*places, strict=True))
     mean, std = features.mean(0), features.std(0) + 1e-3
     features = (features - mean) / std
@@ -73,7 +75,7 @@ def fit_part_head(model: Model, places: list[Places]) -> PartHead:
 
 
 def _places(model: Model, codes: Codes, shape: Shape, generator: np.random.Generator) -> Places:
-    """Places on the field's surface, spread evenly, each with the part of the nearest of the generated surface."""
+    """Sample points evenly on the field's surface, each with the part of the nearest point on the generated surface."""
     mesh = run_to_end(extract_mesh(model, codes, _RESOLUTION))
     normals = face_normals(mesh.vertices, mesh.faces)
     places, _, facing = _spread(mesh.vertices[mesh.faces], normals, _PLACES, generator)
@@ -89,7 +91,7 @@ def _places(model: Model, codes: Codes, shape: Shape, generator: np.random.Gener
 
 
 def _labelled(shape: Shape, names: tuple[str, ...]) -> tuple[Float[np.ndarray, "faces 3 3"], Int[np.ndarray, "faces"]]:
-    """A generated shape's triangles, and each one's part."""
+    """Return a generated shape's triangles and their parts."""
     triangles, parts = [], []
     legs = [part.solid.vertices[:, 2].max() for part in shape.parts if part.of == "legs"]
     for part in shape.parts:
@@ -110,7 +112,7 @@ def _spread(
     count: int,
     generator: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"], Float[np.ndarray, "count 3"]]:
-    """Random places on triangles, as many as fits their area, which triangle each is on, and its unit normal."""
+    """Sample points on triangles by area; return points, triangle indices and unit normals."""
     area = np.linalg.norm(normals, axis=1)
     chosen = generator.choice(len(triangles), count, p=area / area.sum())
     weights = generator.dirichlet((1, 1, 1), count)[..., None]

@@ -1,4 +1,4 @@
-"""Training pixels as rays, and the visual hulls that say where along a ray an object can be."""
+"""Training pixels as rays, and visual hulls that bound the object along each ray."""
 
 from typing import NamedTuple
 
@@ -16,9 +16,9 @@ from core.models.field import Field
 from core.runtime.precision import autocast
 
 _HULL_RESOLUTION = 64  # cells of a hull along each axis
-_MIN_OPACITY = 0.02  # a cell that absorbs less of the light is empty
-_MASK_MARGIN = 3 / 128  # image widths around the mask that rays come from too: as far as a hull reaches beyond it
-_PIXELS_PER_VIEW = 8192  # at most, a random selection: more images matter more than all pixels of each
+_MIN_OPACITY = 0.02  # a cell with less opacity is empty
+_MASK_MARGIN = 3 / 128  # image widths around the mask that also supply rays: as far as a hull extends beyond it
+_PIXELS_PER_VIEW = 8192  # at most, chosen at random: more images help more than all pixels of each
 _PRUNE_BATCH = 65536  # cells
 
 
@@ -69,7 +69,7 @@ class RayDataset:
             self.hulls = torch.stack([visual_hull(one, extent, _HULL_RESOLUTION, device) for one in objects])
 
     def sample(self, count: int, generator: torch.Generator) -> RayBatch:
-        """Rays through random pixels of random objects, as often as the dataset's weights say."""
+        """Sample rays through random pixels; objects are chosen by the dataset's weights."""
         owner = torch.multinomial(self.weight, count, replacement=True, generator=generator)
         place = torch.rand(count, generator=generator, device=owner.device, dtype=torch.float64)
         index = self.first[owner] + (place * self.count[owner]).long()
@@ -79,14 +79,14 @@ class RayDataset:
         return RayBatch(rays, owner, self.colour[index].float() / 255, self.mask_class[index])
 
     def inside_hull(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Bool[Tensor, "*batch"]:
-        """Whether each point lies in its object's hull."""
+        """Tell which points lie in their object's hull."""
         cells = ((points / self.extent + 1) * (_HULL_RESOLUTION / 2)).long().clamp(0, _HULL_RESOLUTION - 1)
         x, y, z = cells.unbind(-1)
         return self.hulls.flatten()[((owner * _HULL_RESOLUTION + x) * _HULL_RESOLUTION + y) * _HULL_RESOLUTION + z]
 
     @torch.no_grad()
     def prune(self, field: Field, shape_bias: Float[Tensor, "objects blocks width"]) -> None:
-        """Remove from the hulls the cells that the field has found empty and whose neighbours are empty too."""
+        """Remove from the hulls cells that the field finds empty, together with their neighbours."""
         centres = grid_centres(tuple(self.extent.tolist()), _HULL_RESOLUTION).to(self.extent.device)
         step = 2 * self.extent.amin() / _HULL_RESOLUTION
         for hull, bias in zip(self.hulls, shape_bias, strict=True):
@@ -100,7 +100,7 @@ class RayDataset:
 
 
 def _training_pixels(views: ObjectViews, whole_image: bool, choice: np.random.Generator) -> _Pixels:
-    """The pixels of an object that are trained on, at most :data:`_PIXELS_PER_VIEW` times its views."""
+    """Return the training pixels of an object, at most :data:`_PIXELS_PER_VIEW` per view on average."""
     masks = torch.from_numpy(views.masks)
     mask_class = (_dilate(masks, 1).to(torch.uint8) + (~_dilate(~masks, 1)).to(torch.uint8)).flatten(1)
     near = torch.ones_like(masks) if whole_image else _dilate(masks, round(_MASK_MARGIN * masks.shape[-1]))
@@ -114,5 +114,5 @@ def _training_pixels(views: ObjectViews, whole_image: bool, choice: np.random.Ge
 
 
 def _dilate(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:
-    """Masks dilated by ``reach`` px."""
+    """Dilate masks by ``reach`` px."""
     return functional.max_pool2d(masks[:, None].float(), 2 * reach + 1, 1, reach)[:, 0] > 0

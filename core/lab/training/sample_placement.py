@@ -1,8 +1,7 @@
-"""Sample placement along training rays: evenly over the part of a ray that lies in its object's hull and that light
-reaches.
+"""Sample placement along training rays: evenly over the lit part of a ray within its object's hull.
 
-Every ray has equally many samples, so that codes enter as one bias a ray and all shapes are fixed, which graphics cards
-and their compilers need. Thin objects get short intervals, and nothing is evaluated where nothing can be.
+All rays have the same number of samples, so that codes enter as one bias per ray and all shapes are fixed, as compilers
+for graphics cards require. Thin objects get short intervals, and empty space is not evaluated.
 """
 
 from collections.abc import Callable
@@ -14,16 +13,16 @@ from torch import Tensor
 
 from core.geometry.rays import Rays, ray_points
 
-_BINS = 128  # along a ray, in which the hull is looked up; finer than its cells
-_COARSE = 32  # samples that show how far light reaches
-_DARK = 7.0  # optical depth behind which less than a thousandth of the light is left
+_BINS = 128  # per ray, to look up the hull; finer than its cells
+_COARSE = 32  # samples that find how far light reaches
+_DARK = 7.0  # optical depth at which a thousandth of the light is left
 
 
 class PlacedSamples(NamedTuple):
-    """Samples of rays, and the intervals that they stand for."""
+    """Samples of rays and their intervals."""
 
     points: Float[Tensor, "rays samples 3"]
-    edges: Float[Tensor, "rays samples_and_one"]  # scene units within the hull, from where the ray first enters it
+    edges: Float[Tensor, "rays samples_and_one"]  # scene units within the hull, from its first entry
 
 
 @torch.no_grad()
@@ -34,11 +33,11 @@ def place_samples(
     coarse_density: Callable[[Float[Tensor, "rays coarse 3"]], Float[Tensor, "rays coarse"]] | None,
     generator: torch.Generator,
 ) -> PlacedSamples:
-    """Place one random sample in each of ``samples`` equal parts of a ray's way through its hull.
+    """Place one random sample in each of ``samples`` equal parts of a ray's path through its hull.
 
     Args:
         inside: tells which points lie in the hull of their ray's object.
-        coarse_density: density per scene unit, to leave out what lies in the dark; None keeps the whole way.
+        coarse_density: density per scene unit, used to skip unlit parts; None keeps the whole path.
     """
     device, count = rays.near.device, len(rays.near)
     width = ((rays.far - rays.near) / _BINS)[:, None]
@@ -46,7 +45,7 @@ def place_samples(
     filled = inside(ray_points(rays, middles)).float().cumsum(-1)  # bins in the hull up to each bin
 
     def points_at(way: Float[Tensor, "rays some"]) -> Float[Tensor, "rays some 3"]:
-        """Points that many bins within the hull along each ray."""
+        """Return points at these distances along each ray, counted in bins within the hull."""
         index = torch.searchsorted(filled, way, right=True).clamp_(max=_BINS - 1)
         within = (way - (filled.gather(1, index) - 1)).clamp(0, 1)
         return ray_points(rays, rays.near[:, None] + width * (index + within))

@@ -30,29 +30,28 @@ from core.runtime.files import atomic_file
 from core.runtime.precision import autocast, require_device
 from core.runtime.reading import first_line
 
-_PRUNE_AT = (0.08, 0.2, 0.4, 0.7)
-"""Fractions of the schedule after which the hulls are pruned to where the field has found the object."""
-_PRUNE_AFTER = 2000  # Steps before which nothing is pruned: what the field has not found yet is not empty.
-_OUTSIDE_INTERVALS = 64  # across the box: the length over which density outside the hulls is penalised
-_MIN_MUON_DIM = 8  # A matrix of fewer rows or columns (density's, colour's) is left to AdamW.
+_PRUNE_AT = (0.08, 0.2, 0.4, 0.7)  # Fractions of the schedule at which hulls are pruned to occupied cells
+_PRUNE_AFTER = 2000  # steps before the first pruning: the field must have found the object
+_OUTSIDE_INTERVALS = 64  # across the box: the interval by which density outside the hulls is penalised
+_MIN_MUON_DIM = 8  # AdamW optimises matrices with fewer rows or columns (density, colour)
 _WEIGHT_DECAY = 1e-4  # of the weights, per step and learning rate
 _WARMUP_STEPS = 500
-_FINAL_LR = 0.01  # Learning rates at the end of the schedule, relative to their peaks.
+_FINAL_LR = 0.01  # learning rates at the end of the schedule, relative to their peaks
 
 
 @dataclass(frozen=True)
 class TrainStep:
-    """The progress of a training run."""
+    """Progress of a training run."""
 
     step: int
     steps: int
     loss: float
-    psnr: float  # dB of this step's rays, which lie on and around the objects
-    seconds: float  # spent on training, resumed runs included
+    psnr: float  # dB of this step's rays on and around the objects
+    seconds: float  # of training, including earlier runs
 
 
 class Trainer:
-    """A training run: its whole state, which can be saved and resumed at any step."""
+    """A training run whose whole state can be saved and resumed at any step."""
 
     def __init__(self, dataset: Dataset, settings: TrainSettings, device: str = "cpu") -> None:
         self.settings, self.dataset = settings, dataset
@@ -74,10 +73,10 @@ class Trainer:
         self.step, self.seconds = 0, 0.0
         on_card = self.device.type == "cuda"
         self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=False) if on_card else self._evaluate_ray_loss
-        self.extends: tuple[str, ...] = ()  # as :attr:`core.models.model.Model.extends`
+        self.extends: tuple[str, ...] = ()  # see :attr:`core.models.model.Model.extends`
 
     def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
-        """The optimisers of network and codes, and the peak learning rate of each of their parameter groups."""
+        """Return the optimisers of network and codes, and the peak learning rate of each parameter group."""
         settings, matrices = self.settings, list[nn.Parameter]()
         if settings.muon_lr is not None:
             matrices = [one for one in self.field.parameters() if one.ndim == 2 and min(one.shape) >= _MIN_MUON_DIM]
@@ -94,10 +93,10 @@ class Trainer:
         return optimisers, peaks
 
     def initialise_from(self, model: Model) -> None:
-        """Start from a trained model: its network, and its codes of all objects that the dataset has too.
+        """Start from a trained model: its network, and its codes of all objects in the dataset.
 
-        Shapes and textures that the model was not trained on start from its mean ones. Raises ``ValueError`` for a
-        model of another category or with another network.
+        Unknown shapes and textures start from the model's means. Raises ``ValueError`` for a model of another category
+        or with another network.
         """
         if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
             raise ValueError(f"training cannot start from a model of {model.category} with {model.field.config}")
@@ -114,9 +113,9 @@ class Trainer:
         self.extends = (model.fingerprint, *model.extends)
 
     def steps(self) -> Iterator[TrainStep]:
-        """Train to the end of the schedule, yielding each step; to stop, take no more values.
+        """Train to the end of the schedule, yielding after each step; to stop, abandon the iterator.
 
-        Raises ``ValueError`` where the loss is no longer finite.
+        Raises ``ValueError`` if the loss is not finite.
         """
         while self.step < self.settings.steps:
             began = time.perf_counter()
@@ -130,9 +129,7 @@ class Trainer:
             yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
 
     def model(self) -> Model:
-        """The model so far, with the moving average of the weights; codes are rounded to half precision, as files have
-        them.
-        """
+        """Return the current model: averaged weights, codes rounded to half precision as in files."""
         now, averaged = self._parameters(), copy.deepcopy(self.field).cpu()
         *layers, shapes, textures = self.ema_parameters
         assert len(layers) == len(now) - 2
@@ -146,7 +143,7 @@ class Trainer:
         return Model(averaged, book, self.extent, category, size, focal, typical, extends=self.extends, metres=metres)
 
     def save_state(self, path: Path) -> None:
-        """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""
+        """Write all that :meth:`load_state` needs; an interrupted write keeps the previous file."""
         state = {
             "objects": [entry.name for entry in self.entries],
             "field": self.field.state_dict(),
@@ -161,11 +158,11 @@ class Trainer:
             torch.save(state, partial)
 
     def load_state(self, path: Path) -> None:
-        """Resume a saved run. Raises ``ValueError`` where its sizes or objects are not this run's."""
+        """Resume a saved run. Raises ``ValueError`` for other sizes or objects than this run's."""
         try:
             state = torch.load(path, map_location=self.device, weights_only=True)
             if state["objects"] != [entry.name for entry in self.entries]:
-                raise ValueError("it is of other objects, or of the same in another order")
+                raise ValueError("it belongs to other objects, or to another order")
             self.field.load_state_dict(state["field"])
             with torch.no_grad():
                 for parameter, value in zip((self.shapes, self.textures), state["codes"], strict=True):
@@ -176,11 +173,11 @@ class Trainer:
                 optimiser.load_state_dict(saved)
             self.generator.set_state(state["generator"].cpu())
             self.step, self.seconds = state["progress"]
-        except Exception as error:  # torch's reader raises whatever its parsers raise
+        except Exception as error:  # torch's reader raises any exception
             raise ValueError(f"{path} does not fit this dataset and these settings: {first_line(error)}") from error
 
     def _optimise_step(self) -> tuple[float, float]:
-        """One optimisation step; its loss and its squared error."""
+        """Optimise once; return loss and squared error."""
         batch = self.ray_dataset.sample(self.settings.rays, self.generator)
         with autocast(self.device):
             loss, error = self._loss(batch)
@@ -197,7 +194,7 @@ class Trainer:
         return float(loss.detach()), float(error.detach())
 
     def _loss(self, batch: RayBatch) -> tuple[Tensor, Tensor]:
-        """Eq. 4 with the terms for the mask and for empty space; and the squared error alone."""
+        """Return Eq. 4 plus the terms for mask and empty space; and the squared error alone."""
         settings = self.settings
         rows = self.shape_row[batch.owner], self.texture_row[batch.owner]
         loss, error = self._ray_loss(self._place_samples(batch, *rows), batch, *rows)
@@ -209,7 +206,7 @@ class Trainer:
         self, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"]
     ) -> PlacedSamples:
         settings, coarse = self.settings, None
-        # M1's density depends on the direction, and the paper samples the whole way.
+        # M1's density depends on the direction; the paper samples the whole ray.
         if not settings.whole_image and settings.field.architecture != "M1":
             with torch.no_grad():
                 bias, _ = self.field.biases(self.shapes[shape_row], self.textures[texture_row])
@@ -226,7 +223,7 @@ class Trainer:
     def _evaluate_ray_loss(
         self, samples: PlacedSamples, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"]
     ) -> tuple[Tensor, Tensor]:
-        """The loss of rays, compiled on a graphics card: all shapes are fixed."""
+        """Return loss and squared error of rays; compiled on a graphics card, where all shapes are fixed."""
         settings = self.settings
         shape, texture = functional.embedding(shape_row, self.shapes), functional.embedding(texture_row, self.textures)
         biases = [bias[:, None] for bias in self.field.biases(shape, texture)]
@@ -241,10 +238,10 @@ class Trainer:
         return error + settings.mask_weight * mask_loss + settings.code_prior * prior, error
 
     def _empty_space_loss(self) -> Tensor:
-        """The mean opacity that density outside the hulls would have over one interval of a ray.
+        """Return the mean opacity of one ray interval at points outside the hulls.
 
-        Half of the points are evaluated with one object's shape code, half with a mix of two objects' codes, where
-        neither has a hull: what lies between two objects stays as clean as they are.
+        Half of the points use one object's shape code. The others use a mix of two objects' codes, outside both hulls,
+        so that interpolated objects stay as clean as the originals.
         """
         count, generator, device = self.settings.outside_points, self.generator, self.device
         points = (torch.rand(count, 3, generator=generator, device=device) * 2 - 1) * self.ray_dataset.extent
@@ -262,23 +259,23 @@ class Trainer:
         return [*self.field.parameters(), self.shapes, self.textures]
 
     def _lr_factor(self, step: int) -> float:
-        """The learning rates relative to their peaks: a short linear warm-up, then a half cosine."""
+        """Return the learning rate relative to its peak: a short linear warm-up, then a half cosine."""
         warmup = min(1.0, (step + 1) / _WARMUP_STEPS)
         cosine = (1 + math.cos(math.pi * min(1.0, step / self.settings.steps))) / 2
         return warmup * (_FINAL_LR + (1 - _FINAL_LR) * cosine)
 
 
 def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
-    """The dataset without the last view of every object, and that view of a few objects, evenly over the dataset.
+    """Split off the last view of every object; return the rest, and those views of a few evenly spaced objects.
 
-    Raises ``ValueError`` where an object has one view only.
+    Raises ``ValueError`` for an object with a single view.
     """
 
     def part(views: ObjectViews, kept: slice) -> ObjectViews:
         return replace(views, images=views.images[kept], masks=views.masks[kept], cameras=views.cameras[kept])
 
     if min(len(views.cameras) for views in dataset.objects) < 2:
-        raise ValueError("training needs at least two views of every object: one is held out to measure by")
+        raise ValueError("training needs at least two views of every object: one is held out for validation")
     rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
     some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
     held = tuple(part(views, slice(-1, None)) for views in some)
@@ -286,7 +283,7 @@ def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
 
 
 def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
-    """Mean PSNR (dB) of whole images of a model's training objects, on a dataset of views not trained on."""
+    """Return the mean PSNR (dB) of a model's training objects over held-out whole images."""
     index, found = model.codes.index, list[float]()
     for views in dataset.objects:
         codes = model.codes[index[views.name]]
@@ -297,12 +294,12 @@ def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
 
 
 def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:
-    """Codes before training: small and random, as in the authors' code."""
+    """Initialise codes: small and random, as in the authors' code."""
     return torch.randn(count, latent) / math.sqrt(latent / 2)
 
 
 def _build_entries(dataset: Dataset) -> tuple[tuple[Entry, ...], int, int]:
-    """The code book's objects, and how many different shapes and textures they have."""
+    """Return the code book's entries and the numbers of different shapes and textures."""
     shapes: dict[str, int] = {}
     textures: dict[str, int] = {}
     entries = tuple(

@@ -1,4 +1,4 @@
-"""Training :mod:`core.classifiers.viewpoint` on the images of a dataset, made like photographs."""
+"""Training of :mod:`core.classifiers.viewpoint` on augmented images of a dataset."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,11 +17,11 @@ from core.lab.training.augmentation import augment_photo
 
 BATCH_SIZE = 96  # images
 _PEAK_LR = 2e-3
-_KERNEL_WIDTH = math.radians(9)  # rad; standard deviation of the target distribution around the true direction
+_KERNEL_WIDTH = math.radians(9)  # rad; width of the target distribution around the true direction
 
 
 class ViewpointDataset(NamedTuple):
-    """Images as the network takes them, and the directions they are seen from."""
+    """Network inputs and their true directions."""
 
     images: Float[Tensor, "images 4 side side"]
     azimuth: Float[Tensor, "images"]
@@ -29,7 +29,7 @@ class ViewpointDataset(NamedTuple):
 
 
 def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
-    """All images that show anything. Raises ``ValueError`` where every mask is empty."""
+    """Crop all images with a non-empty mask. Raises ``ValueError`` if there are none."""
     images, angles = [], []
     for views in dataset.objects:
         for image, mask, camera in zip(views.images, views.masks, views.cameras, strict=True):
@@ -45,7 +45,7 @@ def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
 def train_viewpoint(
     classifier: ViewpointClassifier, dataset: ViewpointDataset, steps: int, seed: int = 0
 ) -> Iterator[float]:
-    """Train a network in place, yielding the loss of each step; to stop, take no more values."""
+    """Train a network in place, yielding the loss of each step; to stop, abandon the iterator."""
     generator = torch.Generator().manual_seed(seed)
 
     def batch_loss() -> Tensor:
@@ -58,7 +58,7 @@ def train_viewpoint(
 
 
 def train_classifier(classifier: CropClassifier, batch_loss: Callable[[], Tensor], steps: int) -> Iterator[float]:
-    """Train a network in place on the losses of batches, yielding each."""
+    """Train a network in place on the losses of batches, yielding each loss."""
     optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
     classifier.requires_grad_(True).train()
     for step in range(steps):
@@ -72,7 +72,7 @@ def train_classifier(classifier: CropClassifier, batch_loss: Callable[[], Tensor
 
 
 def accuracy_within(classifier: ViewpointClassifier, dataset: ViewpointDataset, within: float) -> float:
-    """The fraction of images whose likeliest direction is within so many rad of the true one, 0..1."""
+    """Return the fraction of images whose likeliest direction is within ``within`` rad of the true one."""
     likeliest = torch.cat([classifier(part.float() / 255).argmax(1) for part in dataset.images.split(256)])
     predicted, true = (camera_rotation(*angles) for angles in ([one[likeliest] for one in directions()], dataset[1:]))
     cosine = ((predicted * true).sum((-2, -1)) - 1) / 2

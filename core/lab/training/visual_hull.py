@@ -1,4 +1,4 @@
-"""Visual hulls: the part of space that no mask rules out. Training looks for the object nowhere else."""
+"""Visual hulls: the space that no mask rules out, to which training confines the object."""
 
 import math
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from core.lab.datasets.srn import ObjectViews
 
 Extent = tuple[float, float, float]
 
-_MASK_SIDE = 128  # px: masks of larger images are reduced to this, a pixel being set where any of its part is
+_MASK_SIDE = 128  # px: larger masks are reduced to this, a pixel being set if any of its parts is
 
 
 def grid_centres(extent: Extent, resolution: int) -> Float[Tensor, "cells 3"]:
-    """World centres of the cells of a grid over the box [-extent, extent], x slowest."""
+    """Return the world centres of grid cells over the box [-extent, extent], x slowest."""
     axes = [(torch.arange(resolution) + 0.5) / resolution * 2 * half - half for half in extent]
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
@@ -24,10 +24,10 @@ def grid_centres(extent: Extent, resolution: int) -> Float[Tensor, "cells 3"]:
 def visual_hull(
     views: ObjectViews, extent: Extent, resolution: int, device: torch.device | None = None
 ) -> Bool[Tensor, "resolution resolution resolution"]:
-    """Cells that may hold a part of the object: their centres fall on the dilated mask in every view.
+    """Find cells that may contain the object: their centres project into the dilated mask in every view.
 
-    Masks are dilated by what half a cell's diagonal covers in the image, so no cell of the object is lost.
-    What an image does not show it cannot rule out.
+    Masks are dilated by half a cell's diagonal in the image, so no cell of the object is lost. Points outside an image
+    are not ruled out by it.
     """
     centres = grid_centres(extent, resolution).to(device)
     remaining = torch.arange(len(centres), device=device)
@@ -49,12 +49,12 @@ def visual_hull(
 
 
 def shared_extent(objects: Sequence[ObjectViews], resolution: int = 32) -> Extent:
-    """The smallest box around the origin that holds the hulls of all objects, with a cell to spare."""
+    """Return the smallest origin-centred box around the hulls of all objects, with one cell of margin."""
     occupied = torch.zeros(resolution, resolution, resolution, dtype=torch.bool)
     for views in objects:
         occupied |= visual_hull(views, (0.5, 0.5, 0.5), resolution)
     centres = grid_centres((0.5, 0.5, 0.5), resolution)[occupied.reshape(-1)]
     if not len(centres):
-        raise ValueError("the masks leave no room for an object: poses and masks do not belong together")
+        raise ValueError("the masks rule out all space: poses and masks do not match")
     reach = (centres.abs().amax(0) + 1.5 / resolution).clamp_max(0.5)
     return (float(reach[0]), float(reach[1]), float(reach[2]))

@@ -102,7 +102,7 @@ def test_a_hand_turns_and_zooms_it(
 
 
 def test_only_a_page_is_written(tiny: Model, camera: Camera, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"a page is called \*\.html"):
+    with pytest.raises(ValueError, match=r"a page must end in \.html"):
         list(write_page(tiny, tiny.codes[0], camera, tmp_path / "object.png", "Stool"))
     job = write_page(tiny, tiny.codes[0], camera, tmp_path / "object.html", "Stool")
     next(job)

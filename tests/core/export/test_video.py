@@ -70,7 +70,7 @@ def test_a_cancelled_video_leaves_nothing_and_keeps_what_was_there(suffix: str, 
 
 def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path) -> None:
     (tmp_path / "turn.frames").mkdir()
-    with pytest.raises(ValueError, match="there already"):
+    with pytest.raises(ValueError, match="exists already"):
         next(turn(model, tmp_path / "turn.frames"))
     assert not list((tmp_path / "turn.frames").iterdir())
 

@@ -182,7 +182,7 @@ def test_a_bare_tensor_and_unequal_codes_are_named(tmp_path: Path):
     (tmp_path / "hpam.json").write_bytes((GOLDEN / "hpam.json").read_bytes())
     state, path = torch.load(GOLDEN / "models.pth", weights_only=True), tmp_path / "models.pth"
     torch.save(torch.ones(3), path)
-    with pytest.raises(ValueError, match=r"models\.pth: it holds no model_params"):
+    with pytest.raises(ValueError, match=r"models\.pth: it has no table model_params"):
         load_authors(path)
     state["shape_code_params"]["weight"] = state["shape_code_params"]["weight"][:1]
     torch.save(state, path)

@@ -52,7 +52,7 @@ def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
     seen = torch.randn(5, width)
     assert torch.equal(again.part_head(seen), head(seen))
     torch.testing.assert_close(head(seen).sum(1), torch.ones(5))
-    with pytest.raises(ValueError, match="part head of a model does not fit"):
+    with pytest.raises(ValueError, match="part head does not fit"):
         replace(model, part_head=PartHead(head.names, torch.zeros(2, width + 1), head.bias))
     for names in ((), ("seat",), ("seat", "seat"), ("seat", ""), ("seat", "back", "legs")):
         with pytest.raises(ValueError, match="parts"):
@@ -122,7 +122,7 @@ def test_models_that_could_only_show_nothing_are_refused(model: Model):
         replace(model, codes=replace(model.codes, collapsed=frozenset(range(6))))
     with pytest.raises(ValueError, match="codes must be finite"):
         replace(model.codes, shapes=torch.full((6, 8), math.inf))
-    with pytest.raises(ValueError, match="do not fit its field"):
+    with pytest.raises(ValueError, match="do not fit the field"):
         replace(model, codes=replace(model.codes, textures=torch.zeros(6, 5)))
     with torch.no_grad():
         model.field.density_layer.bias.fill_(math.nan)

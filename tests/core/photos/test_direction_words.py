@@ -53,5 +53,5 @@ def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
     assert torch.allclose(higher.shape, codes.shape + 1.5 * step) and torch.equal(higher.texture, codes.texture)
     assert torch.allclose(lower.shape, codes.shape - 1.5 * step)
     assert not torch.equal(moved(tiny, codes, words, "more yellow", 1.0).texture, codes.texture)
-    with pytest.raises(ValueError, match="no direction is called 'roof'; there are taller, lower, bluer, more yellow"):
+    with pytest.raises(ValueError, match="no direction 'roof'; choose one of taller, lower, bluer, more yellow"):
         moved(tiny, codes, words, "roof", 1.0)

@@ -39,7 +39,7 @@ def test_a_folder_is_replaced_on_demand_only_and_by_a_whole_one(tmp_path: Path):
     path = tmp_path / "a"
     with atomic_folder(path) as partial:
         (partial / "old").touch()
-    with pytest.raises(ValueError, match="there already"), atomic_folder(path):
+    with pytest.raises(ValueError, match="exists already"), atomic_folder(path):
         pass
     with pytest.raises(KeyError), atomic_folder(path, replace=True):
         raise KeyError

@@ -78,7 +78,7 @@ def test_text_may_have_a_byte_order_mark(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("1 2e3\r\n-4", "utf-8-sig")
     assert read_numbers(tmp_path / "a.txt", 3) == (1.0, 2000.0, -4.0)
     assert read_text(tmp_path / "a.txt").startswith("1")
-    with pytest.raises(ValueError, match="4 numbers were expected, got 3"):
+    with pytest.raises(ValueError, match="expected 4 numbers, got 3"):
         read_numbers(tmp_path / "a.txt", 4)
 
 

@@ -1,6 +1,6 @@
-"""Cuts open or closed meshes along curves, so that a window, a lamp or a wheel arch has a crisp outline.
+"""Cut open or closed meshes along curves, for crisp outlines of windows, lamps and wheel arches.
 
-A region is a list of functions of the points; a point is inside where all of them are positive.
+A region is a list of functions of the points; a point is inside if all of them are positive.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,8 +16,8 @@ Region = Sequence[Callable[[Points], Values]]
 
 
 def carve(solid: Solid, region: Region) -> tuple[Solid, Solid]:
-    """The mesh inside the region, and the rest. Each function is taken as linear along an edge."""
-    # Faces wholly outside of one function stay whole, or a line would go on around the object.
+    """Split a mesh into the part inside a region and the rest; functions are interpolated linearly along edges."""
+    # Faces outside one function stay whole, or its line would continue around the object.
     near = np.ones(len(solid.faces), bool)
     for inside in region:
         a, b, c = (inside(solid.vertices) > 0)[solid.faces.T]
@@ -31,7 +31,7 @@ def carve(solid: Solid, region: Region) -> tuple[Solid, Solid]:
 
 
 def inset(piece: Solid, move: Callable[[Points], Points]) -> Solid:
-    """A piece cut out of a half mesh (x >= 0), moved, and the walls between its border there and where it was."""
+    """Move a piece cut out of a half mesh (x >= 0) and connect its old and new borders by walls."""
     rim = _border(piece)
     rim = rim[(np.abs(piece.vertices[rim, 0]) > 1e-6).any(1)]
     count = len(piece.vertices)
@@ -42,13 +42,13 @@ def inset(piece: Solid, move: Callable[[Points], Points]) -> Solid:
 
 
 def mirrored(solid: Solid) -> Solid:
-    """The mesh and its image on the other side of x = 0."""
+    """Return the mesh with its mirror image at x = 0."""
     flip = np.array([-1.0, 1.0, 1.0])
     return joined([solid, Solid(solid.vertices * flip, solid.faces[:, ::-1], solid.local * flip)])
 
 
 def joined(solids: Sequence[Solid]) -> Solid:
-    """Several meshes as one."""
+    """Join several meshes."""
     starts = np.cumsum([0] + [len(solid.vertices) for solid in solids])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
@@ -58,7 +58,7 @@ def joined(solids: Sequence[Solid]) -> Solid:
 
 
 def _halves(solid: Solid, value: Values) -> tuple[Solid, Solid]:
-    """The mesh where ``value`` is positive, and where it is not."""
+    """Split a mesh by the sign of ``value`` at its vertices."""
     inside = value > 0
     if inside.all():
         return solid, _compact(replace(solid, faces=solid.faces[:0]))
@@ -74,7 +74,7 @@ def _halves(solid: Solid, value: Values) -> tuple[Solid, Solid]:
     a, b, c = cut.T
     positive = np.where(lone_inside, np.stack((a, a)), np.stack((b, c))).reshape(-1)
     negative = np.where(lone_inside, np.stack((b, c)), np.stack((a, a))).reshape(-1)
-    # From the positive end on, so that both faces at an edge find the very same point.
+    # Interpolated from the positive end, so that both faces at an edge get exactly the same point.
     way = (value[positive] / (value[positive] - value[negative]))[:, None]
     grown = [
         np.concatenate((points, points[positive] + way * (points[negative] - points[positive])))
@@ -90,14 +90,14 @@ def _halves(solid: Solid, value: Values) -> tuple[Solid, Solid]:
 
 
 def _compact(solid: Solid) -> Solid:
-    """Without points that no face uses."""
+    """Remove points that no face uses."""
     used = np.zeros(len(solid.vertices), bool)
     used[solid.faces] = True
     return Solid(solid.vertices[used], (np.cumsum(used) - 1)[solid.faces], solid.local[used])
 
 
 def _border(solid: Solid) -> Int[np.ndarray, "edges 2"]:
-    """Edges of one face only, in that face's direction; points at the same place count as one."""
+    """Return edges that belong to one face only, in that face's direction; coincident points count as one."""
     point = same_place(solid.vertices)
     corners = point[solid.faces]
     # A cut close to a corner leaves faces without area, whose edges would count twice.

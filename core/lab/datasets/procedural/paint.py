@@ -1,4 +1,4 @@
-"""Textures as identities of their own: what each part of a chair is painted with, whatever the chair's shape."""
+"""Textures of chairs and paints of objects, independent of the shape."""
 
 import colorsys
 from collections.abc import Mapping
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-_TILE = 64  # px; at 128 px images a tile of 0.3 m is seen at some 20 px.
+_TILE = 64  # px; in 128 px images a tile of 0.3 m covers about 20 px
 
 _WOODS = ("c89b66", "dfc294", "7a4a2b", "96552f", "5b2d1c", "3a2a22", "e6d3b1", "b5793f", "a8663a", "d9a566")
 _METALS = ("c4c6c8", "8d9196", "2a2b2e", "e4e4e0", "b99b5a", "55585c")
@@ -23,7 +23,7 @@ class Paint:
 
 
 def texture(seed: int) -> Mapping[str, Paint]:
-    """The paint of each part label: seat, back, legs, arms, cushion, metal."""
+    """Return the paint of each part label: seat, back, legs, arms, cushion, metal."""
     generator = np.random.default_rng([seed, 11])
     styles = (_wooden, _painted, _plastic, _leather, _upholstered)
     return styles[generator.choice(len(styles), p=(0.28, 0.18, 0.2, 0.12, 0.22))](generator)
@@ -67,7 +67,7 @@ def _with_metal(g: np.random.Generator, **paints: Paint) -> Mapping[str, Paint]:
 
 
 def _wood(g: np.random.Generator) -> Paint:
-    """Streaks along z, with broad bands of darker wood."""
+    """Make streaks along z, with broad bands of darker wood."""
     colour = from_hex(_WOODS[g.integers(len(_WOODS))])
     streaks = _noise(g, 1.0, 14.0)
     bands = np.sin(2 * np.pi * (np.arange(_TILE) / _TILE * g.integers(2, 5) + 0.35 * _noise(g, 6.0, 16.0)))
@@ -75,7 +75,7 @@ def _wood(g: np.random.Generator) -> Paint:
 
 
 def _fabric(g: np.random.Generator, colour: Float[np.ndarray, "3"]) -> Paint:
-    """Plain weave, mottled, stripes, checks or dots."""
+    """Make a plain, mottled, striped, checked or dotted fabric."""
     kind = g.choice(5, p=(0.3, 0.25, 0.2, 0.15, 0.1))
     if kind < 2:
         return _speckled(g, colour, 0.07 if kind else 0.03, 0.25, 3.0 if kind else 1.0)
@@ -100,19 +100,19 @@ def _speckled(
 
 
 def plain(colour: Float[np.ndarray, "3"]) -> Paint:
-    """One colour all over, sRGB 0..1."""
+    """Return a paint of a single colour, sRGB 0..1."""
     return _paint(np.broadcast_to(colour, (4, 4, 3)), 1.0)
 
 
 def _paint(colours: Float[np.ndarray, "h w 3"], period: float) -> Paint:
-    """A tile from colours 0..1. Nothing is as black or as white as paper: light must have something to show."""
+    """Make a tile from colours 0..1, clipped away from black and white so that shading stays visible."""
     solid = np.clip(np.concatenate((colours, np.ones((*colours.shape[:2], 1))), -1), 0.06, None)
     solid[..., :3] = np.minimum(solid[..., :3], 0.95)
     return Paint(np.round(np.minimum(solid, 1) * 255).astype(np.uint8), period)
 
 
 def _noise(g: np.random.Generator, across: float, along: float) -> Float[np.ndarray, "tile tile"]:
-    """Smooth noise that repeats at the tile's borders: deviation 1, grain ``across`` x ``along`` px."""
+    """Make smooth periodic noise: deviation 1, grain ``across`` x ``along`` px."""
     frequency = np.fft.fftfreq(_TILE) * 2 * np.pi
     blur = np.exp(-0.5 * ((frequency[:, None] * along) ** 2 + (frequency * across) ** 2))
     noise = np.fft.ifft2(np.fft.fft2(g.standard_normal((_TILE, _TILE))) * blur).real
@@ -120,7 +120,7 @@ def _noise(g: np.random.Generator, across: float, along: float) -> Float[np.ndar
 
 
 def any_colour(g: np.random.Generator) -> Float[np.ndarray, "3"]:
-    """A household colour: grey, pastel, deep or vivid."""
+    """Sample a household colour: grey, pastel, deep or vivid."""
     kind = g.integers(4)
     saturation = g.uniform((0.0, 0.15, 0.45, 0.65), (0.08, 0.35, 0.8, 0.95))[kind]
     value = g.uniform((0.12, 0.7, 0.2, 0.6), (0.95, 0.95, 0.5, 0.95))[kind]
@@ -132,5 +132,5 @@ def _vivid(g: np.random.Generator) -> Float[np.ndarray, "3"]:
 
 
 def from_hex(colour: str) -> Float[np.ndarray, "3"]:
-    """sRGB 0..1."""
+    """Return sRGB 0..1 of a hexadecimal colour."""
     return np.frombuffer(bytes.fromhex(colour), np.uint8) / 255.0

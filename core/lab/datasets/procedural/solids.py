@@ -1,7 +1,6 @@
-"""Solids to build furniture from: slabs, bars, tubes and shells, all made by joining loops or sheets of points.
+"""Solids for furniture and cars: slabs, bars, tubes and shells, built by joining loops or sheets of points.
 
-Every solid remembers where its points lay before it was bent or placed (``local``), so that a pattern lies on a
-bent back rest as it would on the flat board.
+Every solid stores its points before bending and placing (``local``), so that patterns bend with the solid.
 """
 
 import math
@@ -18,7 +17,7 @@ from core.lab.datasets.rasteriser import Surface
 Given = ParamSpec("Given")
 Points = Float[np.ndarray, "points 3"]
 Point = Float[np.ndarray, "3"]
-_CREASE = math.cos(math.radians(42))  # Faces that meet at a sharper angle than this keep an edge between them.
+_CREASE = math.cos(math.radians(42))  # faces that meet at a sharper angle keep an edge between them
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Part:
-    """A solid and what it is, which says what a texture paints it with."""
+    """A solid and the label by which a texture paints it."""
 
     label: str
     solid: Solid
@@ -62,7 +61,7 @@ def belongs_to(name: str) -> Callable[[Callable[Given, list[Part]]], Callable[Gi
 
 
 def normalised_shape(kind: str, parts: Sequence[Part]) -> Shape:
-    """Parts in metres, brought to ShapeNet's place and scale."""
+    """Bring parts in metres to ShapeNet's place and scale."""
     used = np.concatenate([part.solid.vertices for part in parts])
     low, high = used.min(0), used.max(0)
     metre = 1.0 / float(np.linalg.norm(high - low))
@@ -80,14 +79,14 @@ def slab(
     taper: float = 0.0,
     dome: float = 0.0,
 ) -> Solid:
-    """A board or cushion lying in xy, its middle on the origin.
+    """Build a board or cushion lying in xy, its middle on the origin.
 
     Args:
         width, depth, thickness: m, along x, y and z.
         corner: m, radius of the outline's corners.
         edge: m, radius of the rounding from top to side.
-        taper: the back (-y) is narrower than the front by this share.
-        dome: m, how far the top bulges in the middle (a dip where negative).
+        taper: fraction by which the back (-y) is narrower than the front.
+        dome: m, bulge of the top's middle (a dip if negative).
     """
     edge = min(edge, 0.499 * thickness, 0.4 * min(width, depth))
     quarter = np.linspace(0, math.pi / 2, 4 if edge > 0.006 else 2)
@@ -101,7 +100,7 @@ def slab(
 
 
 def tube(path: Points, radius: float | Sequence[float], sides: int = 14) -> Solid:
-    """A round bar along a path; with a radius for each point of it also a turned leg, a trumpet foot or a cone."""
+    """Build a round bar along a path; a radius per point gives turned legs, trumpet feet or cones."""
     angle = np.linspace(0, 2 * math.pi, sides, endpoint=False)
     circle = np.stack((np.cos(angle), np.sin(angle)), -1)
     scale = np.broadcast_to(np.asarray(radius, float), len(path))
@@ -109,13 +108,13 @@ def tube(path: Points, radius: float | Sequence[float], sides: int = 14) -> Soli
 
 
 def bar(path: Points, width: float, depth: float, end: float = 1.0, side: Sequence[float] = (1.0, 0.0, 0.0)) -> Solid:
-    """A rectangular bar along a path.
+    """Build a rectangular bar along a path.
 
     Args:
         path: m; the middle line.
         width, depth: m; ``width`` is measured along ``side``.
         end: the section's scale at the path's end, 1 at its start.
-        side: a world direction that is not the path's.
+        side: a world direction, not parallel to the path.
     """
     corner = 0.18 * min(width, depth)
     section = _outline(width, depth, corner, 0.0, 0.0, 0.0, steps=3, between=0)[:, :2]
@@ -129,7 +128,7 @@ def sweep(
     scales: Float[np.ndarray, "points 2"],
     side: Sequence[float] | None = None,
 ) -> Solid:
-    """Carries a closed section along a path without twisting it."""
+    """Sweep a closed section along a path without twisting it."""
     tangents = _unit(np.gradient(path, axis=0))
     start = np.eye(3)[np.argmin(np.abs(tangents[0]))] if side is None else np.asarray(side, float)
     across = np.empty_like(path)
@@ -145,7 +144,7 @@ def sweep(
 
 
 def loft(loops: Float[np.ndarray, "loops points 3"], local: np.ndarray | None = None) -> Solid:
-    """Joins closed loops, each counter-clockwise seen from the next, and closes both ends."""
+    """Join closed loops, each counter-clockwise seen from the next, and close both ends."""
     rows, count = loops.shape[:2]
     grid = np.arange(rows * count).reshape(rows, count)
     faces = [quads(np.concatenate((grid, grid[:, :1]), 1))]
@@ -157,14 +156,14 @@ def loft(loops: Float[np.ndarray, "loops points 3"], local: np.ndarray | None = 
 
 
 def shell(sheet: Float[np.ndarray, "rows columns 3"], thickness: float) -> Solid:
-    """A sheet of points made thick: a bent back, a bucket seat. Rows x columns is the side that faces out."""
+    """Thicken a sheet of points: a bent back, a bucket seat. Rows x columns is the outer side."""
     rows, columns = sheet.shape[:2]
     along, across = np.gradient(sheet, axis=0), np.gradient(sheet, axis=1)
     normal = _unit(np.cross(across, along))
     u = np.cumsum(np.linalg.norm(across, axis=-1), 1)
     u -= u.mean(1, keepdims=True)
     v = np.cumsum(np.linalg.norm(along, axis=-1), 0)
-    # The rim is a half circle, so that a thick sheet (an upholstered tub) has soft edges.
+    # A half-circle rim gives a thick sheet (an upholstered tub) soft edges.
     layers, locals_ = [], []
     for a in np.linspace(math.pi / 2, -math.pi / 2, 5):
         lift = 0.5 * thickness * math.sin(a)
@@ -189,7 +188,7 @@ def shell(sheet: Float[np.ndarray, "rows columns 3"], thickness: float) -> Solid
 def rounded_path(
     corners: Sequence[Sequence[float]] | Float[np.ndarray, "corners axes"], rounds: int = 3, cut: float = 0.25
 ) -> Float[np.ndarray, "points axes"]:
-    """A path through the ends with its corners cut round (Chaikin's subdivision)."""
+    """Round the corners of a path by Chaikin's subdivision; its ends stay."""
     path = np.asarray(corners, float)
     for _ in range(rounds):
         first, second = path[:-1] * (1 - cut) + path[1:] * cut, path[:-1] * cut + path[1:] * (1 - cut)
@@ -200,17 +199,17 @@ def rounded_path(
 
 
 def line(start: Sequence[float] | np.ndarray, end: Sequence[float] | np.ndarray, count: int = 2) -> Points:
-    """Evenly spaced points from start to end."""
+    """Return evenly spaced points from start to end."""
     return np.linspace(np.asarray(start, float), np.asarray(end, float), count)
 
 
 def moved(solid: Solid, offset: Sequence[float]) -> Solid:
-    """The solid shifted by m along x, y, z."""
+    """Shift a solid by m along x, y, z."""
     return replace(solid, vertices=solid.vertices + np.asarray(offset, float))
 
 
 def turned(solid: Solid, axis: int, angle: float) -> Solid:
-    """The solid turned about a world axis through the origin, rad."""
+    """Rotate a solid about a world axis through the origin, rad."""
     c, s = math.cos(angle), math.sin(angle)
     matrix = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -219,13 +218,13 @@ def turned(solid: Solid, axis: int, angle: float) -> Solid:
 
 
 def warped(solid: Solid, bend: Callable[[Points], Points], mirrors: bool = False) -> Solid:
-    """The solid with its points moved by a function; ``mirrors`` where that function swaps left and right."""
+    """Move a solid's points by a function; ``mirrors`` if that function swaps left and right."""
     faces = solid.faces[:, ::-1] if mirrors else solid.faces
     return Solid(bend(solid.vertices), faces, solid.local)
 
 
 def surface(solids: Sequence[Solid], texture: UInt8[np.ndarray, "h w 4"], period: float) -> Surface:
-    """Solids as one surface: smooth where they are round, creased at edges, a square tile every ``period`` m."""
+    """Merge solids into a surface: smooth normals, creases at edges, a square tile every ``period`` m."""
     vertices = np.concatenate([solid.vertices[solid.faces] for solid in solids]).reshape(-1, 3)
     normals = np.concatenate([_creased_normals(solid) for solid in solids]).reshape(-1, 3)
     uvs = np.concatenate([_painted_at(solid) for solid in solids]).reshape(-1, 2) / period
@@ -234,8 +233,8 @@ def surface(solids: Sequence[Solid], texture: UInt8[np.ndarray, "h w 4"], period
 
 
 def same_place(points: Points) -> Int[np.ndarray, "points"]:
-    """A number for each point, the same for points less than a micrometre (in scene units) apart."""
-    # One hash of the rounded coordinates sorts many times faster than the rows themselves.
+    """Number points so that points less than a micrometre (in scene units) apart share a number."""
+    # One hash of the rounded coordinates sorts many times faster than rows.
     steps = np.rint(points * 1e6).astype(np.int64)
     with np.errstate(over="ignore"):
         key = steps @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64).view(np.int64)
@@ -243,7 +242,7 @@ def same_place(points: Points) -> Int[np.ndarray, "points"]:
 
 
 def _painted_at(solid: Solid) -> Float[np.ndarray, "faces 3 2"]:
-    """Where each face's corners lie on the pattern, m: along the two axes it faces least; grain (z) stays upright."""
+    """Return the pattern coordinates of face corners, m: the two axes a face is most parallel to; grain (z) upright."""
     corners = solid.local[solid.faces]
     facing = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).argmax(-1)
     axes = np.array([[1, 2], [0, 2], [0, 1]])[facing]
@@ -251,7 +250,7 @@ def _painted_at(solid: Solid) -> Float[np.ndarray, "faces 3 2"]:
 
 
 def _creased_normals(solid: Solid) -> Float[np.ndarray, "faces 3 3"]:
-    """For each face's corner the mean of the faces around that point which meet it at a shallow angle."""
+    """Return for each face corner the mean normal of the faces around that meet it at a shallow angle."""
     corners = solid.vertices[solid.faces]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facing = _unit(area)
@@ -260,7 +259,7 @@ def _creased_normals(solid: Solid) -> Float[np.ndarray, "faces 3 3"]:
     counts = np.bincount(point)
     starts = np.concatenate(([0], np.cumsum(counts)[:-1]))
     around = counts[point]
-    # Every pair (corner, corner at the same point), laid out flat.
+    # All pairs (corner, corner at the same point), flattened.
     left = np.repeat(np.arange(len(point)), around)
     step = np.arange(len(left)) - np.repeat(np.cumsum(around) - around, around)
     right = order[np.repeat(starts[point], around) + step]
@@ -283,9 +282,9 @@ def _outline(
     steps: int = 6,
     between: int = 5,
 ) -> Points:
-    """A rectangle with round corners, counter-clockwise seen from above.
+    """Return a rectangle with round corners, counter-clockwise seen from above.
 
-    ``steps`` points a corner, and ``between`` on each straight side, so that a board can be bent.
+    Has ``steps`` points a corner, and ``between`` on each straight side so that boards can bend.
     """
     half = np.array([width, depth]) / 2 - inset
     radius = min(max(corner - inset, 0.15 * corner, 1e-4), 0.999 * float(half.min()))
@@ -301,7 +300,7 @@ def _outline(
 
 
 def _rim_outward(sheet: np.ndarray) -> np.ndarray:
-    """Directions that lead off the sheet across its nearest border; zero inside."""
+    """Return directions off the sheet across its nearest border; zero inside."""
     out = np.zeros_like(sheet)
     out[0] += sheet[0] - sheet[1]
     out[-1] += sheet[-1] - sheet[-2]
@@ -311,16 +310,16 @@ def _rim_outward(sheet: np.ndarray) -> np.ndarray:
 
 
 def quads(grid: Int[np.ndarray, "rows columns"]) -> Int[np.ndarray, "faces 3"]:
-    """Two triangles for each cell of a grid of indices."""
+    """Return two triangles for each cell of a grid of indices."""
     a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     return np.concatenate((np.stack((a, b, c), -1).reshape(-1, 3), np.stack((a, c, d), -1).reshape(-1, 3)))
 
 
 def _with_centres(loops: np.ndarray) -> Points:
-    """All loops' points, then the middle of the first loop and that of the last."""
+    """Return all loops' points, then the middles of the first and the last loop."""
     return np.concatenate((loops.reshape(-1, 3), loops[:1].mean(1), loops[-1:].mean(1)))
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors at length 1; zero stays zero."""
+    """Normalise vectors to length 1; zero stays zero."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

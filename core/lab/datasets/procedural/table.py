@@ -22,7 +22,7 @@ _GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str
 
 @dataclass(frozen=True)
 class ProceduralObject:
-    """One object of the table: the seed of its shape and that of its texture."""
+    """An object of the table: the seeds of its shape and its texture."""
 
     category: str
     shape: int
@@ -30,17 +30,17 @@ class ProceduralObject:
 
     @property
     def shape_id(self) -> str:
-        """The name that all objects of this shape share."""
+        """Name shared by all objects of this shape."""
         return f"{self.category}-shape-{self.shape:07d}"
 
     @property
     def texture_id(self) -> str:
-        """The name that all objects of this texture share."""
+        """Name shared by all objects of this texture."""
         return f"{self.category}-texture-{self.texture:07d}"
 
     @classmethod
     def named(cls, name: str) -> "ProceduralObject | None":
-        """The object of a folder; None where it is no procedural object's."""
+        """Parse the name of an object's folder; None for other names."""
         category, *seeds = name.split("-")
         if category not in _GENERATORS or len(seeds) != 2 or not all(seed.isdecimal() for seed in seeds):
             return None
@@ -48,16 +48,16 @@ class ProceduralObject:
 
     @property
     def name(self) -> str:
-        """The object's folder."""
+        """Name of the object's folder."""
         return f"{self.category}-{self.shape:07d}-{self.texture:07d}"
 
 
 def procedural_table(category: str, count: int, split: Split) -> tuple[ProceduralObject, ...]:
-    """``count`` objects from about count / 2 shapes and count / 3 textures.
+    """Return ``count`` objects from about count / 2 shapes and count / 3 textures.
 
-    Each shape is used twice, each texture three times; the second round pairs each shape with a texture half the
-    table away, so that no pair comes twice and shapes and textures form one connected graph. Raises ``ValueError`` for
-    an unknown category or a count below 1.
+    Each shape is used twice, each texture three times. The second round pairs each shape with a texture half the table
+    away, so that no pair repeats and shapes and textures form one connected graph. Raises ``ValueError`` for an unknown
+    category or a count below 1.
     """
     if category not in _GENERATORS:
         raise ValueError(f"no procedural {category!r}: one of {', '.join(_GENERATORS)}")
@@ -74,10 +74,10 @@ def procedural_table(category: str, count: int, split: Split) -> tuple[Procedura
 
 
 def disentanglement_pairs(category: str, count: int, tables: int) -> tuple[ProceduralObject, ...]:
-    """Full tables of four shapes x four textures of the ``count`` training objects.
+    """Return full tables of four shapes x four textures of the ``count`` training objects.
 
-    Half of a table's pairs are trained on, the other half are not, and each shape and each texture is in a trained
-    pair. Raises ``ValueError`` where there are not enough textures.
+    Half of a table's pairs are trained, and each shape and each texture occurs in a trained pair. Raises ``ValueError``
+    for too few textures.
     """
     if tables < 1:
         raise ValueError(f"count of tables must be positive, got {tables}")
@@ -92,19 +92,19 @@ def disentanglement_pairs(category: str, count: int, tables: int) -> tuple[Proce
 
 
 def procedural_tasks(objects: Sequence[ProceduralObject]) -> tuple[RenderTask, ...]:
-    """The objects, to be rendered by :func:`core.lab.datasets.render_objects.render_objects`."""
+    """Return render tasks of the objects."""
     return tuple(RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects)
 
 
 def shape_of(category: str, seed: int) -> Shape:
-    """The shape of a seed, with its labelled parts."""
+    """Return the shape of a seed, with its labelled parts."""
     return _GENERATORS[category][0](seed)
 
 
 def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:
-    """An object's surfaces, ready to render."""
+    """Return an object's surfaces, ready to render."""
     shape, paints = shape_of(item.category, item.shape), _GENERATORS[item.category][1](item.texture)
-    # Labels often share a paint (a chair all of one wood); one surface for each paint means few draw calls.
+    # Labels often share a paint (an all-wood chair): one surface for each paint means few draw calls.
     painted: dict[int, list[Solid]] = {}
     for part in shape.parts:
         painted.setdefault(id(paints[part.label]), []).append(part.solid)

@@ -72,7 +72,7 @@ def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
     assert np.array_equal(a.read().images, read_dataset(tmp_path / "one").objects[0].images)
     with pytest.raises(ValueError, match=r"000000\.png"):
         b.read()
-    with pytest.raises(ValueError, match="two folders hold"):
+    with pytest.raises(ValueError, match="two dataset folders"):
         index_objects([tmp_path / "one", tmp_path / "one"])
     write_manifest(tmp_path / "two", "cars", {})
     with pytest.raises(ValueError, match="cars, chairs"):
@@ -180,7 +180,7 @@ def test_contradictions_are_refused(tmp_path: Path) -> None:
     for folder, category in (("one", "cars"), ("four", "chairs")):
         write_object(tmp_path / folder, views(folder))
         write_manifest(tmp_path / folder, category, {})
-    for second, said in (("two", "b: images of 8x8"), ("three", "a: two folders"), ("four", "categories")):
+    for second, said in (("two", "b: images of 8x8"), ("three", "a: two dataset folders"), ("four", "categories")):
         with pytest.raises(ValueError, match=said):
             read_dataset([tmp_path / "one", tmp_path / second])
     with pytest.raises(ValueError, match="nowhere"):

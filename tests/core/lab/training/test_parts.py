@@ -30,7 +30,7 @@ def test_generated_objects_say_what_their_parts_belong_to(seed: int):
 
 
 def test_what_has_no_known_parts_is_refused(tiny: Model):
-    with pytest.raises(ValueError, match="only the parts of cars and chairs"):
+    with pytest.raises(ValueError, match="for cars and chairs only"):
         next(labelled_places(tiny, 2))
-    with pytest.raises(ValueError, match="no generated object"):
+    with pytest.raises(ValueError, match="not trained on generated objects"):
         next(labelled_places(replace(tiny, category="cars"), 2))

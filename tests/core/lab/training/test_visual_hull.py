@@ -40,5 +40,5 @@ def test_the_extent_is_the_objects_with_little_to_spare():
 def test_masks_that_contradict_each_other_are_refused():
     views = ball()
     empty = ObjectViews("none", "none", "none", views.images, np.zeros_like(views.masks), views.cameras)
-    with pytest.raises(ValueError, match="no room"):
+    with pytest.raises(ValueError, match="rule out all space"):
         shared_extent([empty])

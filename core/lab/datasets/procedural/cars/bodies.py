@@ -1,4 +1,4 @@
-"""A car's body: one skin lofted from the dims's profile, then cut up into paint, glass, lamps and the rest."""
+"""A car's body: one skin lofted from the side profile, then cut into paint, glass, lamps and other markings."""
 
 from functools import partial
 
@@ -12,11 +12,11 @@ from core.lab.datasets.procedural.cars.windows import windows
 from core.lab.datasets.procedural.carving import inset
 from core.lab.datasets.procedural.solids import Part, Points, Solid, quads, rounded_path
 
-_STEP = 0.135  # m along the profile from one section to the next
+_STEP = 0.135  # m along the profile between sections
 
 
 def body(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
-    """The right half of the body, before it is bowed."""
+    """Build the right half of the body, before it is bowed."""
     skin = Skin(_sheet(dims))
     skin.label("under", [under(dims.floor, -0.035)])
     _wheel_arches(g, dims, skin)
@@ -28,7 +28,7 @@ def body(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
 
 
 def _sheet(dims: CarDimensions) -> Solid:
-    """Sections from the rear to the front, each from the floor's middle over the side to the roof's, and both ends."""
+    """Loft sections from rear to front, each from the floor over the side to the roof, and close both ends."""
     near = np.array([0.0, 0.012, 0.04, 0.09])
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(dims.profile, axis=0), axis=1))))
     even = np.interp(np.linspace(0, way[-1], round(way[-1] / _STEP)), way, dims.profile[:, 0])
@@ -41,13 +41,13 @@ def _sheet(dims: CarDimensions) -> Solid:
 
 
 def _cap(section: Float[np.ndarray, "corners 3"]) -> Float[np.ndarray, "4 corners 3"]:
-    """A section shrinking to its middle: the face of the front or the rear."""
+    """Shrink a section to its middle: the face of the front or the rear."""
     middle = np.array([0.0, section[0, 1], section[[0, -1], 2].mean()])
     return middle + (section - middle) * np.array([0.8, 0.5, 0.2, 0.0])[:, None, None]
 
 
 def _sections(dims: CarDimensions, y: Float[np.ndarray, "sections"]) -> Float[np.ndarray, "sections corners 3"]:
-    """Half outlines across the car, right side, their corners cut round."""
+    """Return half outlines across the car (right side) with rounded corners."""
     low, half, shoulder, edge, top = (f(y) for f in (dims.floor, dims.half, dims.shoulder, dims.edge, dims.top))
     rail, side = dims.rail(y), 0.985 * half
     step = dims.ledge * np.clip((edge - shoulder) / 0.12, 0, 1)
@@ -70,7 +70,7 @@ def _sections(dims: CarDimensions, y: Float[np.ndarray, "sections"]) -> Float[np
 
 
 def _wheel_arches(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """Recesses for the wheels, with a lip around them."""
+    """Cut recesses for the wheels, with a lip around them."""
     gap, lip, deep = g.uniform(0.03, 0.07), g.uniform(0.02, 0.06), 0.3
     for axle in dims.axles:
         inner = float(dims.half(axle)) - deep
@@ -82,7 +82,7 @@ def _wheel_arches(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> No
 
 
 def _bed(dims: CarDimensions, skin: Skin, bed: tuple[float, float]) -> None:
-    """A pickup's open bed, its floor above the wheel arches."""
+    """Cut a pickup's open bed, with its floor above the wheel arches."""
     front, rear = bed
     floor = 2 * dims.wheel + 0.09
     wide = dims.width / 2 * (1 - dims.narrow) - 0.1
@@ -91,7 +91,7 @@ def _bed(dims: CarDimensions, skin: Skin, bed: tuple[float, float]) -> None:
 
 
 def _flattened(points: Points, axis: int, level: float) -> Points:
-    """Points moved along an axis onto one plane."""
+    """Project points along an axis onto one plane."""
     moved = points.copy()
     moved[:, axis] = level
     return moved

@@ -1,4 +1,4 @@
-"""Procedural cars: one seed, one car, made of labelled meshes in metres and then brought to ShapeNet's scale."""
+"""Procedural cars: one car per seed, built of labelled meshes in metres and brought to ShapeNet's scale."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from core.lab.datasets.procedural.solids import Shape, normalised_shape, warped
 
 
 def car(seed: int) -> Shape:
-    """The car of a seed, always the same."""
+    """Build the car of a seed, deterministically."""
     generator = np.random.default_rng([seed, 17])
     kind = str(generator.choice(list(KINDS), p=[share for _, share in KINDS.values()]))
     dims = sample_dimensions(generator, kind)

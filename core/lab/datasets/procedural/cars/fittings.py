@@ -9,7 +9,7 @@ from core.lab.datasets.procedural.solids import Part, Solid, bar, line, moved, r
 
 
 def fittings(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
-    """The right half of all fittings, before the body is bowed."""
+    """Build the right half of all fittings, before the body is bowed."""
     parts = []
     if g.random() < 0.92:
         parts += _mirror(g, dims)
@@ -27,7 +27,7 @@ def fittings(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
 
 
 def _mirror(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
-    """A mirror at the foot of the windscreen's pillar."""
+    """Build a mirror at the foot of the windscreen's pillar."""
     y = dims.cowl[0] - 0.35 * (dims.cowl[0] - dims.head) - g.uniform(0.0, 0.1)
     belt, x = float(dims.beltline(y)), float(dims.half(y))
     tall = g.uniform(0.1, 0.15) * (1.5 if dims.kind == "van" else 1.0)
@@ -39,7 +39,7 @@ def _mirror(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
 
 
 def _handles(dims: CarDimensions) -> list[Part]:
-    """A handle before the rear edge of each door."""
+    """Build a handle before the rear edge of each door."""
     first = dims.pillars[0] if dims.pillars else dims.cowl[0] - 1.2
     ends = [first] if dims.doors == 2 else [first, first - 0.8]
     parts = []
@@ -60,7 +60,7 @@ def _roof_rail(dims: CarDimensions) -> list[Part]:
 
 
 def _roof_spoiler(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
-    """A lip that carries the roof on over the rear window."""
+    """Build a lip that extends the roof over the rear window."""
     long, y = g.uniform(0.16, 0.28), dims.roof_end
     wide = 2 * float(dims.rail(y)) - 0.12
     board = turned(_board(wide, long, 0.035), 0, g.uniform(-0.02, 0.12))
@@ -68,7 +68,7 @@ def _roof_spoiler(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
 
 
 def _wing(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
-    """A wing on posts at the boot lid's end."""
+    """Build a wing on posts at the boot lid's end."""
     y, high = -dims.end + 0.14, g.uniform(0.05, 0.22)
     z = float(dims.top(y))
     wide = 1.7 * float(dims.half(y))
@@ -78,7 +78,7 @@ def _wing(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
 
 
 def _bumper_bars(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
-    """Bars around front and rear, as on older cars and on off-road ones."""
+    """Build bars around front and rear, as on older and off-road cars."""
     z = dims.clearance + g.uniform(0.4, 0.6) * (dims.nose - dims.clearance)
     tall = g.uniform(0.07, 0.14)
     parts = []
@@ -97,7 +97,7 @@ def _exhaust(dims: CarDimensions) -> list[Part]:
 
 
 def _pod(wide: float, deep: float, tall: float) -> Solid:
-    """A mirror's housing around the origin, rounder on the outer side (+x)."""
+    """Build a mirror's housing around the origin, rounder on the outer side (+x)."""
     angle = np.linspace(0, 2 * math.pi, 12, endpoint=False)
     swell = (np.abs(np.cos(angle)) ** 4 + np.abs(np.sin(angle)) ** 4) ** -0.25
     section = np.stack((np.cos(angle), np.sin(angle)), -1) * swell[:, None]
@@ -108,5 +108,5 @@ def _pod(wide: float, deep: float, tall: float) -> Solid:
 
 
 def _board(wide: float, deep: float, thick: float) -> Solid:
-    """A flat board across the car, around the origin; bends with the body."""
+    """Build a flat board across the car, around the origin; it bends with the body."""
     return bar(line((-wide / 2, 0, 0), (wide / 2, 0, 0), 9), deep, thick, side=(0, 1, 0))

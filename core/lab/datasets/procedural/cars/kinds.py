@@ -1,4 +1,4 @@
-"""How the dimensions of each kind of car are sampled."""
+"""Random dimensions for each kind of car."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -9,7 +9,7 @@ from core.lab.datasets.procedural.cars.dimensions import CarDimensions
 
 
 def sample_dimensions(g: np.random.Generator, kind: str) -> CarDimensions:
-    """A car's dimensions. Raises ``KeyError`` for an unknown kind."""
+    """Sample a car's dimensions. Raises ``KeyError`` for an unknown kind."""
     return KINDS[kind][0](g)
 
 
@@ -21,7 +21,7 @@ def _sedan(g: np.random.Generator) -> CarDimensions:
 
 
 def _angular(g: np.random.Generator) -> dict[str, float]:
-    """The boxy look of cars some decades ago, and of some off-road cars today."""
+    """Sample the boxy shape of older cars and some off-road cars."""
     return {
         "screen": g.uniform(0.35, 0.55),
         "cut": g.uniform(0.045, 0.065),
@@ -53,7 +53,7 @@ def _coupe(g: np.random.Generator) -> CarDimensions:
 
 
 def _notchback(g: np.random.Generator, kind: str, deck: float, run: float, **given: float) -> CarDimensions:
-    """A car with a boot lid."""
+    """Build a car with a boot lid."""
     m = _measures(g, **given)
     rear, tail = -m["length"] / 2, m["cowl"] + g.uniform(0.0, 0.09)
     head = m["length"] / 2 - m["overhang"] - m["cowl_back"] - m["screen"]
@@ -64,7 +64,7 @@ def _notchback(g: np.random.Generator, kind: str, deck: float, run: float, **giv
 
 
 def _hatchback(g: np.random.Generator) -> CarDimensions:
-    """From city cars to tall family cars whose windscreen begins far in front."""
+    """Sample city cars up to tall family cars with a windscreen far in front."""
     m = _measures(
         g,
         length=g.uniform(3.2, 4.35),
@@ -101,7 +101,7 @@ def _suv(g: np.random.Generator) -> CarDimensions:
 
 
 def _tailgated(g: np.random.Generator, kind: str, m: Mapping[str, float], run: float) -> CarDimensions:
-    """A car whose roof continues to the tailgate."""
+    """Build a car whose roof continues to the tailgate."""
     rear, tail = -m["length"] / 2, m["cowl"] + g.uniform(-0.04, 0.06)
     roof_end, glass = rear + run + 0.07, (tail + 0.04, m["height"] - g.uniform(0.1, 0.14))
     gate = [(rear + 0.07, tail), (rear + 0.02, 0.85 * tail), (rear, 0.6 * tail)]
@@ -161,7 +161,7 @@ def _pickup(g: np.random.Generator) -> CarDimensions:
 
 
 def _measures(g: np.random.Generator, **given: float) -> dict[str, float]:
-    """An ordinary car's measures, with some of them given."""
+    """Sample an ordinary car's measures, some of them given."""
     length, height = given.get("length", 4.5), given.get("height", 1.45)
     cowl = given.get("cowl_height", height * g.uniform(0.62, 0.67))
     sampled = {
@@ -198,7 +198,7 @@ def _finished(
     rear_glass: tuple[float, float] | None,
     side_glass: float,
 ) -> CarDimensions:
-    """The dims of these measures; ``rear`` is the profile behind the roof."""
+    """Combine the measures into dimensions; ``rear`` is the profile behind the roof."""
     end = m["length"] / 2
     axle = end - m["overhang"]
     axles = (axle, axle - m["basis"] * m["length"])
@@ -236,13 +236,13 @@ def _finished(
         bow=m["bow"],
         narrow=m["narrow"],
     )
-    # A wheel arch must not reach up into the bonnet.
+    # A wheel arch must stay below the bonnet.
     low = float(dims.shoulder(axle + np.array((-0.3, 0.0, 0.3))).min())
     return replace(dims, wheel=min(dims.wheel, 0.5 * (low - 0.12)))
 
 
 def _pillars(doors: int, kind: str, cowl: float, head: float, rear: float) -> tuple[float, ...]:
-    """y of the pillars between the side windows: behind each door that has a window behind it."""
+    """Return y of the pillars between the side windows."""
     first = min(head - (0.65 if doors == 2 else 0.45), cowl - 0.95)
     if kind == "van":
         first = head - 0.75
@@ -259,4 +259,4 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator], CarDimensions], float]] =
     "pickup": (_pickup, 0.07),
     "van": (_van, 0.08),
     "coupe": (_coupe, 0.11),
-}  # How each kind's dimensions are sampled, and its probability.
+}  # sampler and probability of each kind

@@ -1,4 +1,4 @@
-"""Markings set into or painted on a car's body: lamps, grille, number plates, gaps around doors, fields of colour."""
+"""Markings cut into or painted on a car's body: lamps, grille, number plates, door gaps, fields of colour."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _SEAM = 0.009  # m, half the width of the gap around a door
 
 
 def markings(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """All of them; what comes first covers what comes later."""
+    """Apply all markings; earlier ones cover later ones."""
     _head_lamps(g, dims, skin)
     _tail_lamps(g, dims, skin)
     _grille(g, dims, skin)
@@ -30,7 +30,7 @@ def _rear(dims: CarDimensions, depth: float) -> Region:
 
 
 def _head_lamps(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """Round ones, or bands that slant and reach around the corner."""
+    """Label round lamps, or slanted bands that reach around the corner."""
     x = dims.width / 2 * (1 - dims.narrow)
     high, front = dims.nose * g.uniform(0.86, 0.93), _front(dims, g.uniform(0.12, 0.4))
     if g.random() < 0.25:
@@ -47,7 +47,7 @@ def _head_lamps(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None
 
 
 def _tail_lamps(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """Upright ones at the corners, or lying ones, now and then in one band."""
+    """Label upright lamps at the corners, or horizontal ones, sometimes as one band."""
     x = dims.width / 2 * (1 - dims.narrow)
     upright = dims.kind not in ("sedan", "coupe") and g.random() < 0.6
     if upright:
@@ -63,7 +63,7 @@ def _tail_lamps(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None
 
 
 def _grille(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """The grille in its frame, and the intake below it."""
+    """Label the grille in its frame, and the intake below."""
     high = dims.nose * g.uniform(0.8, 0.88)
     tall, wide, taper = g.uniform(0.06, 0.22), g.uniform(0.2, 0.5), g.uniform(-0.5, 0.6)
 
@@ -92,7 +92,7 @@ def _plates(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
 
 
 def _seams(dims: CarDimensions, skin: Skin) -> None:
-    """The gaps at the doors' front and rear edges."""
+    """Label the gaps at the doors' front and rear edges."""
     first = dims.cowl[0] - 0.08
     behind = dims.pillars[0] if dims.pillars else first - 1.1
     seams = [first, behind]
@@ -104,7 +104,7 @@ def _seams(dims: CarDimensions, skin: Skin) -> None:
 
 
 def _bumpers(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """Bumpers and sills, which are often painted like the rest."""
+    """Label bumpers and sills, often painted like the rest."""
     sill = dims.clearance + g.uniform(0.12, 0.2) * dims.height
     bumper = dims.clearance + g.uniform(0.3, 0.55) * (dims.nose - dims.clearance)
     depth = g.uniform(0.3, 0.45)
@@ -114,7 +114,7 @@ def _bumpers(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
 
 
 def _stripes(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """A stripe, or a pair, over the whole car, and a band along its side: most textures paint them like the rest."""
+    """Label one or two stripes over the whole car and a band along its side; most textures hide them."""
     wide, apart = g.uniform(0.12, 0.25), g.choice((-1.0, 0.05))
     across = between(0, apart, max(apart, 0.0) + wide)
     stripe = [over(dims.edge), *between(1, 0.1 - dims.end, dims.end - 0.1), *across]
@@ -127,5 +127,5 @@ def _stripes(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
 
 
 def _side(dims: CarDimensions, share: float) -> Inside:
-    """Further out than a share of the body's half width."""
+    """Return a region further out than a fraction of the body's half width."""
     return lambda p: p[:, 0] - share * dims.half(p[:, 1])

@@ -1,4 +1,4 @@
-"""Textures of cars as identities of their own: what each part is painted with, whatever the car's shape."""
+"""Textures of cars: the paint of each part, independent of the car's shape."""
 
 import colorsys
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ LABELS = (
     "plate",
     "tyre",
     "wheel",
-)  # Labels that a texture must paint. Any texture fits any car.
+)  # labels that every texture paints, so that any texture fits any car
 
 Colour = Float[np.ndarray, "3"]
 
@@ -50,12 +50,12 @@ _COMMON = {
     "earth": (("6b4f38", "a88f6a", "c9b893", "5a4638"), 0.05),
     "green": (("2a5c42", "2f6b4a", "5a6b45", "8fa88a"), 0.05),
 }
-_VIVID = 0.09  # Share of cars in a vivid colour of any hue: yellow cabs, orange, lime, turquoise.
+_VIVID = 0.09  # fraction of cars in a vivid colour of any hue: yellow cabs, orange, lime, turquoise
 _WHEELS = ("b4b7ba", "c9cbcc", "8b8f93", "55585c", "222325", "d8d8d4")
 
 
 def car_texture(seed: int) -> Mapping[str, Paint]:
-    """The paint of each part label."""
+    """Return the paint of each part label."""
     g = np.random.default_rng([seed, 19])
     main = _body_colour(g)
     dark = plain(from_hex(("1b1c1d", "232425", "2e3032")[g.integers(3)]))
@@ -77,7 +77,7 @@ def car_texture(seed: int) -> Mapping[str, Paint]:
 
 
 def _colours(g: np.random.Generator, paint: Paint, second: Paint, dark: Paint) -> dict[str, Paint]:
-    """The painted fields: all of a colour, or some of them in a second or in dark plastic."""
+    """Paint the fields in one colour, or some of them in a second colour or dark plastic."""
     fields = dict.fromkeys(
         ("paint", "roof", "pillar", "band", "stripe", "roof stripe", "sill", "arch", "bumper", "mirror", "spoiler"),
         paint,
@@ -105,8 +105,8 @@ def _colours(g: np.random.Generator, paint: Paint, second: Paint, dark: Paint) -
 
 
 def _constant(g: np.random.Generator, main: Colour) -> dict[str, Paint]:
-    """Paint that is similar on all cars."""
-    # Windows must stand out from the body: light ones from a dark body, dark ones from all others.
+    """Return paints that are similar on all cars."""
+    # Windows must contrast with the body: light ones with a dark body, dark ones with all others.
     panes = ("5d6e7a", "6f7f88", "7d8c95") if main.max() < 0.3 else ("1d2329", "262d33", "323b42", "14171a")
     glass = from_hex(panes[g.integers(len(panes))])
     tone = np.array([1.0, 1.0, g.uniform(0.85, 1.0)])
@@ -123,7 +123,7 @@ def _constant(g: np.random.Generator, main: Colour) -> dict[str, Paint]:
 
 
 def _body_colour(g: np.random.Generator) -> Colour:
-    """A colour as cars have it, each shade a little its own."""
+    """Sample a usual car colour with slight variation."""
     if g.random() < _VIVID:
         return np.array(colorsys.hsv_to_rgb(g.random(), g.uniform(0.65, 0.95), g.uniform(0.7, 0.95)))
     shades = list(_COMMON.values())

@@ -19,11 +19,11 @@ class Skin:
         self._pieces = {"paint": whole}
 
     def label(self, name: str, region: Region, of: Sequence[str] = ("paint",)) -> None:
-        """Gives what lies in the region, and is labelled as one of ``of``, another label."""
+        """Relabel the parts of meshes ``of`` that lie in a region."""
         self.add(name, self.cut_out(region, of))
 
     def cut_out(self, region: Region, of: Sequence[str]) -> Solid:
-        """The part of the body in the region, taken out of it."""
+        """Remove the part of the body in a region and return it."""
         found = []
         for old in of:
             if old in self._pieces:
@@ -32,30 +32,30 @@ class Skin:
         return joined(found)
 
     def add(self, name: str, solid: Solid) -> None:
-        """Adds a mesh to those of a label."""
+        """Add a mesh to those of a label."""
         if len(solid.faces):
             self._pieces[name] = joined([self._pieces[name], solid]) if name in self._pieces else solid
 
     def parts(self) -> list[Part]:
-        """All that is there."""
+        """Return all meshes with their labels."""
         return [Part(label, solid) for label, solid in self._pieces.items() if len(solid.faces)]
 
 
 def over(line: Line, by: float = 0.0) -> Inside:
-    """Where the surface is higher than a line along the car, by more than so many m."""
+    """Return the region above a line along the car, by more than ``by`` m."""
     return lambda p: p[:, 2] - line(p[:, 1]) - by
 
 
 def under(line: Line, by: float = 0.0) -> Inside:
-    """Where the surface is lower than a line along the car, by more than so many m."""
+    """Return the region below a line along the car, by more than ``by`` m."""
     return lambda p: line(p[:, 1]) - by - p[:, 2]
 
 
 def between(axis: int, low: float, high: float) -> Region:
-    """From ``low`` to ``high`` along an axis; two functions, so that a gap narrower than the mesh is found too."""
+    """Return the region from ``low`` to ``high`` along an axis; two functions also find gaps narrower than the mesh."""
     return (lambda p: p[:, axis] - low, lambda p: high - p[:, axis])
 
 
 def disc(axes: tuple[int, int], centre: tuple[float, float], radius: float) -> Inside:
-    """A disc as seen along the third axis."""
+    """Return a disc as seen along the third axis."""
     return lambda p: radius - np.hypot(p[:, axes[0]] - centre[0], p[:, axes[1]] - centre[1])

@@ -1,4 +1,4 @@
-"""Wheels: a tyre, a rim or a hubcap, and what is dark between the spokes."""
+"""Wheels: a tyre, a rim or a hubcap, and the dark space between the spokes."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ _SIDES = 20
 
 @belongs_to("wheels")
 def wheels(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
-    """The right side's two wheels, not bowed: each stands where the bowed arch is."""
+    """Build the right side's two wheels, placed at the bowed arches."""
     made = _wheel(g, dims.wheel, g.uniform(0.19, 0.25))
     parts = []
     for axle in dims.axles:
@@ -24,7 +24,7 @@ def wheels(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
 
 
 def _wheel(g: np.random.Generator, radius: float, wide: float) -> list[Part]:
-    """A wheel whose outer side lies at x = 0."""
+    """Build a wheel with its outer side at x = 0."""
     rim = radius * g.uniform(0.62, 0.74)
     soft = 0.12 * radius
     tread = [
@@ -55,7 +55,7 @@ def _wheel(g: np.random.Generator, radius: float, wide: float) -> list[Part]:
 
 
 def _spokes(g: np.random.Generator, rim: float) -> list[Part]:
-    """Straight spokes, single or in pairs, and the hub."""
+    """Build straight spokes, single or in pairs, and the hub."""
     count, double = int(g.integers(5, 9)), g.random() < 0.3
     wide = rim * (0.16 if double else g.uniform(0.22, 0.5)) * 6 / (count + 1)
     parts = [Part("wheel", _turned([(-0.05, rim * 0.3), (-0.02, rim * 0.26), (-0.014, 0.0)]))]
@@ -69,7 +69,7 @@ def _spokes(g: np.random.Generator, rim: float) -> list[Part]:
 
 
 def _turned(profile: Sequence[tuple[float, float]]) -> Solid:
-    """The surface that a profile of (x, radius) leaves when it turns about the x axis."""
+    """Revolve a profile of (x, radius) about the x axis."""
     x, radius = np.array(profile).T
     angle = np.linspace(0, 2 * math.pi, _SIDES + 1)
     circle = np.stack((0 * angle, np.cos(angle), np.sin(angle)), -1)

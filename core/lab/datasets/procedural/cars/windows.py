@@ -11,7 +11,7 @@ _POST = 0.035  # m, half the width of a pillar between side windows
 
 
 def windows(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
-    """Windscreen, rear window and side windows; what of the cabin is left between them is roof and pillars."""
+    """Label windscreen, rear and side windows; the rest of the cabin becomes roof and pillars."""
     header = dims.height - 0.075
     _end_windows(dims, skin, header, post=g.uniform(0.05, 0.08))
     _side_windows(dims, skin, frame=g.uniform(0.03, 0.05), lean=g.uniform(0.06, 0.14))
@@ -19,7 +19,7 @@ def windows(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:
 
 
 def _end_windows(dims: CarDimensions, skin: Skin, header: float, post: float) -> None:
-    """Windscreen and rear window, ``post`` m away from the sides."""
+    """Label windscreen and rear window, ``post`` m away from the sides."""
 
     def inner(p: Points) -> Values:
         return dims.rail(p[:, 1]) - post - p[:, 0]
@@ -31,7 +31,7 @@ def _end_windows(dims: CarDimensions, skin: Skin, header: float, post: float) ->
 
 
 def _side_windows(dims: CarDimensions, skin: Skin, frame: float, lean: float) -> None:
-    """One band of glass, ``frame`` m below the roof and ``lean`` m from the ends of the cabin, then its pillars."""
+    """Label one band of glass, ``frame`` m below the roof and ``lean`` m from the cabin's ends, then its pillars."""
 
     def eaves(y: Along) -> Heights:
         return np.asarray(np.minimum.reduce([dims.edge(y), dims.edge(y + lean), dims.edge(y - lean)]))
@@ -45,7 +45,7 @@ def _side_windows(dims: CarDimensions, skin: Skin, frame: float, lean: float) ->
 
 
 def _cabin(dims: CarDimensions, skin: Skin, header: float) -> None:
-    """Roof and pillars: what is left above the waist."""
+    """Label roof and pillars above the waist."""
     rear_header = header if dims.rear_glass is None else dims.rear_glass[1]
     lowest = min(header, rear_header, float(dims.edge(dims.roof_end))) - 0.01
     skin.label("roof", [over(dims.edge, -0.03), *between(2, lowest, np.inf)])

@@ -10,7 +10,7 @@ from core.lab.datasets.procedural.solids import Part, Solid, bar, belongs_to, li
 
 @belongs_to("back")
 def back_rest(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """Any back rest that a wooden chair may have."""
+    """Build a random back rest of a wooden chair."""
     styles = (slats, _ladder, panel, padded, hoop, _cross)
     return styles[g.choice(6, p=(0.2, 0.18, 0.22, 0.2, 0.12, 0.08))](g, dims)
 
@@ -20,14 +20,14 @@ def _flat(dims: ChairDimensions, label: str, solids: Sequence[Solid]) -> list[Pa
 
 
 def _posts(g: np.random.Generator, dims: ChairDimensions) -> tuple[float, list[Solid]]:
-    """The two uprights, and how far from the middle they stand."""
+    """Return the two uprights and their distance from the middle."""
     x = (dims.width / 2 - 0.03) * (1 - dims.taper)
     thick = g.uniform(0.025, 0.042)
     return x, [bar(line((s * x, -dims.thick, 0), (s * x, dims.back, 0), 8), thick, thick) for s in (-1, 1)]
 
 
 def _supports(dims: ChairDimensions, x: float, top: float, out: float) -> list[Part]:
-    """Two flat bars at -x and x that carry a back rest, ``out`` m before its middle layer."""
+    """Build two flat bars at -x and x behind a back rest, ``out`` m in front of its middle."""
     paths = [line((s * x, -dims.thick, out), (s * x, top, out), 6) for s in (-1, 1)]
     return _flat(dims, "legs", [bar(path, 0.03, 0.02) for path in paths])
 
@@ -38,7 +38,7 @@ def _cross_bar(x: float, up: float, tall: float, thick: float = 0.018) -> Solid:
 
 @belongs_to("back")
 def slats(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """Upright slats between two rails."""
+    """Build upright slats between two rails."""
     x, posts = _posts(g, dims)
     count, tall = int(g.integers(3, 8)), g.uniform(0.04, 0.09)
     low = g.uniform(0.05, 0.15)
@@ -67,7 +67,7 @@ def _cross(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 @belongs_to("back")
 def panel(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """A bent board, down to the seat or held up by posts; its corners up to fully round."""
+    """Build a bent board, down to the seat or on posts, with corners from square to fully round."""
     gap = g.choice((-0.02, g.uniform(0.08, 0.2)))
     gap = min(float(gap), 0.5 * dims.back)
     tall, wide = dims.back - gap, dims.width * g.uniform(0.82, 1.02) * (1 - dims.taper)
@@ -81,7 +81,7 @@ def panel(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 @belongs_to("back")
 def padded(g: np.random.Generator, dims: ChairDimensions, gap: float | None = None) -> list[Part]:
-    """An upholstered back, on two posts, or framed by them."""
+    """Build an upholstered back, on two posts or framed by them."""
     framed = gap is None and g.random() < 0.4
     lift = float(g.choice((0.02, g.uniform(0.08, 0.18)))) if gap is None else gap
     lift = min(lift, 0.5 * dims.back)
@@ -101,7 +101,7 @@ def padded(g: np.random.Generator, dims: ChairDimensions, gap: float | None = No
 
 @belongs_to("back")
 def hoop(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """Windsor: a bent hoop with spindles in it, or a thonet's second hoop."""
+    """Build a Windsor hoop with spindles, or a Thonet's double hoop."""
     x = (dims.width / 2 - 0.025) * (1 - dims.taper)
     corners = [(-x, -dims.thick, 0), (-x * 1.08, dims.back * 0.7, 0), (-x * 0.7, dims.back, 0)]
     corners += [(-a, b, c) for a, b, c in reversed(corners)]

@@ -21,7 +21,7 @@ from core.lab.datasets.procedural.solids import (
 
 @belongs_to("legs")
 def legs(g: np.random.Generator, dims: ChairDimensions, bars: int | None = None) -> list[Part]:
-    """Four legs, straight or splayed, with or without an apron and stretchers."""
+    """Build four legs, straight or splayed, with or without apron and stretchers."""
     inset, splay = g.uniform(0.025, 0.05), g.choice((0.0, g.uniform(0.02, 0.09)))
     style = g.choice(("square", "tapered", "round", "turned", "thin"), p=(0.3, 0.2, 0.2, 0.12, 0.18))
     thick = {"thin": g.uniform(0.016, 0.024)}.get(str(style), g.uniform(0.03, 0.052))
@@ -54,7 +54,7 @@ def _leg(style: str, head: Point, foot: Point, thick: float) -> Solid:
 def _rails(
     lines: dict[tuple[int, int], tuple[Point, Point]], level: float, kind: str, wide: float, tall: float
 ) -> list[Part]:
-    """Bars between the legs, ``level`` of the way down them: around as a box, the two sides, or an H."""
+    """Build bars between the legs at a fraction ``level`` of the way down: a box, the two sides, or an H."""
     at = {corner: head + level * (foot - head) for corner, (head, foot) in lines.items()}
     pairs = [(at[-1, 1], at[-1, -1]), (at[1, 1], at[1, -1])]
     if kind == "box":
@@ -66,7 +66,7 @@ def _rails(
 
 @belongs_to("legs")
 def feet(g: np.random.Generator, dims: ChairDimensions, shift: float) -> list[Part]:
-    """Short legs under upholstery."""
+    """Build short legs under upholstery."""
     thick, splay = g.uniform(0.03, 0.06), g.choice((0.0, 0.02))
     ends = [(x * (dims.width / 2 - 0.05), y * (dims.depth / 2 - 0.05) + shift) for x in (-1, 1) for y in (-1, 1)]
     paths = [line((x, y, dims.height), (x + splay * np.sign(x), y + splay * np.sign(y), 0), 5) for x, y in ends]
@@ -75,7 +75,7 @@ def feet(g: np.random.Generator, dims: ChairDimensions, shift: float) -> list[Pa
 
 @belongs_to("legs")
 def sled(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """Bent tubes: a cantilever's one run, or a loop on each side."""
+    """Build bent tubes: a cantilever, or a loop on each side."""
     x, front, rear = dims.width / 2 - 0.02, dims.depth / 2 - 0.02, -dims.depth / 2
     top, radius = dims.height - dims.thick - 0.012, g.uniform(0.01, 0.016)
     if g.random() < 0.5:
@@ -92,7 +92,7 @@ def sled(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 @belongs_to("legs")
 def wire_base(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """Thin rods that run crosswise from under the seat to the four feet."""
+    """Build thin rods that run crosswise from under the seat to the four feet."""
     x, y, top = dims.width / 2, dims.depth / 2, dims.height - dims.thick - 0.02
     radius, reach = g.uniform(0.006, 0.01), g.uniform(0.5, 0.9)
     parts = []
@@ -108,7 +108,7 @@ def wire_base(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 @belongs_to("legs")
 def column(g: np.random.Generator, dims: ChairDimensions, ring: bool = False) -> list[Part]:
-    """A column on a trumpet foot, a disc or a flat cross."""
+    """Build a column on a trumpet foot, a disc or a flat cross."""
     top, wide = dims.height - dims.thick, 0.5 * max(dims.width, 0.42)
     thick = g.uniform(0.02, 0.035)
     kind = g.integers(3)
@@ -134,7 +134,7 @@ def column(g: np.random.Generator, dims: ChairDimensions, ring: bool = False) ->
 
 @belongs_to("legs")
 def star(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """An office chair's five spokes on castors, gas lift and plate."""
+    """Build an office chair's five spokes on castors, gas lift and plate."""
     reach = g.uniform(0.27, 0.33)
     parts = _spokes(5, reach, 0.1, 0.06, math.pi / 2)
     top = dims.height - dims.thick
@@ -148,7 +148,7 @@ def star(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 
 def _spokes(count: int, reach: float, hub: float, tip: float, start: float) -> list[Part]:
-    """Tapered arms from the hub's height (m) out to the tip's."""
+    """Build tapered arms from the hub's height (m) out to the tip's."""
     parts = []
     for i in range(count):
         a = 2 * math.pi * i / count + start

@@ -1,4 +1,4 @@
-"""Procedural chairs: one seed, one chair, made of labelled solids in metres and then brought to ShapeNet's scale."""
+"""Procedural chairs: one chair per seed, built of labelled solids in metres and brought to ShapeNet's scale."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +17,7 @@ LABELS = ("seat", "back", "legs", "arms", "cushion", "metal")
 
 
 def chair(seed: int) -> Shape:
-    """The chair of a seed, always the same."""
+    """Build the chair of a seed, deterministically."""
     generator = np.random.default_rng([seed, 7])
     kind = str(generator.choice(list(_KINDS), p=[share for _, share in _KINDS.values()]))
     parts = _KINDS[kind][0](generator)
@@ -31,7 +31,7 @@ def _four_leg(g: np.random.Generator) -> list[Part]:
 
 
 def _shell_chair(g: np.random.Generator) -> list[Part]:
-    """One bent shell for seat and back, on legs, a sled or a column."""
+    """Build one bent shell for seat and back, on legs, a sled or a column."""
     dims = sample_dimensions(g, thick=0.02)
     bases = (legs, sled, column, wire_base)
     base = bases[g.choice(4, p=(0.35, 0.15, 0.3, 0.2))]
@@ -65,7 +65,7 @@ def _swivel(g: np.random.Generator) -> list[Part]:
 
 
 def _armchair(g: np.random.Generator) -> list[Part]:
-    """Blocks of upholstery: base, cushion, back and two arms."""
+    """Build blocks of upholstery: base, cushion, back and two arms."""
     width, depth, high = g.uniform(0.5, 0.68), g.uniform(0.5, 0.62), g.uniform(0.38, 0.45)
     dims = ChairDimensions(width, depth, high, 0.2, g.uniform(0.34, 0.62), g.uniform(0.1, 0.3), g.uniform(0, 0.05))
     foot = g.uniform(0.03, 0.16)
@@ -87,7 +87,7 @@ def _armchair(g: np.random.Generator) -> list[Part]:
 
 
 def _tub(g: np.random.Generator) -> list[Part]:
-    """A thick shell around a round cushion."""
+    """Build a thick shell around a round cushion."""
     radius, high, foot = g.uniform(0.3, 0.38), g.uniform(0.38, 0.44), g.uniform(0.05, 0.22)
     back, arm, thick = g.uniform(0.3, 0.5), g.uniform(0.12, 0.26), g.uniform(0.05, 0.11)
     angle, way = np.meshgrid(np.linspace(-0.12 * math.pi, 1.12 * math.pi, 36), np.linspace(0, 1, 8))
@@ -107,7 +107,7 @@ def _tub(g: np.random.Generator) -> list[Part]:
 
 
 def _lounge(g: np.random.Generator) -> list[Part]:
-    """A low wooden frame with arms and loose cushions."""
+    """Build a low wooden frame with arms and loose cushions."""
     dims = sample_dimensions(g, height=g.uniform(0.34, 0.4), width=g.uniform(0.52, 0.64), back=g.uniform(0.4, 0.6))
     dims = replace(dims, recline=g.uniform(0.25, 0.5), curve=0.0, depth=g.uniform(0.5, 0.6), thick=0.04)
     parts = upholstery(g, dims, g.uniform(0.1, 0.14)) + legs(g, dims) + arms(g, dims)
@@ -142,4 +142,4 @@ _KINDS: dict[str, tuple[Callable[[np.random.Generator], list[Part]], float]] = {
     "lounge": (_lounge, 0.05),
     "bar chair": (_bar_chair, 0.07),
     "stool": (_stool, 0.06),
-}  # The builder of each kind, and its probability.
+}  # builder and probability of each kind

@@ -1,4 +1,4 @@
-"""The measures that a chair's parts agree on, and the surface that its back rest is bent onto."""
+"""The dimensions shared by a chair's parts, and the surface of its back rest."""
 
 from dataclasses import dataclass
 
@@ -10,25 +10,25 @@ from core.lab.datasets.procedural.solids import Points, Solid, warped
 
 @dataclass(frozen=True)
 class ChairDimensions:
-    """The measures that a chair's parts agree on; m, the floor at z = 0."""
+    """A chair's dimensions; m, the floor at z = 0."""
 
     width: float
     depth: float
     height: float  # of the seat's upper side
-    thick: float  # the seat itself
+    thick: float  # of the seat
     back: float  # height of the back rest above the seat
-    recline: float = 0.15  # how far the back rest leans back for each m that it rises
-    curve: float = 0.03  # how far the back rest's sides come forward of its middle
+    recline: float = 0.15  # backward lean of the back rest, m per m of height
+    curve: float = 0.03  # forward bend of the back rest's sides, m
     corner: float = 0.05
     taper: float = 0.0
 
     def rear(self, x: Float[np.ndarray, "*points"], up: Float[np.ndarray, "*points"]) -> Float[np.ndarray, "*points"]:
-        """y of the back rest's middle layer at x, ``up`` m above the seat."""
+        """Return y of the back rest's middle layer at x, ``up`` m above the seat."""
         bend = self.curve * ((2 * x / self.width) ** 2 - 0.5)
         return np.asarray(-self.depth / 2 + 0.02 - self.recline * up + bend)
 
     def upright(self, solid: Solid) -> Solid:
-        """A solid built flat as (x, up, towards the sitter), bent onto the back rest."""
+        """Bend a solid built flat as (x, up, towards the sitter) onto the back rest."""
 
         def bend(flat: Points) -> Points:
             x, up, out = flat.T
@@ -38,7 +38,7 @@ class ChairDimensions:
 
 
 def sample_dimensions(g: np.random.Generator, **given: float) -> ChairDimensions:
-    """An ordinary chair's measures, with some of them given."""
+    """Sample an ordinary chair's dimensions, some of them given."""
     sampled = {
         "width": g.uniform(0.4, 0.52),
         "depth": g.uniform(0.4, 0.48),

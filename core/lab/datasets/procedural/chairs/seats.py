@@ -1,4 +1,4 @@
-"""Seats: boards, cushions, bent shells; and what the arms lie on."""
+"""Seats (boards, cushions, bent shells) and arm rests."""
 
 import math
 
@@ -10,7 +10,7 @@ from core.lab.datasets.procedural.solids import Part, bar, belongs_to, line, mov
 
 @belongs_to("seat")
 def seat(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """A board, bare (perhaps hollowed) or with a cushion, or upholstered all through."""
+    """Build a board, bare (perhaps hollowed) or with a cushion, or full upholstery."""
     kind = g.choice(3, p=(0.45, 0.3, 0.25))
     if kind == 2:
         return upholstery(g, dims, g.uniform(0.05, 0.1))
@@ -27,7 +27,7 @@ def seat(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 @belongs_to("seat")
 def upholstery(g: np.random.Generator, dims: ChairDimensions, thick: float) -> list[Part]:
-    """A thick cushion whose top lies at the seat's height, on a thin board."""
+    """Build a thick cushion with its top at the seat's height, on a thin board."""
     corner = max(dims.corner, 0.04)
     pad = slab(dims.width, dims.depth, thick, corner, 0.42 * thick, dims.taper, dome=g.uniform(0.0, 0.02))
     board = slab(dims.width * 0.95, dims.depth * 0.95, 0.02, corner, 0.005, dims.taper)
@@ -39,7 +39,7 @@ def upholstery(g: np.random.Generator, dims: ChairDimensions, thick: float) -> l
 
 @belongs_to("shell")
 def bucket(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """A bent shell: a profile from the front lip over the seat and up the back, its sides lifted."""
+    """Build a bent shell: a profile from the front lip over the seat and up the back, with raised sides."""
     deep, high = dims.depth / 2, dims.height
     corners = [
         (deep, high - 0.02),
@@ -75,7 +75,7 @@ def bucket(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 @belongs_to("arms")
 def arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """Wooden arms on posts, or bent tubes, from the back rest to the seat's front."""
+    """Build wooden arms on posts, or bent tubes, from the back rest to the seat's front."""
     rise, wide = g.uniform(0.17, 0.25), g.uniform(0.025, 0.06)
     rise = min(rise, 0.85 * dims.back)
     x = dims.width / 2 + 0.5 * wide - 0.01
@@ -97,7 +97,7 @@ def arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
 
 @belongs_to("arms")
 def t_arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
-    """An office chair's arms: a pad on a bracket that comes from under the seat."""
+    """Build an office chair's arms: pads on brackets from under the seat."""
     rise, x = g.uniform(0.17, 0.24), dims.width / 2 + 0.03
     low, high = dims.height - dims.thick - 0.03, dims.height + rise
     parts = []
