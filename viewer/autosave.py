@@ -5,16 +5,14 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from core.runtime.reading import TooLargeError
 from viewer.services.messages import Button, MessageKind
 from viewer.session import Session
-from viewer.values.project import SUFFIX, Project
+from viewer.values.project import SUFFIX, Project, left_out
 
 _EVERY = 5.0  # s between two writings at the least
 _EARLIER = 10  # sessions that were replaced, kept
@@ -70,7 +68,7 @@ class Autosave:
         if self._writing is None and self._clock() - self._when >= self.every:
             self._when, self._written = self._clock(), parts
             if not (project := self._session.project()).is_empty:
-                self._writing = self._thread.submit(self._save, project, self._own_file)
+                self._writing = self._thread.submit(project.save, self._own_file, self._session.models)
 
     def finish(self) -> None:
         """Wait for the file that is being written, and tell how that went."""
@@ -152,37 +150,18 @@ class Autosave:
         return self._earlier / f"{datetime.now():%Y-%m-%d %H.%M.%S.%f}{SUFFIX}"
 
     def _write(self, project: Project, path: Path) -> bool:
-        return self._tell(lambda: self._save(project, path))
+        return self._tell(lambda: project.save(path, self._session.models))
 
     def _tell(self, save: Callable[[], int]) -> bool:
-        """Whether a file was saved; a person is told why not, or what had to be left out."""
+        """Save; report a failure, or what had to be left out. Return whether a file was saved."""
         try:
             dropped = save()
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot save the session", error)
             return False
         if dropped:
-            text = f"The session was too large: its file lacks the oldest {dropped} steps of undo"
-            self._session.messages.notify(text, MessageKind.NOTE)
+            self._session.messages.notify(left_out("session", dropped), MessageKind.NOTE)
         return True
-
-    def _save(self, project: Project, path: Path) -> int:
-        """Save a project, without its oldest half of undo where it is too large; how many steps were left out."""
-        steps = len(project.history.past)
-        while True:
-            left = len(project.history.past)
-            try:
-                project.save(path, self._session.models)
-            except ValueError as error:
-                if not (_is_too_large(error) and left):
-                    raise
-                project = replace(project, history=project.history.newer(left // 2))
-            else:
-                return steps - left
-
-
-def _is_too_large(error: BaseException | None) -> bool:
-    return error is not None and (isinstance(error, TooLargeError) or _is_too_large(error.__cause__))
 
 
 def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:

@@ -241,17 +241,29 @@ class Editor:
         """Change the timeline; what is shown stays."""
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
-    def restore(self, saved: Project) -> None:
-        """Go on with a project, its undo included, and with the named directions of now. What has been made here
-        stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and changes nothing then.
+    def restore(self, saved: Project) -> tuple[str, ...]:
+        """Continue a project with its undo and the named directions of now; return the names here of its grid.
+
+        What has been made here stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and
+        changes nothing then.
         """
         self.check(saved)
         names = self.objects.add_missing(saved.objects)
-        known = {one.name for one in saved.objects}
-        self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
-        history = saved.history.renamed(names).with_directions(self.state.directions)
+        self.objects.remove(*(names[name] for name in saved.removed if name in names))
+
+        def here(name: str, model: str) -> str | None:
+            return names.get(name) or self.objects.name_here(name, model)
+
+        def renamed(state: State) -> State:
+            found = {name: here(name, state.scene.codes.model) or name for name in state.mix.names}
+            return replace(state, mix=state.mix.renamed(found))
+
+        history = saved.history.everywhere(renamed).with_directions(self.state.directions)
         fresh = not (self.history.past or self.history.future)
         self._go(history if fresh else self.history.after(history))
+        models = dict.fromkeys(state.scene.codes.model for state in saved.history.states)
+        grid = (next(filter(None, (here(name, model) for model in models)), None) for name in saved.grid)
+        return tuple(filter(None, grid))
 
     # Undo
 
@@ -295,13 +307,14 @@ class Editor:
         return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
 
     def check(self, saved: Project) -> None:
-        """Raise ``ValueError`` where a project mixes objects that nobody has."""
-        known = {one.name: one for one in saved.objects}
+        """Raise ``ValueError`` where a project mixes objects that are not here, or of different models."""
+        known = {one.name: one.codes.model for one in saved.objects}
         for state in saved.history.states:
+            model = state.scene.codes.model
             for name in state.mix.names:
-                if name not in known and name not in self.objects:
+                if name not in known and not self.objects.name_here(name, model):
                     raise ValueError("it mixes objects that are not here")
-                if (known.get(name) or self.objects[name]).codes.model != state.scene.codes.model:
+                if known.get(name, model) != model:
                     raise ValueError("it mixes objects of different models")
 
     def _mix(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:

@@ -1,5 +1,6 @@
 """A run of the program: the editor, all activities around it, and what is kept of them. No window here."""
 
+from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails
-from viewer.services.messages import Messages
+from viewer.services.messages import MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
@@ -34,7 +35,7 @@ from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.objects import EditableObject
 from viewer.values.part import Part
 from viewer.values.printable import printable
-from viewer.values.project import Project
+from viewer.values.project import Project, left_out
 from viewer.values.view_request import ViewSettings
 
 
@@ -72,6 +73,9 @@ class Session:
         self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
+        for fingerprint in self._user_objects.fingerprints():
+            with suppress(ValueError):  # of a model that is opened from its own file
+                self.models[fingerprint]
         self._begin(self.models.open(first), ViewSettings())
 
     def _begin(self, first: Model, view: ViewSettings) -> None:
@@ -208,9 +212,15 @@ class Session:
             self.messages.report("Cannot keep what was made", error)
 
     @property
+    def listed_models(self) -> tuple[Model, ...]:
+        """Models whose own objects are offered; a formerly shipped model only while one of its objects is shown."""
+        shown = self.editor.model
+        return tuple(model for model in self.models if model is shown or not self.models.is_former(model))
+
+    @property
     def samples(self) -> tuple[Path, ...]:
         """Photos to try, of every category in turn."""
-        paths = zip_longest(*(sample_images(model.category) for model in self.models))
+        paths = zip_longest(*map(sample_images, dict.fromkeys(model.category for model in self.models)))
         return tuple(path for several in paths for path in several if path)
 
     # The view
@@ -259,6 +269,7 @@ class Session:
         try:
             wanted = scene_model(path)
             scene = open_scene(path, self.models[wanted] if wanted else self.editor.model)
+            self._add_models()
         except ValueError as error:
             self.messages.report("Cannot open the scene", error)
         else:
@@ -296,21 +307,22 @@ class Session:
         where that cannot be, and changes nothing then.
         """
         self._add_models()
-        self.editor.restore(project)
-        self.grid.add(*(name for name in project.grid if name in self.editor.objects))
+        self.grid.add(*self.editor.restore(project))
         if not self.fitting.history.sources:
             self.fitting.candidates.restore(project.tiles)
         self.fitting.restore(project.fit, project.pending)
 
     def save_project(self, path: Path) -> bool:
-        """Write all that was made into one file, which names no folder of this machine; whether that could be done."""
+        """Write everything into one file that names no folder of this machine; return whether that succeeded."""
         try:
-            self.project().shared().save(path, self.models)
+            dropped = self.project().shared().save(path, self.models)
         except Exception as error:
             self.messages.report("Cannot save the project", error)
             return False
         self.project_path = path
         self.messages.notify(f"Saved {path.name}")
+        if dropped:
+            self.messages.notify(left_out("project", dropped), MessageKind.NOTE)
         return True
 
     def open_project(self, path: Path, keep_path: bool = True) -> None:

@@ -66,34 +66,9 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         robustness,
         detail,
         pictures,
-        *_add_training(kinds),
         redraw,
         guard,
     ):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="output folder of the charts"
         )
-
-
-def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentParser]:
-    """Add the kinds that train models."""
-    size = add_command(
-        kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
-    )
-    designs = add_command(
-        kinds,
-        "architectures",
-        "measure.bench_architectures",
-        "the paper's ablations M1 and M2; trains a model for each",
-    )
-    size.add_argument(
-        "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
-    )
-    size.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
-    for kind, steps in ((size, 3000), (designs, 4000)):
-        kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
-        kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
-        kind.add_argument(
-            "--models", type=Path, required=True, metavar="DIR", help="folder that keeps the models, to resume later"
-        )
-    return [size, designs]

@@ -2,31 +2,31 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 from tqdm import tqdm
 
 from core.cli.fit import probable_model
 from core.cli.progress import wait_for_view_bank
+from core.fitting.settings import PRESETS
 from core.lab.benchmarks import (
     ablations,
-    architectures,
     charts,
     drawing,
     films,
     fits,
     gate,
-    model_sizes,
     photo_detail,
     photos,
     rendering,
     rendering_charts,
     robustness,
 )
-from core.lab.benchmarks.csv_files import Results, append_record, read_records, to_row, write_csv
+from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
 from core.lab.benchmarks.figures import fit_photo, write_figures
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
@@ -43,7 +43,6 @@ from core.runtime.files import is_stream, require_writable
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")
-_Found = TypeVar("_Found", bound=Results)
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
@@ -74,7 +73,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
             write_report(chosen.report, scores, protocol, about)
 
     views = _with_objects((entry.read() for entry in entries), protocol)
-    _collected(scored(model, views, protocol), len(entries), keep)
+    _gather(scored(model, views, protocol), len(entries), keep)
     if not scores:
         raise ValueError("all objects of the dataset are blank")
     print(format_table(scores, protocol), flush=True)
@@ -109,22 +108,19 @@ def bench_render(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
     done = {row.key for row in rendering_charts.read_rows(chosen.out, about)}
-    for row in _said(rendering.measure_rendering(model, chosen.views, done)):
+    for row in _reported(rendering.measure_rendering(model, chosen.views, done)):
         rendering_charts.add_row(chosen.out, about, row)
     print(charts.draw(chosen.out, "render"), flush=True)
 
 
 def bench_films(chosen: argparse.Namespace) -> None:
-    """Run ``bench films``: speed and accuracy of videos, exact and baked; resumes an earlier run."""
+    """Run ``bench films``: speed and accuracy of videos, exact and baked."""
     drawing.prepare(chosen.out)
-    model, path = load_model(chosen.model, chosen.device), chosen.out / "films.csv"
+    model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
     about |= {"frames": str(films.FRAMES), "size": str(films.SIZE), "picture": str(films.PICTURE)}
     about |= {"model": model.fingerprint}
-    done = {row.key for row in read_records(path, films.Film, about)}
-    for row in _said(films.measure_films(model, chosen.objects, done)):
-        append_record(path, about, row)
-    print(charts.draw(chosen.out, "films"), flush=True)
+    _bench(chosen, "films", films.Film, about, lambda done: films.measure_films(model, chosen.objects, done))
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
@@ -133,82 +129,64 @@ def bench_gate(chosen: argparse.Namespace) -> None:
     baseline = () if chosen.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
     wait_for_view_bank(model)
-    found = list(_said(gate.measure_ratios(model)))
+    found = list(_reported(gate.measure_ratios(model)))
     if chosen.write:
-        write_csv(path, list(map(to_row, found)))
+        write_results(path, Results({}, tuple(found)))
     elif lines := gate.compare(found, baseline):
         raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
 
 
 def bench_fit(chosen: argparse.Namespace) -> None:
-    """Run ``bench fit``: speed and accuracy of blind fits, as CSV, table and chart."""
+    """Run ``bench fit``: speed and accuracy of blind fits."""
     drawing.prepare(chosen.out)
-    _write(chosen, "fit", fits.measure_fits(*_held_out_views(chosen)))
+    model, views = _held_out_views(chosen)
+    methods = {name: fits.FitMethod(preset) for name, preset in PRESETS.items()}
+    about = {"machine": describe_machine(model.device), "model": model.fingerprint}
+    _bench(chosen, "fit", fits.FitTrial, about, lambda done: fits.fit_views(model, views, methods, done))
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
-    """Run ``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
+    """Run ``bench ablations``: blind fits without each component of the method."""
     drawing.prepare(chosen.out)
-    _write(chosen, "ablations", ablations.measure_ablations(*_held_out_views(chosen)))
+    model, views = _held_out_views(chosen)
+    trials = list(_reported(fits.fit_views(model, views, ablations.ABLATIONS)))
+    found = Results({"machine": describe_machine(model.device)}, ablations.summarise_ablations(trials))
+    print(charts.write(chosen.out, "ablations", found), flush=True)
 
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
-    """Run ``bench robustness``: failures of blind fits, as CSV, table and chart; resumes an earlier run."""
+    """Run ``bench robustness``: failures of blind fits."""
     drawing.prepare(chosen.out)
-    path = chosen.out / "robustness.csv"
-    done = {trial.key for trial in read_records(path, robustness.RobustnessTrial)}
     model, views = _held_out_views(chosen)
-    trials = robustness.measure_robustness(
-        model, views, chosen.stressors, chosen.presets, chosen.part, done, chosen.seed
-    )
-    about = {"machine": describe_machine(model.device)}
-    for trial in tqdm(trials, unit="fit", disable=None):
-        append_record(path, about, trial)
-    print(charts.draw(chosen.out, "robustness"), flush=True)
+    about, wanted = {"machine": describe_machine(model.device)}, (chosen.stressors, chosen.presets, chosen.part)
+    measure = partial(robustness.measure_robustness, model, views, *wanted, seed=chosen.seed)
+    _bench(chosen, "robustness", robustness.RobustnessTrial, about, lambda done: measure(done=done))
 
 
 def bench_detail(chosen: argparse.Namespace) -> None:
-    """Run ``bench detail``: effect of photo detail on other views; resumes an earlier run."""
+    """Run ``bench detail``: effect of photo detail on other views."""
     drawing.prepare(chosen.out)
-    path, model = chosen.out / "photo_detail.csv", load_model(chosen.model, chosen.device)
+    model = load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
-    about = {"machine": describe_machine(model.device)}
-    done = {row.key for row in read_records(path, photo_detail.DetailView)}
-    rows = photo_detail.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
-    for view in _said(rows):
-        append_record(path, about, view)
-    print(charts.draw(chosen.out, "photo_detail"), flush=True)
+    views, about = (chosen.input_view, chosen.view_stride), {"machine": describe_machine(model.device)}
+    measure = partial(photo_detail.measure_detail, model, entries, chosen.renderer, *views)
+    _bench(chosen, "photo_detail", photo_detail.DetailView, about, measure)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
-    """Run ``bench photos``: photographs against judgement by eye; resumes an earlier run."""
+    """Run ``bench photos``: photographs against judgement by eye."""
     drawing.prepare(chosen.out)
-    seen, path = photos.read_seen(chosen.by_eye), chosen.out / "photos.csv"
+    seen = photos.read_seen(chosen.by_eye)
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
-    done = {trial.photo for trial in read_records(path, photos.PhotoTrial, about)}
     files = [file for folder in chosen.folders for file in sorted(folder.iterdir()) if file.stem in seen]
     if not files:
         raise ValueError(f"{chosen.by_eye}: none of its photos is in {', '.join(map(str, chosen.folders))}")
-    wanted = [file for file in files if file.stem not in done]
-    for trial in tqdm(photos.measure_photos(wanted, seen, chosen.preset), unit="photo", disable=None):
-        append_record(path, about, trial)
-    print(charts.draw(chosen.out, "photos"), flush=True)
 
+    def measure(done: set[Hashable]) -> Iterator[photos.PhotoTrial]:
+        return photos.measure_photos([file for file in files if file.stem not in done], seen, chosen.preset)
 
-def bench_model_size(chosen: argparse.Namespace) -> None:
-    """Run ``bench model-size``: quality against speed by size of network and codes, as CSV, table and chart."""
-    _prepare_models(chosen)
-    found = model_sizes.measure_model_sizes(chosen.datasets, _tests(chosen), chosen.steps, chosen.models)
-    _write(chosen, "model_sizes", found)
-
-
-def bench_architectures(chosen: argparse.Namespace) -> None:
-    """Run ``bench architectures``: CodeNeRF and the paper's ablations M1 and M2, as CSV, table and image."""
-    _prepare_models(chosen)
-    found = architectures.measure_architectures(chosen.datasets, chosen.steps, chosen.models)
-    results = _write(chosen, "architectures", found)
-    results.picture.save(chosen.out / "architectures.png", optimize=True)
+    _bench(chosen, "photos", photos.PhotoTrial, about, measure)
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
@@ -216,17 +194,6 @@ def bench_redraw(chosen: argparse.Namespace) -> None:
     drawing.prepare(chosen.out)
     for path in charts.redraw(chosen.out):
         print(path, flush=True)
-
-
-def _prepare_models(chosen: argparse.Namespace) -> None:
-    drawing.prepare(chosen.out)
-    if not chosen.models.is_dir():
-        raise ValueError(f"there is no folder {chosen.models}")
-
-
-def _tests(chosen: argparse.Namespace) -> tuple[ObjectEntry, ...]:
-    """Return objects that no model is trained on."""
-    return evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
 
 
 def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:
@@ -240,29 +207,27 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
     return model, tuple(dataset_views(model, entries, generator))
 
 
-def _said(rows: Iterator[_Item]) -> Iterator[_Item]:
+def _bench(
+    chosen: argparse.Namespace, name: str, kind: type[Any], about: Row, measure: Callable[[set[Any]], Iterator[Any]]
+) -> None:
+    """Append the rows that an earlier run has not measured to a benchmark's CSV file; write its table and chart.
+
+    Args:
+        kind: of the rows, which have a ``key``.
+        measure: yields the rows whose keys are not in its argument.
+    """
+    path = chosen.out / f"{name}.csv"
+    done = {row.key for row in read_records(path, kind, about)}
+    for row in _reported(measure(done)):
+        append_record(path, about, row)
+    print(charts.draw(chosen.out, name), flush=True)
+
+
+def _reported(rows: Iterator[_Item]) -> Iterator[_Item]:
     """Yield each row and print it to stderr."""
     for row in rows:
         tqdm.write(str(row), file=sys.stderr)
         yield row
-
-
-def _write(chosen: argparse.Namespace, name: str, stream: Iterator[str | _Found]) -> _Found:
-    """Write and return the results of a benchmark, and print its table."""
-    found = _last_value(stream)
-    print(charts.write(chosen.out, name, found), flush=True)
-    return found
-
-
-def _last_value(stream: Iterator[str | _Found]) -> _Found:
-    """Return the results of a benchmark and print its messages to stderr."""
-    with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
-        for value in stream:
-            if not isinstance(value, str):
-                return value
-            tqdm.write(value, file=sys.stderr)
-            bar.set_description_str(value)
-    raise ValueError("the benchmark found nothing")
 
 
 def _evaluate_disentanglement(
@@ -271,7 +236,7 @@ def _evaluate_disentanglement(
     found = pairs(model, entries)
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
     some = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
-    scores = _collected(score_pairs(model, some, chosen.seed), len(some))
+    scores = _gather(score_pairs(model, some, chosen.seed), len(some))
     print(format_disentanglement(scores), flush=True)
     if chosen.report:
         write_disentanglement_report(chosen.report, scores, about)
@@ -285,9 +250,7 @@ def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry,
     return entries
 
 
-def _collected(
-    scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None
-) -> list[_Score]:
+def _gather(scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None) -> list[_Score]:
     """Return all scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
     found = []
     with tqdm(total=total, unit="object", disable=None) as bar:

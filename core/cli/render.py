@@ -17,7 +17,7 @@ from core.export.video import WHITE, VideoSettings, write_video
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
-from core.models.library import load_model, shipped_models
+from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Model
 from core.models.scene import Scene, open_scene, save_image, scene_model
 from core.photos.direction_words import direction_words, moved
@@ -102,12 +102,12 @@ def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
 
 
 def _model_name(chosen: argparse.Namespace) -> str:
-    """Return the chosen model, or the shipped model that made the chosen scene."""
+    """Return the chosen model, or the shipped or formerly shipped model that made the chosen scene."""
     fingerprint = scene_model(chosen.scene) if chosen.scene else None
     if fingerprint is None or load_model(chosen.model).shares_codes_with(fingerprint):
         return chosen.model
     names = [name for name in shipped_models() if load_model(name).shares_codes_with(fingerprint)]
-    return names[0] if names else chosen.model
+    return names[0] if names else former_model(fingerprint) or chosen.model
 
 
 def _edited(chosen: argparse.Namespace, model: Model, codes: Codes) -> Codes:

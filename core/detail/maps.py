@@ -37,7 +37,7 @@ from core.rendering.fast import render_steps
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 
 SOURCE_SIZE = 256  # px across the render compared with the photo; lengths in px below refer to it
 _SAMPLES = 192
@@ -79,12 +79,12 @@ def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps 
     assert detail is not None
     photos = yield from compared_photos(model, detail)
     key = tuple(photos), tuple(codes.texture.tolist())
-    known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(Kind.DETAIL, key)
+    known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
     if known is None:
         yield None
         with torch.inference_mode():
             known = _painted_maps(model, photos, codes.texture.to(model.device))
-        CACHE.put(Kind.DETAIL, key, known, sum(photo.size for photo in known[0]))
+        CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
     return DetailMaps(known[0], share, detail.other_side, known[1])
 
 
@@ -93,10 +93,10 @@ def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, 
     photos = []
     for view in detail.views:
         key = model, view, detail.codes_key
-        known: ComparedPhoto | None = CACHE.get(Kind.DETAIL, key)
+        known: ComparedPhoto | None = CACHE.get(CacheKind.DETAIL, key)
         if known is None:
             known = yield from compare_photo(model, detail, view)
-            CACHE.put(Kind.DETAIL, key, known, known.size)
+            CACHE.put(CacheKind.DETAIL, key, known, known.size)
         photos.append(known)
     return photos
 

@@ -16,7 +16,7 @@ from core.geometry.camera import WORLD_FROM_GLTF, Camera
 
 _FLOAT, _UINT, _USHORT = 5126, 5125, 5123
 _VERTICES, _INDICES = 34962, 34963
-Parts = tuple[tuple[str, int], ...]  # name and number of triangles of each part, in the order of the mesh's triangles
+MeshParts = tuple[tuple[str, int], ...]  # name and number of triangles of each part, in their order
 
 
 def glb(
@@ -24,7 +24,7 @@ def glb(
     normals: Float[np.ndarray, "vertices 3"],
     colours: Float[np.ndarray, "vertices 3"],
     faces: Int[np.ndarray, "faces 3"],
-    parts: Parts,
+    parts: MeshParts,
 ) -> bytes:
     """Return the bytes of a .glb file.
 
@@ -45,7 +45,7 @@ def glb(
     return _file(about, struct.pack("<II", len(body), 0x004E4942) + body)
 
 
-def split(faces: Int[np.ndarray, "faces 3"], parts: Parts) -> Iterator[tuple[str, Int[np.ndarray, "some 3"]]]:
+def split(faces: Int[np.ndarray, "faces 3"], parts: MeshParts) -> Iterator[tuple[str, Int[np.ndarray, "some 3"]]]:
     """Yield each part's name and triangles."""
     start = 0
     for name, count in parts:

@@ -102,7 +102,7 @@ class Timeline:
         open_end = self.moved(len(self.keys) - 1, self.length - MIN_GAP)
         return replace(open_end, loop=loop)
 
-    # What is shown
+    # Views
 
     def nearest(self, seconds: float) -> int | None:
         """Return the index of the key within a frame of this time, or None."""

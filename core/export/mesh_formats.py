@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from core.export.glb import Parts, glb
+from core.export.glb import MeshParts, glb
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.geometry.pixels import to_bytes
 
@@ -35,7 +35,7 @@ class Mesh:
     normals: Float[np.ndarray, "vertices 3"]  # unit length, outward
     colours: Float[np.ndarray, "vertices 3"]  # sRGB, 0..1
     faces: Int[np.ndarray, "faces 3"]
-    parts: Parts  # names of the triangles, in their order
+    parts: MeshParts  # names of the triangles, in their order
 
     def save(self, path: Path) -> None:
         """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from core.export.frames import (
+from core.export.keyframes import View, turntable
+from core.export.video import FORMATS, Coding, VideoSettings, coding_of
+from core.export.video_frames import (
     STILL_STEPS,
     are_few,
     bake_views,
@@ -18,12 +20,10 @@ from core.export.frames import (
     over,
     supersampling,
 )
-from core.export.keyframes import View, turntable
-from core.export.video import FORMATS, Coding, VideoSettings, coding_of
 from core.models.model import Model
 from core.rendering.baked_field import MAX_STEPS
 from core.rendering.baking import mixed
-from core.rendering.offscreen import OffscreenPictures
+from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
 T = TypeVar("T")
@@ -71,16 +71,16 @@ def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
     job = RenderJob(view.codes, camera, RenderSettings(divisors=(1,)))
     views = turntable(view.codes, view.camera, 72)[:9]
     baked, start = yield from _timed(bake_views(model, views))  # first, because exact rays need its preparations
-    frames, exact = yield from _timed(_collected(model, job))
+    frames, exact = yield from _timed(_gather(model, job))
     ray, coding = exact / _EXACT_SIZE**2, _coding(frames[-1])
     if baked is None:
         yield Pace(ray, coding=coding)
         return
     first = yield from baked.at(0)
     second, another = yield from _timed(baked.at(len(views) - 1))
-    with OffscreenPictures(_DRAWN) as large, OffscreenPictures(_SMALL) as small:
-        for pictures in (large, small):  # the first one uploads and compiles
-            pictures.draw(first, view.camera)
+    with OffscreenRenderer(_DRAWN) as large, OffscreenRenderer(_SMALL) as small:
+        for renderer in (large, small):  # the first one uploads and compiles
+            renderer.draw(first, view.camera)
         began = time.perf_counter()
         small.draw(mixed(first, second, 0.5), view.camera)
         middle = time.perf_counter()
@@ -89,7 +89,7 @@ def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
     yield Pace(ray, start, another, middle - began, drawn / _DRAWN**2, True, coding)
 
 
-def _collected(model: Model, job: RenderJob) -> Generator[None, None, list[Frame]]:
+def _gather(model: Model, job: RenderJob) -> Generator[None, None, list[Frame]]:
     found = list[Frame]()
     for frame in render_progressively(model, job):
         if frame:

@@ -22,7 +22,7 @@ from PIL import Image
 from torch import Tensor
 
 from core.detail.frames import bake, render_frame
-from core.export.frames import draw_still, over
+from core.export.video_frames import draw_still, over
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes

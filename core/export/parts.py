@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from core.export.glb import Parts
+from core.export.glb import MeshParts
 from core.export.normals import face_normals
 from core.models.model import Model
 from core.models.part_head import PartHead
@@ -35,7 +35,7 @@ _REACH = {"seat": (-np.inf, 0.05), "legs": (-np.inf, 0.03), "back": (-0.1, np.in
 
 def by_part(
     model: Model, folded: FoldedField, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
-) -> tuple[Int[np.ndarray, "faces 3"], Parts]:
+) -> tuple[Int[np.ndarray, "faces 3"], MeshParts]:
     """Sort triangles by part and count each part's; a single part if the model has no part head.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
-from core.export.glb import Parts, split
+from core.export.glb import MeshParts, split
 from core.export.normals import face_normals, vertex_normals
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
@@ -32,7 +32,7 @@ class TexturedMesh:
     faces: Int[np.ndarray, "faces 3"]
     uv: Float[np.ndarray, "vertices 2"]  # 0..1, from the image's left and bottom edge
     image: UInt8[np.ndarray, "height width 3"]
-    parts: Parts  # names of the triangles, in their order
+    parts: MeshParts  # names of the triangles, in their order
 
     def glb(self) -> bytes:
         """Return the bytes of an unlit .glb file (colours contain the light), with vertices already in glTF axes."""
@@ -60,7 +60,7 @@ class TexturedMesh:
 def textured(
     vertices: Float[np.ndarray, "vertices 3"],
     faces: Int[np.ndarray, "faces 3"],
-    parts: Parts,
+    parts: MeshParts,
     colours: Colours,
     pixels: int,
 ) -> Generator[float, None, TexturedMesh]:

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.export.frames import render_frames
 from core.export.keyframes import View
+from core.export.video_frames import render_frames
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.rendering.background import Background, Rgb

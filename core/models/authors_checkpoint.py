@@ -107,7 +107,7 @@ def _to_model(field: Field, shapes: Tensor, textures: Tensor, settings: "_Settin
 def _load_tensors(path: Path) -> Any:
     """Load the values that torch saved; nothing in the file is executed."""
     if zipfile.is_zipfile(path):
-        with open_zip(path):  # refuses what would unpack to more than memory holds
+        with open_zip(path):  # refuses archives larger than memory
             pass
     return torch.load(path, map_location="cpu", weights_only=True)
 

@@ -9,12 +9,19 @@ from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SHIPPED = _ASSETS / "models"
+FORMER = SHIPPED / "former"  # models shipped before, by fingerprint: what was made with them still opens
 DEFAULT_MODEL = "chairs"
 
 
 def shipped_models() -> tuple[str, ...]:
     """Return the names of the models that come with the program."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
+
+
+def former_model(fingerprint: str) -> str | None:
+    """Return the name of the formerly shipped model that codes of a fingerprint belong to, if any."""
+    names = sorted(path.stem for path in FORMER.glob("*.safetensors"))
+    return next((name for name in names if name == fingerprint or _read(name).shares_codes_with(fingerprint)), None)
 
 
 @cache
@@ -24,7 +31,9 @@ def sample_images(category: str) -> tuple[Path, ...]:
 
 
 def load_model(name: str, device: str = "cpu") -> Model:
-    """Load a model by its shipped name (``chairs``) or its path; ``.pth`` is a checkpoint of the authors' trainer.
+    """Load a model by its shipped name (``chairs``), the fingerprint of a formerly shipped one, or a path.
+
+    A ``.pth`` file is a checkpoint of the authors' trainer.
 
     Args:
         device: "cpu" or "cuda", for the network; codes, cameras and images stay on the processor.
@@ -37,8 +46,9 @@ def load_model(name: str, device: str = "cpu") -> Model:
 
 
 def _read(name: str) -> Model:
-    if name in shipped_models():
-        return Model.load(SHIPPED / f"{name}.safetensors")
+    for folder in (SHIPPED, FORMER):
+        if name in {path.stem for path in folder.glob("*.safetensors")}:
+            return Model.load(folder / f"{name}.safetensors")
     path = Path(name)
     if path.suffix.lower() in (".pth", ".pt"):
         return load_authors(path)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from core.models.codes import Codes
+from core.models.library import former_model
 from core.models.model import Model
 
 
@@ -34,16 +35,25 @@ class OpenModels:
         self._models.setdefault(model.fingerprint, model)
         self._names[name] = model.fingerprint
 
+    def is_former(self, model: Model) -> bool:
+        """True for a model that was shipped before, opened because codes of it were met."""
+        return model.fingerprint in self._names  # its name in the library
+
     def of(self, codes: Codes) -> Model:
         """Return the model of an object. Raises ``ValueError`` if it is not open."""
         return self[codes.model]
 
     def __getitem__(self, fingerprint: str) -> Model:
-        """Return the model of a fingerprint, or an open one that extends it. Raises ``ValueError`` if there is none."""
+        """Return the model of a fingerprint, or an open one that extends it; a formerly shipped model is opened.
+
+        Raises ``ValueError`` if there is none.
+        """
         if found := self._models.get(fingerprint):
             return found
         if extending := next((one for one in self if one.shares_codes_with(fingerprint)), None):
             return extending
+        if former := former_model(fingerprint):
+            return self.open(former)
         raise ValueError("it belongs to a model that is not open: drop the model's file on the window first")
 
     def of_category(self, category: str) -> Model | None:

@@ -10,11 +10,11 @@ from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
 
 from core.geometry.pixels import bounding_box, to_bytes
+from core.photos.borders import fill, find_frame, is_sliver
 from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
 from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import NOTE, lens_focal
 from core.photos.detector import Box, Detection, detect, detection_of, missed
-from core.photos.frames import fill, find_frame, is_sliver
 from core.photos.grabcut import grabcut
 from core.photos.plain_background import NoBackgroundError, find_background
 

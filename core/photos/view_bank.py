@@ -24,7 +24,7 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.occupied_cells import pack
 from core.rendering.surface import surface_points
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.files import atomic_file
 from core.runtime.folders import VIEW_BANKS, cache_folder
 
@@ -112,7 +112,7 @@ def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
         try:
             done = next(building)
         except StopIteration as made:
-            CACHE.put(Kind.BANK, key, made.value, made.value.size)
+            CACHE.put(CacheKind.BANK, key, made.value, made.value.size)
             if len(made.value.codes.shape):
                 _save(made.value, _path(key))
             return made.value
@@ -149,9 +149,9 @@ def _path(key: str) -> Path:
 def _kept(model: Model) -> ViewBank | None:
     """Return the bank from memory or its file; None if missing or damaged."""
     key = model.fingerprint
-    bank: ViewBank | None = CACHE.get(Kind.BANK, key)
+    bank: ViewBank | None = CACHE.get(CacheKind.BANK, key)
     if bank is None and (bank := _read(_path(key))):
-        CACHE.put(Kind.BANK, key, bank, bank.size)
+        CACHE.put(CacheKind.BANK, key, bank, bank.size)
     return bank
 
 

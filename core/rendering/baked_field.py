@@ -27,7 +27,7 @@ LOGITS = -8.0, 24.0  # logits of 0 and 255; the least is a density of 0.01 per s
 STEPS_PER_TEXEL = 1.5
 MAX_STEPS = 128  # along the longest side of the box; more makes no visible difference in motion
 MIN_LIGHT = 0.005  # a ray ends when less light is left, which counts as absorbed
-_FARTHEST = 8  # cells skipped at a time, at most
+_MAX_DISTANCE = 8  # cells skipped at a time, at most
 _CHUNK_RAYS = 4096
 
 
@@ -68,7 +68,7 @@ def logit_texels(logits: Float[Tensor, "*corners"]) -> UInt8[Tensor, "*corners"]
 def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
     """Return the distance from each cell to the nearest occupied one, in cells (maximum norm), limited."""
     distance, reached = torch.zeros_like(cells, dtype=torch.uint8), cells.clone()
-    for _ in range(_FARTHEST):
+    for _ in range(_MAX_DISTANCE):
         distance += ~reached
         for axis in range(3):
             along = reached.movedim(axis, 0)

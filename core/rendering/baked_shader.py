@@ -37,7 +37,7 @@ uniform usampler3D distance;  // cells to the nearest occupied one
 uniform vec3 origin, right, up, backward, extent, first, sides;
 uniform vec2 middle;          // of the picture, px from the first pixel drawn
 uniform vec2 logits;          // least, range; over the logarithm of 2, as all exponents here
-uniform float focal, pace, cells, blocks, thickness, min_light;
+uniform float focal, spacing, cells, blocks, thickness, min_light;
 uniform vec2 contrast;       // softplus times this multiplies density, at most by the gain
 flat in vec2 reach;
 out vec4 colour;
@@ -52,12 +52,12 @@ void main() {
     float far = min(reach.y, min(high.x, min(high.y, high.z)));
     // In the box's coordinates, 0 to 1, the sample i lies at base + i * delta; in cells of the distance, and in the
     // texture, likewise. What does not change along the ray is computed here: nothing moves it out of the loop.
-    vec3 base = 0.5 + 0.5 * (origin + along * (near + 0.5 * pace)) / extent, delta = 0.5 * along * pace / extent;
+    vec3 base = 0.5 + 0.5 * (origin + along * (near + 0.5 * spacing)) / extent, delta = 0.5 * along * spacing / extent;
     vec3 block_base = base * blocks, block_delta = delta * blocks, samples_per_block = 1.0 / block_delta;
     vec3 forward = sign(along), leave_base = vec3(lessThan(along, vec3(0.0))) - block_base;
     vec3 texel_base = (base * cells - first + 0.5) / sides, texel_delta = delta * cells / sides;
     int last_block = int(blocks) - 1;
-    float i = max(0.0, floor((reach.x - near) / pace)), count = ceil((far - near) / pace - 0.5);
+    float i = max(0.0, floor((reach.x - near) / spacing)), count = ceil((far - near) / spacing - 0.5);
     vec3 seen = vec3(0.0);
     float light = 1.0, middle_of_light = 0.0;
     while (i < count && light > min_light) {
@@ -85,7 +85,7 @@ void main() {
 """
 _DETAIL = f"""
     if (opacity > {MIN_OPACITY})
-        seen += opacity * detail(origin + along * (near + pace * middle_of_light / taken), along, seen / opacity);
+        seen += opacity * detail(origin + along * (near + spacing * middle_of_light / taken), along, seen / opacity);
 """
 
 _NO_CONTRAST = 1e9, 1.0  # makes the factor reach the gain of 1 for any density
@@ -191,7 +191,7 @@ def field_uniforms(baked: BakedField) -> dict[str, Any]:
         "first": baked.first,
         "sides": baked.texels.shape[:3],
         "cells": baked.cells,
-        "pace": baked.step,
+        "spacing": baked.step,
         "thickness": config.density_scale * baked.step,
         "contrast": contrast,
         "blocks": CELLS,

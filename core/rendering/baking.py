@@ -29,7 +29,7 @@ from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
 from core.rendering.outline import outline
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 
 _DIVISIONS = (1, 2)  # of the edges of an occupied cell, from coarse to fine
 _BLOCK = 8192  # corners evaluated at a time: the longest wait of a newer job
@@ -139,11 +139,11 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
         towards = folded.direction_bias(torch.tensor(_DIRECTIONS, device=folded.device))
     for divisions in _DIVISIONS:
         cells, key = CELLS * divisions, (model, shape, bound, divisions)
-        baked: BakedShape | None = CACHE.get(Kind.VIEW, key)
+        baked: BakedShape | None = CACHE.get(CacheKind.VIEW, key)
         if baked is None:
             baked = yield from bake_shape(model, folded, occupancy.cells, cells, box_of(occupancy.cells, cells))
             if baked.size <= CACHE.limit - CACHE.used:
-                CACHE.put(Kind.VIEW, key, baked, baked.size)
+                CACHE.put(CacheKind.VIEW, key, baked, baked.size)
         colours = torch.zeros(len(baked.corners), 3)
         for part in torch.arange(len(colours)).split(_BLOCK):
             with torch.inference_mode():

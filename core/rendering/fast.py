@@ -21,7 +21,7 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, Tolerances, tolerances
 from core.rendering.outline import Outline, outline
 from core.rendering.reference import Rendered
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.layers import pad_rows
 from core.streams import run_to_end
 
@@ -53,7 +53,7 @@ def render_steps(
     with torch.inference_mode():
         folded = _folded_field(model, codes)
     key = VisibilityKey.of(model, codes, camera, samples, complete, cutoff)
-    known: Sequence[Chunk] | None = CACHE.get(Kind.VIEW, key)
+    known: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
     seen, image = list[Chunk](), _blank(camera, model.device)
     for chunk in _visible_chunks(folded, key) if known is None else known:
@@ -63,11 +63,11 @@ def render_steps(
                 whole[chunk.pixel] = part
         size, done = size + chunk.size, done + chunk.share
         # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
-        keep = keep and CACHE.make_room(Kind.VIEW, round(size / done))
+        keep = keep and CACHE.make_room(CacheKind.VIEW, round(size / done))
         seen.append(chunk) if keep else seen.clear()
         yield None
     if keep:
-        CACHE.put(Kind.VIEW, key, seen, size)
+        CACHE.put(CacheKind.VIEW, key, seen, size)
     return Rendered(*(part.unflatten(0, (camera.height, camera.width)) for part in image))
 
 
@@ -125,7 +125,7 @@ class VisibilityKey(NamedTuple):
 
 def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
     """True if this shape's visible intervals from this camera are cached, so that only colours are evaluated."""
-    return CACHE.get(Kind.VIEW, VisibilityKey.of(model, codes, camera, samples, complete)) is not None
+    return CACHE.get(CacheKind.VIEW, VisibilityKey.of(model, codes, camera, samples, complete)) is not None
 
 
 @lru_cache(maxsize=4)
@@ -136,12 +136,12 @@ def _folded_field(model: Model, codes: Codes) -> FoldedField:
 
 def clear_views() -> None:
     """Clear cached views: the next render costs as much as a new view."""
-    CACHE.clear(Kind.VIEW)
+    CACHE.clear(CacheKind.VIEW)
 
 
 def clear_cache() -> None:
     """Clear cached shapes: the next render costs as much as a new shape."""
-    CACHE.clear(Kind.VIEW, Kind.SHAPE)
+    CACHE.clear(CacheKind.VIEW, CacheKind.SHAPE)
     _folded_field.cache_clear()
 
 
@@ -185,18 +185,18 @@ def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = Tru
         complete: see :func:`render_steps`.
     """
     key = model, shape
-    known: Occupancy | None = CACHE.get(Kind.SHAPE, key)
+    known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if known is None or (complete and not known.complete):
         code = torch.tensor(shape, device=model.codes.shapes.device)
         folded = FoldedField(model, Codes(code, model.codes.mean.texture))
         known = Occupancy(model, folded, None if complete else _similar_occupancy(model, code))
-        CACHE.put(Kind.SHAPE, key, known, known.size)
+        CACHE.put(CacheKind.SHAPE, key, known, known.size)
     return known
 
 
 def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
     """Return the occupied cells of the last rendered shape if it is similar."""
-    for (other, shape), occupancy in CACHE.newest(Kind.SHAPE):
+    for (other, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
         if other is model:
             away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
             return occupancy if float(away) < _SIMILAR_DISTANCE else None

@@ -59,7 +59,7 @@ def cast_shadow(solid: Bool[Tensor, "x y z"], extent: tuple[float, float, float]
     slabs = functional.avg_pool2d(functional.pad(slabs, (0, 1, 0, 1)), _COARSE)
     cells = slabs.shape[-1] - 1
     spread = torch.fft.irfft2(torch.fft.rfft2(slabs, s=(3 * cells, 3 * cells)) * _kernels(extent, cells))
-    hidden = spread[:, : 2 * cells, : 2 * cells].amax(0)  # slabs occlude together what the largest of them occludes
+    hidden = spread[:, : 2 * cells, : 2 * cells].amax(0)  # the maximum over slabs, not their sum
     fade = (2 * (1 - torch.linspace(-1, 1, 2 * cells).abs())).clamp(0, 1)
     darkness = 255 * (_STRENGTH * fade[:, None] * fade * hidden).clamp(0, 1)
     height = extent[2] * (2 * (first - 0.5) / (len(solid) - 1) - 1)  # between this layer and the empty one below

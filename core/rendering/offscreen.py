@@ -36,7 +36,7 @@ void main() {
 """.replace("BACKGROUND", GLSL)
 
 
-class OffscreenPictures:
+class OffscreenRenderer:
     """Draws baked fields into arrays of one size. Use as a context manager, on one thread.
 
     Raises ``RuntimeError`` if the machine has no OpenGL.
@@ -60,7 +60,7 @@ class OffscreenPictures:
             resolve[name] = tuple(part / 255 for part in edge)
         self._resolve = context.vertex_array(resolve, [])
 
-    def __enter__(self) -> "OffscreenPictures":
+    def __enter__(self) -> "OffscreenRenderer":
         return self
 
     def __exit__(

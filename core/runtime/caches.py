@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 LIMIT = 128 * 2**20  # bytes of all caches together
 
 
-class Kind(IntEnum):
+class CacheKind(IntEnum):
     """Kinds of values, evicted in this order (cheapest to recompute first), within a kind least recently used first."""
 
     VIEW = 0  # visible intervals of a shape from a camera: much memory, a fraction of a second
@@ -33,14 +33,14 @@ class ByteCache:
     Example:
         >>> cache = ByteCache(100)
         >>> for key in "abc":
-        ...     cache.put(Kind.VIEW, key, key.upper(), 40)
-        >>> cache.get(Kind.VIEW, "a"), cache.get(Kind.VIEW, "c"), cache.used
+        ...     cache.put(CacheKind.VIEW, key, key.upper(), 40)
+        >>> cache.get(CacheKind.VIEW, "a"), cache.get(CacheKind.VIEW, "c"), cache.used
         (None, 'C', 80)
     """
 
     def __init__(self, limit: int = LIMIT) -> None:
         self.limit = limit
-        self._entries: dict[Kind, OrderedDict[Hashable, _Entry]] = {kind: OrderedDict() for kind in Kind}
+        self._entries: dict[CacheKind, OrderedDict[Hashable, _Entry]] = {kind: OrderedDict() for kind in CacheKind}
         self._lock = Lock()
 
     @property
@@ -49,7 +49,7 @@ class ByteCache:
         with self._lock:
             return self._used()
 
-    def get(self, kind: Kind, key: Hashable) -> Any:
+    def get(self, kind: CacheKind, key: Hashable) -> Any:
         """Return the value, which counts as used now; None if there is none."""
         with self._lock:
             entry = self._entries[kind].get(key)
@@ -58,7 +58,7 @@ class ByteCache:
             self._entries[kind].move_to_end(key)
             return entry.value
 
-    def put(self, kind: Kind, key: Hashable, value: object, size: int) -> None:
+    def put(self, kind: CacheKind, key: Hashable, value: object, size: int) -> None:
         """Store a value of ``size`` bytes, evicting others as needed; a value that is too large is not stored."""
         with self._lock:
             self._entries[kind].pop(key, None)
@@ -66,7 +66,7 @@ class ByteCache:
                 self._entries[kind][key] = _Entry(value, size)
                 self._make_room()
 
-    def make_room(self, kind: Kind, size: int) -> bool:
+    def make_room(self, kind: CacheKind, size: int) -> bool:
         """Evict until ``size`` bytes fit. Returns False, evicting nothing, if they never can."""
         with self._lock:
             if size > self._room(kind):
@@ -74,12 +74,12 @@ class ByteCache:
             self._make_room(size)
             return True
 
-    def newest(self, kind: Kind) -> list[tuple[Any, Any]]:
+    def newest(self, kind: CacheKind) -> list[tuple[Any, Any]]:
         """Return keys and values of a kind, the most recently used first."""
         with self._lock:
             return [(key, entry.value) for key, entry in reversed(self._entries[kind].items())]
 
-    def clear(self, *kinds: Kind) -> None:
+    def clear(self, *kinds: CacheKind) -> None:
         """Remove all values of these kinds."""
         with self._lock:
             for kind in kinds:
@@ -88,12 +88,14 @@ class ByteCache:
     def _used(self) -> int:
         return sum(entry.size for entries in self._entries.values() for entry in entries.values())
 
-    def _room(self, kind: Kind) -> int:
-        return self.limit - sum(entry.size for more in Kind if more > kind for entry in self._entries[more].values())
+    def _room(self, kind: CacheKind) -> int:
+        return self.limit - sum(
+            entry.size for more in CacheKind if more > kind for entry in self._entries[more].values()
+        )
 
     def _make_room(self, size: int = 0) -> None:
         while self._used() + size > self.limit:
-            lowest = next(kind for kind in Kind if self._entries[kind])
+            lowest = next(kind for kind in CacheKind if self._entries[kind])
             self._entries[lowest].popitem(last=False)
 
 

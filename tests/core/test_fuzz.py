@@ -5,7 +5,6 @@ A few whole files, each with 200 seeded corruptions.
 
 import json
 import random
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -86,7 +85,7 @@ def _read_scene(path: Path) -> None:
     open_scene(path, _MODEL)
 
 
-_READERS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
+READERS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
     **{f"{kind} image": (_image(kind), _read_image) for kind in ("PNG", "JPEG", "WEBP", "AVIF", "TIFF", "BMP", "GIF")},
     "scene": (_SCENE.save, _read_scene),
     "scene in an image": (_write_scene_image, _read_scene),
@@ -102,7 +101,7 @@ _READERS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] =
 }
 
 
-def _corrupted(whole: bytes, generator: random.Random) -> bytes:
+def corrupted(whole: bytes, generator: random.Random) -> bytes:
     """Some bytes changed, most of them in the head; a piece replaced, left out or doubled; or the end cut off."""
     content = bytearray(whole)
     for _ in range(generator.choice((1, 1, 3, 20))):
@@ -125,21 +124,18 @@ def _corrupted(whole: bytes, generator: random.Random) -> bytes:
 
 
 @pytest.mark.filterwarnings("ignore")  # what Pillow thinks of its input
-@pytest.mark.parametrize("name", _READERS)
+@pytest.mark.parametrize("name", READERS)
 def test_damage_is_said_in_one_line_that_names_the_file(name: str, tmp_path: Path) -> None:
-    write, read = _READERS[name]
+    write, read = READERS[name]
     path, generator = tmp_path / "whole.bin", random.Random(name)
     write(path)
-    whole, slowest = path.read_bytes(), 0.0
+    whole = path.read_bytes()
     read(path)  # whole, it is read
     for _ in range(_CORRUPTIONS):
-        path.write_bytes(_corrupted(whole, generator))
-        began = time.perf_counter()
+        path.write_bytes(corrupted(whole, generator))
         try:
             read(path)
         except ValueError as error:
             text = str(error)
             assert "\n" not in text
             assert str(tmp_path) in text
-        slowest = max(slowest, time.perf_counter() - began)
-    assert slowest < 2

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from core.export.frames import over
 from core.export.keyframes import View
 from core.export.pace import Pace
 from core.export.video import VideoSettings, write_video
+from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.models.codes import Codes
 from core.models.field_config import FieldConfig

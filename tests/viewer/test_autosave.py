@@ -459,7 +459,7 @@ def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
     assert 0 < len(found.history.past) < len(history.past)
     assert found.history.past == history.past[-len(found.history.past) :]
     lost = len(history.past) - len(found.history.past)
-    assert session.messages.shown[-1].text.endswith(f"its file lacks the oldest {lost} steps of undo")
+    assert session.messages.shown[-1].text.endswith(f"its file lacks the {lost} most distant steps of undo")
     assert session.messages.errors == []
 
 

@@ -74,4 +74,5 @@ def fit_stream(
 
 
 def _choose(models: OpenModels, here: Model, category: str) -> Model:
-    return here if here.category == category else models.of_category(category) or here
+    stays = here.category == category and not models.is_former(here)
+    return here if stays else models.of_category(category) or here

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from core.export.frames import Image
 from core.export.keyframes import View
 from core.export.pace import Pace
+from core.export.video_frames import Image
 from core.models.codes import Codes
 from core.rendering.baked_field import BakedField
 from viewer.editor import Editor

@@ -39,8 +39,9 @@ class LibraryPanel(Panel):
             f"{_PHOTO}  Open photo…" if imgui.get_content_region_avail().x > hello_imgui.em_size(8) else "Open photo"
         )
         action_button(context, "fit_image", label, -1, context.palette.accent)
-        names = _headings(context.session.models)
-        self._filter = draw_choice({_ALL: "All", **names, _MINE: "Mine"}, self._filter)
+        names = _headings(context.session.listed_models)
+        choices = {_ALL: "All", **names, _MINE: "Mine"}
+        self._filter = draw_choice(choices, self._filter if self._filter in choices else _ALL)
         if imgui.begin_child("objects"):
             if self._filter in (_ALL, _MINE):
                 heading(context, "Mine")

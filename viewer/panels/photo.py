@@ -210,7 +210,7 @@ def _draw_ways(context: PanelContext, fitting: Fitting) -> None:
     ]
     ways += [
         (f"As a {model.noun}###as {model.category}", _AS_HELP, partial(fitting.refit_as, model), True)
-        for model in context.session.models
+        for model in context.session.listed_models
         if model.fingerprint != history.model
     ]
     for label, text, act, enabled in ways:

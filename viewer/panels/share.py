@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from core.export.frames import Image
 from core.export.mesh_formats import FORMATS as MESHES
 from core.export.mesh_formats import TEXTURED
 from core.export.video import FORMATS as VIDEOS
+from core.export.video_frames import Image
 from core.models.scene import IMAGE_FORMATS
 from core.rendering.background import Background, Rgb, background_rows
 from viewer.context import PanelContext

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core.detail.frames import bake, render_progressively
-from core.export.frames import Image, draw_still, render_frames
 from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
 from core.export.pace import Pace, measure_pace
 from core.export.video import VideoSettings, write_video
+from core.export.video_frames import Image, draw_still, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose

@@ -64,7 +64,7 @@ class Clipboard:
 
 
 def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:
-    """Copy an image to the clipboard. Raises ``ValueError`` if there is none."""
+    """Copy an image to the clipboard. Raises ``ValueError`` if there is no clipboard."""
     height, width = image.shape[:2]
     opaque = np.full((height, width, 1), 255, np.uint8)
     try:

@@ -31,14 +31,14 @@ class KeptThumbnails:
                 return {key: one for key, one in found.items() if one.dtype == np.uint8 and one.shape[2:] == (4,)}
         return {}
 
-    def save(self, model: Model, pictures: Mapping[str, Pixels]) -> None:
+    def save(self, model: Model, thumbnails: Mapping[str, Pixels]) -> None:
         """Store exactly these thumbnails of a model, if the folder is writable."""
         if self._folder:
             with suppress(OSError, SafetensorError, ValueError):
                 path = self._path(model)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with atomic_file(path) as partial:
-                    save_file(dict(pictures), partial)
+                    save_file(dict(thumbnails), partial)
 
     def _path(self, model: Model) -> Path:
         assert self._folder is not None, "nothing is kept"

@@ -14,7 +14,7 @@ import torch
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.models.scene import Scene
+from core.models.scene import Scene, scene_model
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 from viewer.values import orbit
@@ -34,6 +34,10 @@ class UserObjects:
         """``folder`` None stores nothing."""
         self._folder = folder
         self._stored: dict[str, _Stored] = {}  # by name, of the opened models
+
+    def fingerprints(self) -> frozenset[str]:
+        """Return the fingerprints of the models of all kept objects."""
+        return frozenset(filter(None, map(scene_model, self._folder.glob("*.json") if self._folder else ())))
 
     def open(self, model: Model) -> tuple[EditableObject, ...]:
         """Return the objects of a model, the oldest first; skips unreadable files and other models' objects."""

@@ -25,13 +25,13 @@ class Job(Generic[T]):
     value: Callable[[T], None]
     end: Callable[[Exception | None], None] = lambda error: None  # called once unless cancelled
     urgent: bool = False  # runs before all others until its first value, and is not replaced before it
-    share: float = 1.0  # weight of the worker's time against other jobs
+    share: float = 1.0  # of the worker's time, relative to other jobs
 
 
 @dataclass(eq=False)
 class _Running:
     job: Job
-    spent: float  # seconds over the job's weight
+    spent: float  # s divided by the job's share
     stream: Iterator | None = None
     shown: bool = False
     over: bool = False  # not to be stepped again

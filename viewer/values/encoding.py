@@ -27,7 +27,7 @@ _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes, of the pixels of one 
 
 
 @dataclass(eq=False)
-class Parts:
+class BlobStore:
     """Values that JSON refers to by number, since many states share them and arrays make bad text."""
 
     tensors: list[Tensor] = field(default_factory=list)
@@ -48,46 +48,46 @@ class Parts:
         return self._known[id(value)][1]
 
 
-def encode(value: Any, parts: Parts) -> Any:
-    """Encode a value as JSON; large values are added to ``parts``."""
+def encode(value: Any, store: BlobStore) -> Any:
+    """Encode a value as JSON; large values are added to ``store``."""
     if isinstance(value, Tensor):
-        return parts.number(value, parts.tensors, lambda: value.detach().cpu().contiguous())
+        return store.number(value, store.tensors, lambda: value.detach().cpu().contiguous())
     if isinstance(value, _SHARED):
-        return parts.number(value, parts.timelines, lambda: _encode_shared(value, parts))
+        return store.number(value, store.timelines, lambda: _encode_shared(value, store))
     if isinstance(value, Photo):
-        image = parts.number(value, parts.photos, lambda: encode_photo(value))
-        fine = value.fine and parts.number(value.fine, parts.photos, lambda: value.fine)
-        return {"image": image, "fine": fine} | {name: encode(getattr(value, name), parts) for name in _BESIDE_IMAGE}
+        image = store.number(value, store.photos, lambda: encode_photo(value))
+        fine = value.fine and store.number(value.fine, store.photos, lambda: value.fine)
+        return {"image": image, "fine": fine} | {name: encode(getattr(value, name), store) for name in _BESIDE_IMAGE}
     if isinstance(value, FittedPhoto):
-        return {"source": encode(value.source, parts), "photo": encode(value.photo, parts)}
+        return {"source": encode(value.source, store), "photo": encode(value.photo, store)}
     if is_dataclass(value) or hasattr(value, "_fields"):
-        return _encode_fields(value, parts)
+        return _encode_fields(value, store)
     if isinstance(value, tuple):
-        return [encode(one, parts) for one in value]
+        return [encode(one, store) for one in value]
     return str(value) if isinstance(value, Path) else value
 
 
-def _encode_shared(value: Any, parts: Parts) -> Any:
-    about = _encode_fields(value, parts)
+def _encode_shared(value: Any, store: BlobStore) -> Any:
+    about = _encode_fields(value, store)
     if isinstance(value, PhotoView):
-        about["image"] = parts.number(value.image, parts.photos, lambda: value.image)
+        about["image"] = store.number(value.image, store.photos, lambda: value.image)
     return about
 
 
-def decode(kind: Any, value: Any, parts: Parts) -> Any:
+def decode(kind: Any, value: Any, store: BlobStore) -> Any:
     """Invert :func:`encode` for a type; missing fields get their defaults.
 
     Raises ``ValueError`` for other content.
     """
-    return typed(kind, value, lambda one: _reader(one, parts), getattr(kind, "__name__", "it"))
+    return typed(kind, value, lambda one: _reader(one, store), getattr(kind, "__name__", "it"))
 
 
-def _reader(kind: Any, parts: Parts) -> Callable[[Any], Any] | None:
+def _reader(kind: Any, store: BlobStore) -> Callable[[Any], Any] | None:
     """Return the decoder of a type that JSON lacks."""
     if kind in _SPECIAL:
-        return lambda value: _SPECIAL[kind](value, parts)
+        return lambda value: _SPECIAL[kind](value, store)
     if isinstance(kind, type) and issubclass(kind, AbstractArray):
-        return lambda number: _tensor(_part(parts.tensors, number), kind)
+        return lambda number: _tensor(_part(store.tensors, number), kind)
     return None
 
 
@@ -114,56 +114,56 @@ _BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error"
 """Fields of a photo that a PNG cannot store."""
 
 
-def _decode_photo(about: Any, parts: Parts) -> Photo:
+def _decode_photo(about: Any, store: BlobStore) -> Photo:
     kinds = _kinds(Photo)
-    beside = {name: decode(kinds[name], about[name], parts) for name in _BESIDE_IMAGE if name in about}
-    photo = decode_photo(_part(parts.photos, about["image"]), min(_MAX_PHOTO, parts.left), **beside)
-    parts.left -= 4 * photo.mask.numel()
+    beside = {name: decode(kinds[name], about[name], store) for name in _BESIDE_IMAGE if name in about}
+    photo = decode_photo(_part(store.photos, about["image"]), min(_MAX_PHOTO, store.left), **beside)
+    store.left -= 4 * photo.mask.numel()
     if about.get("fine") is None:
         return photo
-    fine = _part(parts.photos, about["fine"])
+    fine = _part(store.photos, about["fine"])
     decompressed(fine)  # raises if damaged
     return replace(photo, fine=fine)
 
 
-def _decode_view(about: dict, parts: Parts) -> PhotoView:
+def _decode_view(about: dict, store: BlobStore) -> PhotoView:
     kinds = _kinds(PhotoView)
-    beside = {name: decode(kinds[name], about[name], parts) for name in kinds if name in about and name != "image"}
-    view = PhotoView(_part(parts.photos, about["image"]), **beside)
+    beside = {name: decode(kinds[name], about[name], store) for name in kinds if name in about and name != "image"}
+    view = PhotoView(_part(store.photos, about["image"]), **beside)
     view.pixels()  # raises if damaged
     return view
 
 
-def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
-    source = decode(_kinds(FittedPhoto)["source"], about["source"], parts)
-    return FittedPhoto.of(source, _decode_photo(about["photo"], parts))
+def _decode_fitted_photo(about: Any, store: BlobStore) -> FittedPhoto:
+    source = decode(_kinds(FittedPhoto)["source"], about["source"], store)
+    return FittedPhoto.of(source, _decode_photo(about["photo"], store))
 
 
-def _decode_codes(about: Any, parts: Parts) -> Codes:
+def _decode_codes(about: Any, store: BlobStore) -> Codes:
     """Decode codes of an open model, or one that extends theirs. Raises ``ValueError`` if neither is open."""
-    codes: Codes = _decode_in_place(Codes, about, parts)
-    assert parts.models is not None, "no models"
-    model = parts.models[codes.model or parts.model]
+    codes: Codes = _decode_in_place(Codes, about, store)
+    assert store.models is not None, "no models"
+    model = store.models[codes.model or store.model]
     sizes = model.field.config.shape_latent, model.field.config.texture_latent
     if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
         raise ValueError(f"it does not fit its model of {model.category or 'unnamed objects'}")
     return replace(codes, model=model.fingerprint)
 
 
-def _decode_shared(kind: Any, about: Any, parts: Parts) -> Any:
+def _decode_shared(kind: Any, about: Any, store: BlobStore) -> Any:
     """Return the same value for the same number; some files of November 2026 hold values in place."""
     if isinstance(about, dict):
-        return _decode_in_place(kind, about, parts)
-    found = _part(parts.timelines, about)
+        return _decode_in_place(kind, about, store)
+    found = _part(store.timelines, about)
     if not isinstance(found, kind):
-        found = parts.timelines[about] = _decode_in_place(kind, found, parts)
+        found = store.timelines[about] = _decode_in_place(kind, found, store)
     return found
 
 
-def _decode_in_place(kind: Any, about: Any, parts: Parts) -> Any:
+def _decode_in_place(kind: Any, about: Any, store: BlobStore) -> Any:
     if kind is PhotoView:
-        return _decode_view(typed(dict, about, name="view"), parts)
-    return typed(kind, about, lambda one: None if one is kind else _reader(one, parts), kind.__name__.lower())
+        return _decode_view(typed(dict, about, name="view"), store)
+    return typed(kind, about, lambda one: None if one is kind else _reader(one, store), kind.__name__.lower())
 
 
 def _part(stored: list, number: Any) -> Any:
@@ -173,7 +173,7 @@ def _part(stored: list, number: Any) -> Any:
     return stored[whole(number)]
 
 
-_SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
+_SPECIAL: dict[Any, Callable[[Any, BlobStore], Any]] = {
     Photo: _decode_photo,
     FittedPhoto: _decode_fitted_photo,
     Codes: _decode_codes,
@@ -191,8 +191,8 @@ def _names(kind: Any) -> tuple[str, ...]:
     return tuple(one.name for one in fields(kind)) if is_dataclass(kind) else kind._fields
 
 
-def _encode_fields(value: Any, parts: Parts) -> dict:
-    return {name: encode(getattr(value, name), parts) for name in _names(value.__class__)}
+def _encode_fields(value: Any, store: BlobStore) -> dict:
+    return {name: encode(getattr(value, name), store) for name in _names(value.__class__)}
 
 
 def _tensor(value: Any, kind: Any) -> Any:

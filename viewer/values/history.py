@@ -127,9 +127,11 @@ class History:
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
 
-    def newer(self, steps: int) -> History:
-        """Keep only the latest ``steps`` steps before the current state."""
-        return replace(self, past=self.past[max(0, len(self.past) - steps) :])
+    def shortened(self) -> History:
+        """Drop the older half of undo; where there is no undo, the later half of redo."""
+        if self.past:
+            return replace(self, past=self.past[(len(self.past) + 1) // 2 :])
+        return replace(self, future=self.future[: len(self.future) // 2])
 
     def after(self, earlier: History) -> History:
         """Put all states of another history before these."""
@@ -137,12 +139,13 @@ class History:
 
     def renamed(self, names: Mapping[str, str]) -> History:
         """Rename some objects in every state."""
-        return self._everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
+        return self.everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
 
     def with_directions(self, directions: tuple[Direction, ...]) -> History:
         """Add named directions to every state unless the current state has them."""
         more = tuple(one for one in directions if one not in self.now.directions)
-        return self._everywhere(lambda state: replace(state, directions=(*state.directions, *more))) if more else self
+        return self.everywhere(lambda state: replace(state, directions=(*state.directions, *more))) if more else self
 
-    def _everywhere(self, change: Callable[[State], State]) -> History:
+    def everywhere(self, change: Callable[[State], State]) -> History:
+        """Change every state in the same way."""
         return History(change(self.now), tuple(map(change, self.past)), tuple(map(change, self.future)), self.gesture)

@@ -1,5 +1,6 @@
 """The objects of a session: training objects of the open models, and added ones."""
 
+import re
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -35,6 +36,7 @@ class ObjectLibrary:
         self._added: dict[str, EditableObject] = {}
         self.removed: frozenset[str] = frozenset()  # in no list, but undo may restore them
         self.version = 0  # counts the changes
+        self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint, names here of its objects by their own
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
         """by fingerprint of the model: one object of each form and its variants, different forms first"""
         for model in models:
@@ -42,12 +44,16 @@ class ObjectLibrary:
 
     def add_model(self, model: Model) -> None:
         """Add the objects that a model was trained on, or its mean object if there are none."""
-        book, names = model.codes, list[str]()
+        book, names = model.codes, dict[str, str]()
         objects = [(book.objects[index].name, book[index]) for index in book.valid] or [("mean", book.mean)]
         for wanted, codes in objects:
-            names.append(name := unique_name(wanted, self))
+            names[unique_name(wanted, names)] = name = unique_name(wanted, self)
             self._trained[name] = EditableObject(name, codes)
-        self.families[model.fingerprint] = families(names, torch.stack([codes.shape for _, codes in objects]))
+        groups = families(list(names), torch.stack([codes.shape for _, codes in objects]))
+        self.families[model.fingerprint] = {
+            names[head]: tuple(names[one] for one in variants) for head, variants in groups.items()
+        }
+        self._names[model.fingerprint] = names
         self.version += 1
 
     def __getitem__(self, name: str) -> EditableObject:
@@ -66,6 +72,18 @@ class ObjectLibrary:
     def own(self) -> list[str]:
         """Names of added objects, the newest first."""
         return [one.name for one in reversed(self.added)]
+
+    def name_here(self, name: str, model: str) -> str | None:
+        """Return the name of an object of a model that had this name elsewhere; None if there is none.
+
+        Names differ where two models have objects of the same name.
+
+        Args:
+            model: fingerprint.
+        """
+        if name in self and self[name].codes.model == model:
+            return name
+        return self._names.get(model, {}).get(re.sub(r" \(\d+\)$", "", name))
 
     def families_of(self, name: str) -> dict[str, tuple[str, ...]]:
         """Return the forms with variants that list an object; none for an added object."""

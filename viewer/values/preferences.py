@@ -28,7 +28,7 @@ class Preferences:
     turning: str = "automatic"  # one of :data:`TURNING`
     idle_turn: bool = True  # a fitted object turns slowly until something is touched
     shadow: bool = True  # on the ground below the object, in the view and in shared files
-    newcomer: bool = True  # nobody has turned the object yet
+    newcomer: bool = True  # the object has never been turned
     camera_path: bool = True  # drawn over the view if the timeline has one
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()  # paths of opened images and scenes, the latest first

@@ -15,8 +15,8 @@ from safetensors.torch import load, save
 from core.fitting.fit import Hypothesis
 from core.models.open_models import OpenModels
 from core.runtime.files import atomic_file
-from core.runtime.reading import open_zip, parse_json, reading, typed
-from viewer.values.encoding import Parts, decode, encode
+from core.runtime.reading import TooLargeError, open_zip, parse_json, reading, typed
+from viewer.values.encoding import BlobStore, decode, encode
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.history import History
 from viewer.values.objects import EditableObject, unique_name
@@ -90,16 +90,32 @@ class Project:
             pending=(*self.pending, *earlier.pending),
         )
 
-    def save(self, path: Path, models: OpenModels) -> None:
-        """Write the file atomically. Raises ``ValueError`` for a path that cannot be written."""
-        parts = Parts()
+    def save(self, path: Path, models: OpenModels) -> int:
+        """Write the project, whole or not at all; return the number of undo steps that were left out.
+
+        None are left out unless the project is too large to be read back: then the older half of undo goes, and again
+        until it fits. Raises ``ValueError`` for a path that cannot be written.
+        """
+        project = self
+        while True:
+            try:
+                project._write(path, models)
+                return len(self.history.states) - len(project.history.states)
+            except ValueError as error:
+                if not _is_too_large(error) or len(project.history.states) == 1:
+                    raise
+                project = replace(project, history=project.history.shortened())
+
+    def _write(self, path: Path, models: OpenModels) -> None:
+        """Write the project. Raises ``ValueError``, caused by a ``TooLargeError`` where it cannot be read back."""
+        store = BlobStore()
         bare = replace(self, fit=_without_renders(self.fit), pending=tuple(map(_request, self.pending)))
-        about = {"format": "codenerf-project-2", "project": encode(bare, parts), "timelines": parts.timelines}
+        about = {"format": "codenerf-project-2", "project": encode(bare, store), "timelines": store.timelines}
         with atomic_file(path, partial(Project.load, models=models)) as written, zipfile.ZipFile(written, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
             # Cloned because safetensors refuses tensors that share memory.
-            file.writestr(_TENSORS, save({str(number): one.clone() for number, one in enumerate(parts.tensors)}))
-            for number, photo in enumerate(parts.photos):
+            file.writestr(_TENSORS, save({str(number): one.clone() for number, one in enumerate(store.tensors)}))
+            for number, photo in enumerate(store.photos):
                 file.writestr(_photo(number), photo)
 
     @classmethod
@@ -112,8 +128,8 @@ class Project:
             tensors = load(file.read(_TENSORS))
             count = sum(name.startswith("photos/") for name in file.namelist())
             photos = [file.read(_photo(number)) for number in range(count)]
-            parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about.timelines, models)
-            return _first_format(about, parts) if about.project is None else _decoded(about.project, parts)
+            store = BlobStore([tensors[str(number)] for number in range(len(tensors))], photos, about.timelines, models)
+            return _first_format(about, store) if about.project is None else _decoded(about.project, store)
 
     def _moved(self, move: Callable[[Path], Path]) -> "Project":
         """Map the paths of photos and poses that have been read."""
@@ -132,25 +148,25 @@ class _About(NamedTuple):
     path: Path | None = None  # the last three only in the first format, which had a session per model
 
 
-def _decoded(about: dict, parts: Parts) -> Project:
-    assert parts.models is not None
+def _decoded(about: dict, store: BlobStore) -> Project:
+    assert store.models is not None
     for name in about.get("models", ()):
         with suppress(ValueError):  # codes of a missing model report it
-            parts.models.open(str(name))
-    found: Project = decode(Project, about, parts)
+            store.models.open(str(name))
+    found: Project = decode(Project, about, store)
     for fit in (found.fit, *(request.history for request in found.pending)):
         _check_cameras(fit)
     return found
 
 
-def _first_format(about: _About, parts: Parts) -> Project:
+def _first_format(about: _About, store: BlobStore) -> Project:
     """Join the sessions of all models, that of the current model last."""
-    assert parts.models is not None
+    assert store.models is not None
     found: Project | None = None
     for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
-        parts.model = session["history"]["now"]["scene"]["model"]  # codes did not store it
-        one = _decoded(_completed(session, parts) | {"models": [session["model"]]}, parts)
-        model = parts.models[parts.model].fingerprint  # of the open model, which may extend the stored one
+        store.model = session["history"]["now"]["scene"]["model"]  # codes did not store it
+        one = _decoded(_completed(session, store) | {"models": [session["model"]]}, store)
+        model = store.models[store.model].fingerprint  # of the open model, which may extend the stored one
         pending = tuple(request._replace(history=_of_model(request.history, model)) for request in one.pending)
         one = replace(one, fit=_of_model(one.fit, model), pending=pending, path=about.path)
         found = one.after(found) if found else one
@@ -159,23 +175,28 @@ def _first_format(about: _About, parts: Parts) -> Project:
     return found
 
 
-def _completed(value: Any, parts: Parts) -> Any:
+def _completed(value: Any, store: BlobStore) -> Any:
     """Add fields that the oldest files lack to JSON of the first format: the shift of photos in their crops."""
     if isinstance(value, list):
-        return [_completed(one, parts) for one in value]
+        return [_completed(one, store) for one in value]
     if not isinstance(value, dict):
         return value
-    found = {name: _completed(one, parts) for name, one in value.items()}
+    found = {name: _completed(one, store) for name, one in value.items()}
     if isinstance(found.get("photo"), dict) and "name" in found:
         found |= {"photo": "", "fitted": True}  # an object, whose photo is now identified by its digest
     if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
-        found["crop_transform"] = len(parts.tensors)
-        parts.tensors.append(torch.zeros(len(found["cameras"]), 4))
+        found["crop_transform"] = len(store.tensors)
+        store.tensors.append(torch.zeros(len(found["cameras"]), 4))
     return found
 
 
 def _of_model(fit: FitHistory, model: str) -> FitHistory:
     return replace(fit, model=model if fit.photos else "")
+
+
+def left_out(what: str, steps: int) -> str:
+    """Return the message that the file of a project or session lacks some steps of undo."""
+    return f"The {what} was too large: its file lacks the {steps} most distant steps of undo"
 
 
 def is_project(path: Path) -> bool:
@@ -202,6 +223,10 @@ def _check_cameras(fit: FitHistory) -> None:
         for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
             if not {(camera.width, camera.height) for camera in cameras} <= sizes:
                 raise ValueError("the cameras have another size than the photos")
+
+
+def _is_too_large(error: BaseException | None) -> bool:
+    return error is not None and (isinstance(error, TooLargeError) or _is_too_large(error.__cause__))
 
 
 def _without_renders(fit: FitHistory) -> FitHistory:

@@ -9,9 +9,9 @@ from torch import Tensor
 from core.models.codes import farthest_first
 
 _SOURCE = re.compile(
-    r"^(aws|blendswap_cc_(0|by)|chrono|gazebo|infinigen|jme|jtoastie|kaolin|katorlegaz|kaykit(_furniture|_restaurant)?"
+    r"^(aws|blendswap_cc_(0|by)|chrono|cm|gazebo|infinigen|jme|jtoastie|kaolin|katorlegaz|kaykit(_furniture|_restaurant)?"
     r"|kenney|khronos|morse|polygoogle|polyhaven|quaternius(_realistic|_house|_zombie|_[a-z]+\d{4})?|scopia|servicesim"
-    r"|sharetextures|smarts|zhabotinsky)_"
+    r"|sh_scopia|sharetextures|sk|smarts|zhabotinsky)_"
 )  # source of a mesh, before its name
 _GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")  # category, seed of the form, seed of the texture
 _VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")  # of a mesh: deformed, recoloured

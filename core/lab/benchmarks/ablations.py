@@ -5,19 +5,15 @@ view: views differ by far more than components do. The full method has several s
 components look worth something.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean, median
 
 import torch
 
 from core.fitting.settings import PRESETS, Components
-from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.fits import FitMethod, FitSummary, FitTrial, fit_views, summarise_fits
-from core.lab.benchmarks.held_out_views import HeldOutView
-from core.lab.benchmarks.machine import describe_machine
+from core.lab.benchmarks.fits import FitMethod, FitSummary, FitTrial, summarise_fits
 from core.lab.evaluation.statistics import Mean, mean_gain
-from core.models.model import Model
 
 FULL = "full"
 _USUAL = PRESETS["normal"]
@@ -52,12 +48,6 @@ class Ablation:
     summary: FitSummary
     gain: Mean  # dB, of the other views over what they are with the full preset
     time: float  # times what the full preset takes; median
-
-
-def measure_ablations(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | Results[Ablation]]:
-    """Yields what is being measured, and at the end the results: :data:`FULL`, then without each component."""
-    trials = yield from fit_views(model, targets, ABLATIONS)
-    yield Results({"machine": describe_machine(model.device)}, summarise_ablations(trials))
 
 
 def summarise_ablations(trials: Sequence[FitTrial]) -> tuple[Ablation, ...]:

@@ -10,14 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from core.lab.benchmarks import fit_charts, rendering_charts, tables, training_charts
+from core.lab.benchmarks import fit_charts, rendering_charts, tables
 from core.lab.benchmarks.ablations import Ablation
-from core.lab.benchmarks.architectures import Architecture
 from core.lab.benchmarks.csv_files import Results, read_csv, read_results, write_results
 from core.lab.benchmarks.drawing import DPI
 from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial
-from core.lab.benchmarks.model_sizes import ModelSize
 from core.lab.benchmarks.photo_detail import DetailView
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.robustness import RobustnessTrial
@@ -85,8 +83,6 @@ CHARTS = {
     "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
     "photo_detail": Chart(_rows_of(DetailView), tables.photo_detail_table, fit_charts.photo_detail_chart),
-    "model_sizes": Chart(_rows_of(ModelSize), tables.model_sizes_table, training_charts.model_sizes_chart),
-    "architectures": Chart(_rows_of(Architecture), tables.architectures_table),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
     "training": Chart(_read_curves, figure=draw_curves),
 }  # By name of the file.

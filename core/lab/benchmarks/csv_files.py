@@ -7,8 +7,9 @@ empty cell. Floats are written in full, so that reading gives back what was meas
 import csv
 import io
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, is_dataclass
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
@@ -25,32 +26,18 @@ class Results(Generic[_Record]):
 
 
 def write_results(path: Path, found: Results[Any]) -> None:
-    """Writes a line per row."""
-    write_csv(path, [{**found.about, **to_row(row)} for row in found.rows])
-
-
-def read_results(path: Path, kind: type[_Record]) -> Results[_Record]:
-    """Reads what :func:`write_results` or :func:`append_record` wrote. Raises ``ValueError`` where it is none."""
-    rows, fields = read_csv(path), _hints(kind)
-    about = {name: text for name, text in rows[0].items() if name.partition(".")[0] not in fields}
-    return Results(about, tuple(from_row(kind, row) for row in rows))
-
-
-def write_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Writes rows; a column that a row lacks is an empty cell."""
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    """Write a line per row, in place of an earlier file."""
+    path.unlink(missing_ok=True)
+    for row in found.rows:
+        append_record(path, found.about, row)
 
 
 def append_record(path: Path, about: Row, record: object) -> None:
-    """Adds a record to a file, which it begins where there is none, and what all records of a run have in common.
+    """Add a record to a file, which is begun where there is none, behind what all records of a run have in common.
 
     A row is one write, so several processes may add to one file.
     """
-    row = {**about, **to_row(record)}
+    row = {**about, **{name.removeprefix("."): text for name, text in _cells(record, "")}}
     with path.open("a", newline="") as file:
         text = io.StringIO()
         writer = csv.DictWriter(text, list(row), lineterminator="\n")
@@ -60,21 +47,33 @@ def append_record(path: Path, about: Row, record: object) -> None:
         file.write(text.getvalue())
 
 
-def read_records(path: Path, kind: type[_Record], about: Row | None = None) -> tuple[_Record, ...]:
-    """The rows that a run measured so far; none where there is no file yet.
+def read_results(path: Path, kind: type[_Record]) -> Results[_Record]:
+    """Read a file of results. Raises ``ValueError`` naming it where it holds none of this kind."""
+    rows, fields = read_csv(path), get_type_hints(kind)
+    about = {name: text for name, text in rows[0].items() if name.partition(".")[0] not in fields}
+    try:
+        return Results(about, tuple(_parse(kind, row, "") for row in rows))
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{path}: no rows of {kind.__name__}: column {error} is missing") from error
 
-    Raises ``ValueError`` where the rows are of something else than ``about``: what is measured goes to another folder.
+
+def read_records(path: Path, kind: type[_Record], about: Row | None = None) -> tuple[_Record, ...]:
+    """Read the rows that a run has measured so far; none where there is no file yet.
+
+    Raises ``ValueError`` where the rows are of something else than ``about``.
     """
-    rows = read_csv(path) if path.exists() else []
+    if not path.exists():
+        return ()
+    found = read_results(path, kind)
     for name, text in (about or {}).items():
-        for row in rows:
+        for row in read_csv(path):
             if row.get(name) != text:
                 raise ValueError(f"{path}: {name} {row.get(name)!r}, and now {text!r}; measure into another folder")
-    return tuple(from_row(kind, row) for row in rows)
+    return found.rows
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file. Raises ``ValueError`` naming it where it holds none."""
+    """Read the rows of a CSV file. Raises ``ValueError`` naming it where it holds none."""
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     if not rows:
@@ -82,65 +81,32 @@ def read_csv(path: Path) -> list[dict[str, str]]:
     return rows
 
 
-def to_row(value: object) -> dict[str, str]:
-    """A dataclass or a named tuple as columns.
-
-    Example:
-        >>> from core.lab.evaluation.statistics import Mean
-        >>> to_row(Mean(0.5, 0.0, 1.0))
-        {'mean': '0.5', 'low': '0.0', 'high': '1.0'}
-    """
-    return {name.removeprefix("."): text for name, text in _cells(value, "")}
-
-
-def from_row(kind: type[_Record], row: Row) -> _Record:
-    """Reads what :func:`to_row` wrote. Raises ``ValueError`` where a column is missing or does not parse."""
-    try:
-        return _parse(kind, row, "")
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"not a row of {kind.__name__}: column {error} is missing") from error
-
-
-def _cells(value: Any, name: str) -> list[tuple[str, str]]:
-    if _has_fields(type(value)):
-        parts = [(field, getattr(value, field)) for field in _hints(type(value))]
+def _cells(value: Any, name: str) -> Iterator[tuple[str, str]]:
+    """Columns of a value, each name behind a dot."""
+    if is_dataclass(value) or hasattr(value, "_fields"):
+        parts = [(field, getattr(value, field)) for field in get_type_hints(type(value))]
     elif isinstance(value, tuple):
         parts = [(str(index), part) for index, part in enumerate(value)]
     else:
-        return [(name, "" if value is None else str(value))]
-    return [cell for part, inner in parts for cell in _cells(inner, f"{name}.{part}")]
+        yield name, "" if value is None else str(value)
+        return
+    for part, inner in parts:
+        yield from _cells(inner, f"{name}.{part}")
 
 
 def _parse(kind: Any, row: Row, name: str) -> Any:
-    if isinstance(kind, types.UnionType):
-        (some,) = (option for option in get_args(kind) if option is not types.NoneType)
-        known = any(text for column, text in row.items() if f"{column}.".startswith(f"{name}."))
-        return _parse(some, row, name) if known else None
-    if _has_fields(kind):
-        return kind(**{field: _parse(hint, row, _join(name, field)) for field, hint in _hints(kind).items()})
+    """Read what :func:`_cells` wrote. Raises ``KeyError`` where a column is missing."""
+    if is_dataclass(kind) or hasattr(kind, "_fields"):
+        return kind(**{field: _parse(hint, row, f"{name}.{field}") for field, hint in get_type_hints(kind).items()})
     if get_origin(kind) is tuple:
-        kinds = get_args(kind)
-        return tuple(_parse(one, row, f"{name}.{index}") for index, one in enumerate(_items(kinds, row, name)))
-    return row[name] == "True" if kind is bool else kind(row[name])
-
-
-def _items(kinds: tuple[Any, ...], row: Row, name: str) -> list[Any]:
-    """The types of a tuple's items; of ``tuple[x, ...]`` as many as the row has."""
-    if kinds[-1] is not Ellipsis:
-        return list(kinds)
-    count = 0
-    while any(row[column] for column in row if f"{column}.".startswith(f"{name}.{count}.")):
-        count += 1
-    return [kinds[0]] * count
-
-
-def _join(name: str, field: str) -> str:
-    return f"{name}.{field}" if name else field
-
-
-def _has_fields(kind: Any) -> bool:
-    return is_dataclass(kind) or hasattr(kind, "_fields")
-
-
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
+        kinds, columns = get_args(kind), [f".{column}." for column in row]
+        if kinds[-1] is Ellipsis:  # as many as there are columns
+            there = takewhile(lambda at: any(one.startswith(f"{name}.{at}.") for one in columns), count())
+            kinds = kinds[:1] * len(list(there))
+        return tuple(_parse(one, row, f"{name}.{index}") for index, one in enumerate(kinds))
+    if isinstance(kind, types.UnionType):  # None in older files, which lack the columns
+        (some,) = (option for option in get_args(kind) if option is not types.NoneType)
+        known = any(cell for column, cell in row.items() if f".{column}.".startswith(f"{name}."))
+        return _parse(some, row, name) if known else None
+    text = row[name.removeprefix(".")]
+    return text == "True" if kind is bool else kind(text)

@@ -14,13 +14,13 @@ from statistics import mean, median
 from typing import NamedTuple
 
 from core.detail.frames import render_progressively
-from core.export.frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
+from core.export.video_frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
 from core.models.model import Model
-from core.rendering.offscreen import OffscreenPictures
+from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.progressive import RenderJob, RenderSettings
 from core.streams import run_to_end
 
@@ -124,7 +124,7 @@ def _baked(cells: int | None) -> _Films:
         baked = BakedViews(model, views, cells) if cells else run_to_end(bake_views(model, views))
         if baked is None:
             raise ValueError(f"no grid is fine enough for {model.category}, or there is no OpenGL")
-        with OffscreenPictures(views[0].camera.width) as pictures:
+        with OffscreenRenderer(views[0].camera.width) as pictures:
             frames = [pictures.draw(run_to_end(baked.at(index)), view.camera) for index, view in enumerate(views)]
         return baked.cells, time.process_time() - began, [frames[index] for index in shown.compared]
 

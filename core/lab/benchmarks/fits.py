@@ -7,7 +7,7 @@ uncertainties of the same fits calibrate :mod:`core.fitting.confidence`.
 import math
 import time
 from bisect import bisect_right
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from statistics import median
@@ -17,12 +17,10 @@ import numpy as np
 import torch
 
 from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.fitting.fit import FitJob, FitSettings, FitStep
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
-from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
-from core.lab.benchmarks.machine import describe_machine
 from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
 from core.lab.evaluation.statistics import Mean, mean_of, share_within
 from core.metrics import rotation_error, translation_error
@@ -52,7 +50,15 @@ class FitTrial:
     confidence: float | None
     rotation_curve: tuple[float, ...]  # degrees, error at TIMES
     symmetric: bool  # far off, and yet a render from this camera is nearly the one from the true camera
-    fine: ViewScore | None = None  # of those other views as large as the dataset has them, where that is larger
+    whole: ViewScore | None = None  # mean of those other views at the dataset's size
+
+    @property
+    def key(self) -> tuple[str, str, int]:
+        """The key of a trial."""
+        return self.preset, self.name, self.view
+
+    def __str__(self) -> str:
+        return f"{self.name}, {self.preset}: {self.rotation:.1f} degrees after {self.seconds:.1f} s"
 
     @property
     def effective_rotation(self) -> float:
@@ -76,7 +82,7 @@ class FitSummary:
     held_out: Mean  # dB
     auroc: float | None
     """of the confidence, right cameras against wrong ones; None without confidence, or where all are right or wrong"""
-    fine: ViewScore | None  # mean of the other views as large as the dataset has them, where that is larger
+    whole: ViewScore | None  # mean of the other views at the dataset's size
     curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error in degrees, share within 5 degrees
 
 
@@ -89,25 +95,23 @@ class FitMethod(NamedTuple):
     seed: int = 0  # of its random numbers, added to the view's
 
 
-def measure_fits(
-    model: Model, targets: Sequence[HeldOutView], presets: dict[str, FitSettings] = PRESETS
-) -> Iterator[str | Results[FitTrial]]:
-    """Yields what is being measured, and at the end the results."""
-    trials = yield from fit_views(model, targets, {name: FitMethod(preset) for name, preset in presets.items()})
-    yield Results({"machine": describe_machine(model.device)}, tuple(trials))
-
-
 def fit_views(
-    model: Model, targets: Sequence[HeldOutView], methods: Mapping[str, FitMethod]
-) -> Generator[str, None, list[FitTrial]]:
-    """Fits every view by all methods, one right after the other; yields what is being measured."""
-    trials = list[FitTrial]()
+    model: Model,
+    targets: Sequence[HeldOutView],
+    methods: Mapping[str, FitMethod],
+    done: Collection[tuple[str, str, int]] = (),
+) -> Iterator[FitTrial]:
+    """Fit every view by all methods, one right after the other, and yield each trial.
+
+    Args:
+        done: keys of trials that are left out.
+    """
     for number, target in enumerate(targets):
         for name, method in methods.items():
-            yield f"{target.views.name}, {name}"
+            if (name, target.views.name, target.index) in done:
+                continue
             with use_dtype(method.dtype) if method.dtype else nullcontext():
-                trials.append(fit_view(model, target, name, method, number + method.seed))
-    return trials
+                yield fit_view(model, target, name, method, number + method.seed)
 
 
 def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
@@ -122,8 +126,8 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
-    held_out = [score_view(model, last.codes, views, other).psnr for other in others]
-    fine = [score_view(model, last.codes, target.fine, other) for other in others] if target.fine else []
+    scores = [score_view(model, last.codes, views, other) for other in others]
+    whole = [score_view(model, last.codes, target.whole, other) for other in others] if target.whole else scores
     symmetric = errors[-1] > _FAR and is_symmetric_view(
         model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
     )
@@ -136,13 +140,13 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         rotation=errors[-1],
         translation=translation_error(last.cameras[0], target.camera),
         psnr=last.psnr,
-        held_out=float(np.mean(held_out)) if held_out else math.nan,
+        held_out=float(np.mean([score.psnr for score in scores])) if scores else math.nan,
         margin=last.margin,
         uncertainty=last.uncertainty,
         confidence=last.confidence,
         rotation_curve=tuple(errors[_step_at(seconds, moment)] for moment in TIMES),
         symmetric=symmetric,
-        fine=ViewScore(*np.mean(fine, axis=0).tolist()) if fine else None,
+        whole=_mean_score(whole),
     )
 
 
@@ -161,7 +165,6 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
     """Medians and shares over the trials of one preset."""
     rotations = [trial.effective_rotation for trial in trials]
     translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
-    fine = [trial.fine for trial in trials if trial.fine]
     curve = []
     for number, moment in enumerate(TIMES):
         errors = [trial.rotation_curve[number] for trial in trials]
@@ -178,9 +181,13 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
         share_within(translations, 0.03),
         mean_of([trial.held_out for trial in trials]),
         _confidence_auroc(trials),
-        ViewScore(*np.mean(fine, axis=0).tolist()) if fine else None,
+        _mean_score([trial.whole for trial in trials if trial.whole]),
         tuple(curve),
     )
+
+
+def _mean_score(scores: Sequence[ViewScore]) -> ViewScore | None:
+    return ViewScore(*np.mean(scores, axis=0).tolist()) if scores else None
 
 
 def calibrate_fits(trials: Sequence[FitTrial]) -> Calibration | None:

@@ -34,7 +34,7 @@ class HeldOutView:
     index: int  # of the fitted view
     codes: Codes
     """the object's own; or, for an object the model was not trained on, fitted to a few views with their cameras"""
-    fine: ObjectViews | None = None  # the same views as large as the dataset has them, where that is larger
+    whole: ObjectViews | None = None  # the same views at the dataset's size; None: that is the model's
 
     @property
     def camera(self) -> Camera:
@@ -70,7 +70,7 @@ def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch
         photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
         *_, last = fit(model, FitJob(photos, PRESETS["draft"]))
         index = int(torch.randint(len(views.cameras), (), generator=generator))
-        yield HeldOutView(views, index, last.codes, None if whole is views else whole)
+        yield HeldOutView(views, index, last.codes, whole)
 
 
 def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:

@@ -17,7 +17,7 @@ import torch
 from core.fitting.category_check import likelier_model
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera, camera_rotation
-from core.lab.benchmarks.csv_files import from_row, read_csv
+from core.lab.benchmarks.csv_files import read_results
 from core.models.library import load_model
 from core.photos.candidates import share_box
 from core.photos.decode import read_rgba
@@ -71,6 +71,11 @@ class PhotoTrial:
     seconds: float  # of the processor, cut-out and fit
 
     @property
+    def key(self) -> str:
+        """The key of a trial."""
+        return self.photo
+
+    @property
     def right(self) -> bool:
         """Whether the model and the side are right."""
         return self.taken_for == self.category and bool(self.right_side)
@@ -78,7 +83,7 @@ class PhotoTrial:
 
 def read_seen(path: Path) -> dict[str, tuple[Seen, ...]]:
     """What an eye says, by photo. Raises ``ValueError`` for a file that does not say it."""
-    found = sorted((from_row(Seen, row) for row in read_csv(path)), key=lambda one: one.photo)
+    found = sorted(read_results(path, Seen).rows, key=lambda one: one.photo)
     return {name: tuple(group) for name, group in groupby(found, key=lambda one: one.photo)}
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.export.frames import TARGET
+from core.export.video_frames import TARGET
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, read_results
 from core.lab.benchmarks.drawing import draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.films import DEFAULT, Film

@@ -3,11 +3,11 @@
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 from typing import Any
 
 from core.fitting.confidence import auroc
+from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
@@ -55,18 +55,6 @@ def _cell(row: Any, key: str | Callable[[Any], Any], form: str | Callable[[Any],
 def _text(about: str, *blocks: str) -> str:
     """Tables and sentences below a first line, with empty lines between them."""
     return "\n\n".join((about, *blocks)) + "\n"
-
-
-@dataclass(frozen=True)
-class Table:
-    """A line about a run, in which ``{first}`` is its first row, then a line per row."""
-
-    about: str
-    columns: Sequence[Column]
-
-    def __call__(self, found: Results[Any]) -> str:
-        """The table as text."""
-        return _text(self.about.format(first=found.rows[0], **found.about), markdown_table(self.columns, found.rows))
 
 
 # Rendering
@@ -148,7 +136,7 @@ def fit_table(found: Results[FitTrial]) -> str:
     return _text(f"{found.about['machine']}; {about}", markdown_table(_FITS, summaries), *lines)
 
 
-def _fine(score: ViewScore) -> str:
+def _view_score(score: ViewScore) -> str:
     return f"{score.psnr:.1f}, {score.overlap:.3f}, {score.haze:.3f}"
 
 
@@ -161,24 +149,28 @@ _FITS: list[Column] = [
     ("within 10°", "within_10_degrees", format_share),
     ("within 3 %", "within_3_percent", format_share),
     ("other views", "held_out.mean", "{:.1f} dB"),
-    ("at full size: dB, overlap, haze", "fine", lambda fine: "" if fine is None else _fine(fine)),
+    ("at the dataset's size: dB, overlap, haze", "whole", lambda score: "" if score is None else _view_score(score)),
     ("confidence (AUROC)", "auroc", lambda area: "" if area is None else f"{area:.2f}"),
 ]
 
 
-ablations_table = Table(
-    "{machine}; cameras unknown; with 95 % intervals.",
-    [
-        ("normal preset", "summary.preset", "{}"),
-        ("views", "summary.fits", "{}"),
-        ("time", "time", "{:.2f}"),
-        ("rotation error (median)", "summary.rotation", "{:.2f}°"),
-        ("within 5°", "summary.within_5_degrees", format_share),
-        ("within 10°", "summary.within_10_degrees", format_share),
-        ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
-        ("difference to the full method (dB)", "gain", format_difference),
-    ],
-)
+def ablations_table(found: Results[Ablation]) -> str:
+    """A line per method."""
+    return _text(
+        f"{found.about['machine']}; cameras unknown; with 95 % intervals.", markdown_table(_ABLATIONS, found.rows)
+    )
+
+
+_ABLATIONS: list[Column] = [
+    ("normal preset", "summary.preset", "{}"),
+    ("views", "summary.fits", "{}"),
+    ("time", "time", "{:.2f}"),
+    ("rotation error (median)", "summary.rotation", "{:.2f}°"),
+    ("within 5°", "summary.within_5_degrees", format_share),
+    ("within 10°", "summary.within_10_degrees", format_share),
+    ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
+    ("difference to the full method (dB)", "gain", format_difference),
+]
 
 
 def robustness_table(found: Results[RobustnessTrial]) -> str:
@@ -290,40 +282,6 @@ def _right(rows: Sequence[DetailView]) -> list[DetailView]:
 
 def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
     return statistics.mean([getattr(row, what) for row in _right(rows)] or [float("nan")])
-
-
-# Trained models and photographs
-
-
-model_sizes_table = Table(
-    "{machine}; {objects} objects, {steps} steps each; held out: {tests} objects fitted on one view of known camera.",
-    [
-        ("differs in", lambda one: f"{one.axis.replace('_', ' ')} {one.value or ''}".strip(), "{}"),
-        ("parameters", "parameters", "{}"),
-        ("file (kB)", lambda one: one.bytes / 1000, "{:.0f}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        ("held out (dB)", "held_out.mean", "{:.2f}"),
-        ("difference to the baseline (dB)", "gain", format_difference),
-        ("cameras within 10°", "found", format_share),
-        ("100,000 samples (ms)", "field_ms", "{:.0f}"),
-        ("blind fit (s)", "fit_seconds", "{:.1f}"),
-    ],
-)
-
-
-architectures_table = Table(
-    "{machine}; {objects} {category}, {steps} steps each; with 95 % intervals.",
-    [
-        ("architecture", "name", "{}"),
-        ("parameters", "parameters", "{}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        (
-            "another texture changes the opacity by",
-            "opacity_change",
-            lambda one: f"{one.mean:.3f} ({one.low:.3f} to {one.high:.3f})" if one.high else "0",
-        ),
-    ],
-)
 
 
 # Photographs

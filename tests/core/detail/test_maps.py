@@ -19,7 +19,7 @@ from core.rendering import progressive
 from core.rendering.baked_field import render_baked
 from core.rendering.detail_maps import DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
-from core.rendering.offscreen import OffscreenPictures
+from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
 from core.rendering.progressive import RenderJob, RenderSettings
 from core.rendering.reference import Rendered, render_exact
@@ -165,7 +165,7 @@ def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, codes: Co
     baked = replace(shadowed, shadow=None)
     beside = tiny.camera(1.4, 0.4).resized(96, 96)
     try:
-        pictures = OffscreenPictures(96)
+        pictures = OffscreenRenderer(96)
     except RuntimeError as error:
         no_opengl(error)
     with pictures:

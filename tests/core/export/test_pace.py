@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from core.export.frames import FEW_SAMPLES
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.export.pace import Pace, measure_pace
 from core.export.video import FORMATS, Coding
+from core.export.video_frames import FEW_SAMPLES
 from core.models.model import Model
 from core.rendering.progressive import RenderSettings
 from tests.conftest import unchecked_shapes

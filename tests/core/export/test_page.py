@@ -16,7 +16,7 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import OtherSide
-from core.rendering.offscreen import OffscreenPictures
+from core.rendering.offscreen import OffscreenRenderer
 from tests.conftest import no_opengl
 from tests.core.detail.test_maps import striped
 from tests.core.export.chromium import Chromium
@@ -69,7 +69,7 @@ def test_it_shows_the_programs_own_picture(
     chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
     *_, baked = filter(None, bake(tiny, codes))
     try:
-        pictures = OffscreenPictures(SIZE, background=None)
+        pictures = OffscreenRenderer(SIZE, background=None)
     except RuntimeError as error:
         no_opengl(error)
     with pictures:

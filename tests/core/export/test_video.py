@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from core.detail.frames import render_frame
-from core.export.frames import over
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.export.video import FORMATS, VideoSettings, write_video
+from core.export.video_frames import over
 from core.models.model import Model
 from tests.core.tiny import tiny_model
 
@@ -45,7 +45,7 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
 def test_frames_are_drawn_from_a_baked_copy_unless_exact_ones_are_wanted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("core.export.frames.FEW_PIXELS", 0)
+    monkeypatch.setattr("core.export.video_frames.FEW_PIXELS", 0)
     model, shown = tiny_model(), list[np.ndarray]()
     for exact in (False, True):
         list(turn(model, tmp_path / f"{exact}.frames", 1, exact, size=32))

@@ -3,8 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.export.frames import render_frames
 from core.export.keyframes import View
+from core.export.video_frames import render_frames
+from core.models import library
+from core.models.library import load_model
 from core.models.model import Model
 from core.models.open_models import OpenModels, model_of
 from tests.conftest import open_models, random_model
@@ -41,6 +43,17 @@ def test_codes_of_a_former_model_are_of_the_one_that_extends_it(model: Model, ot
     assert open_models(extended).of(model.codes[0]) is extended
     with pytest.raises(ValueError, match="a model that is not open"):
         open_models(other).of(model.codes[0])
+
+
+def test_codes_of_a_formerly_shipped_model_open_it(model: Model, other: Model, tmp_path, monkeypatch) -> None:
+    model.save(tmp_path / f"{model.fingerprint}.safetensors")
+    monkeypatch.setattr(library, "FORMER", tmp_path)
+    models = OpenModels(load_model)
+    models.add("shipped", other)
+    former = models.of(model.codes[0])
+    assert former is models.of(model.codes[1])
+    assert [one.fingerprint for one in models] == [other.fingerprint, model.fingerprint]
+    assert models.is_former(former) and not models.is_former(other)
 
 
 def test_codes_of_two_models_are_told_apart_and_not_mixed(model: Model, other: Model) -> None:

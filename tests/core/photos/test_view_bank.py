@@ -25,7 +25,7 @@ from core.photos.view_bank import (
 )
 from core.rendering.reference import render_exact
 from core.rendering.surface import surface_points
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.folders import cache_folder
 from tests.conftest import make_view_bank, random_model
 
@@ -46,7 +46,7 @@ def bank_files(folder: Path) -> list[Path]:
 
 
 def forget() -> None:
-    CACHE.clear(Kind.BANK)
+    CACHE.clear(CacheKind.BANK)
 
 
 def same(one: ViewBank, other: ViewBank) -> bool:

@@ -18,7 +18,7 @@ from core.rendering.fast import render
 from core.rendering.folded_field import AxisLookup, FoldedField
 from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
 from core.rendering.reference import render_exact, render_rays
-from core.runtime.caches import CACHE, Kind
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.precision import use_dtype
 from tests.conftest import random_model, with_contrast
 from tests.core.tiny import tiny_model
@@ -103,9 +103,9 @@ def test_a_new_texture_or_view_keeps_the_occupancy():
     a, b = MODEL.codes[0], MODEL.codes[1]
     render(MODEL, a, MODEL.camera(0.1, 0.1), 8)
     render(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
-    assert len(CACHE.newest(Kind.SHAPE)) == 1
+    assert len(CACHE.newest(CacheKind.SHAPE)) == 1
     render(MODEL, b, MODEL.camera(0.9, 0.1), 8)
-    assert len(CACHE.newest(Kind.SHAPE)) == 2
+    assert len(CACHE.newest(CacheKind.SHAPE)) == 2
 
 
 def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render_and_moves_no_silhouette():
@@ -129,7 +129,7 @@ def test_views_are_kept_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch)
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
     render(MODEL, MODEL.codes[0], camera, 96)
-    view = CACHE.used - sum(occupancy.size for _, occupancy in CACHE.newest(Kind.SHAPE))
+    view = CACHE.used - sum(occupancy.size for _, occupancy in CACHE.newest(CacheKind.SHAPE))
     monkeypatch.setattr(CACHE, "limit", CACHE.used + view // 2)
     for turn in range(10):
         render(MODEL, MODEL.codes[0], replace(camera, azimuth=0.1 * turn), 96)

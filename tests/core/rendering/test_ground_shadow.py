@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from core.export.frames import baked_frames, exact_frames, over
 from core.export.keyframes import turntable
+from core.export.video_frames import baked_frames, exact_frames, over
 from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
 from core.models.model import Model

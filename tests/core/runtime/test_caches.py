@@ -3,51 +3,51 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.runtime.caches import ByteCache, Kind
+from core.runtime.caches import ByteCache, CacheKind
 
-puts = st.lists(st.tuples(st.sampled_from(list(Kind)), st.integers(0, 9), st.integers(0, 130)), max_size=40)
+puts = st.lists(st.tuples(st.sampled_from(list(CacheKind)), st.integers(0, 9), st.integers(0, 130)), max_size=40)
 
 
 @given(puts)
-def test_the_limit_holds(puts: list[tuple[Kind, int, int]]):
+def test_the_limit_holds(puts: list[tuple[CacheKind, int, int]]):
     cache = ByteCache(100)
     for kind, key, size in puts:
-        room = 100 - sum(other for more in Kind if more > kind for _, other in cache.newest(more))
+        room = 100 - sum(other for more in CacheKind if more > kind for _, other in cache.newest(more))
         cache.put(kind, key, size, size)
         assert cache.used <= cache.limit
         assert cache.get(kind, key) == (size if size <= room else None)
-    kept = [size for kind in Kind for _, size in cache.newest(kind)]
+    kept = [size for kind in CacheKind for _, size in cache.newest(kind)]
     assert sum(kept) == cache.used
 
 
 @given(puts)
-def test_room_made_for_a_value_is_there_when_it_comes(puts: list[tuple[Kind, int, int]]):
+def test_room_made_for_a_value_is_there_when_it_comes(puts: list[tuple[CacheKind, int, int]]):
     cache = ByteCache(100)
     for kind, key, size in puts:
         cache.put(kind, key, size, size)
         before = cache.used
-        if cache.make_room(Kind.VIEW, 40):
+        if cache.make_room(CacheKind.VIEW, 40):
             assert cache.used <= 60
         else:
             assert cache.used == before
-            assert sum(size for kind in Kind if kind > Kind.VIEW for _, size in cache.newest(kind)) > 60
+            assert sum(size for kind in CacheKind if kind > CacheKind.VIEW for _, size in cache.newest(kind)) > 60
 
 
 def test_views_go_before_banks_and_the_oldest_first():
     cache = ByteCache(100)
-    cache.put(Kind.BANK, "bank", 0, 40)
+    cache.put(CacheKind.BANK, "bank", 0, 40)
     for key in "abc":
-        cache.put(Kind.VIEW, key, key, 20)
-    assert cache.get(Kind.VIEW, "a") == "a"
-    cache.put(Kind.SHAPE, "shape", 1, 20)
-    assert [key for key, _ in cache.newest(Kind.VIEW)] == ["a", "c"]
-    assert cache.get(Kind.BANK, "bank") == 0
+        cache.put(CacheKind.VIEW, key, key, 20)
+    assert cache.get(CacheKind.VIEW, "a") == "a"
+    cache.put(CacheKind.SHAPE, "shape", 1, 20)
+    assert [key for key, _ in cache.newest(CacheKind.VIEW)] == ["a", "c"]
+    assert cache.get(CacheKind.BANK, "bank") == 0
 
 
 def test_what_is_put_again_replaces_what_was_there():
     cache = ByteCache(100)
-    cache.put(Kind.VIEW, "a", 1, 60)
-    cache.put(Kind.VIEW, "a", 2, 50)
-    assert (cache.get(Kind.VIEW, "a"), cache.used) == (2, 50)
-    cache.clear(Kind.VIEW)
-    assert (cache.get(Kind.VIEW, "a"), cache.used) == (None, 0)
+    cache.put(CacheKind.VIEW, "a", 1, 60)
+    cache.put(CacheKind.VIEW, "a", 2, 50)
+    assert (cache.get(CacheKind.VIEW, "a"), cache.used) == (2, 50)
+    cache.clear(CacheKind.VIEW)
+    assert (cache.get(CacheKind.VIEW, "a"), cache.used) == (None, 0)

@@ -1,10 +1,8 @@
-import io
 import json
 import math
 import random
 import shutil
 import zipfile
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,22 +10,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
+from core.models import library
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import compressed
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints, Stroke
-from tests.conftest import random_model
+from core.runtime import reading
+from tests.conftest import open_models, random_model
 from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.services.backend import Backend
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource
 from viewer.values.project import Project
+
+_MODELS = "8ae7cc4698822b70", "55f394133df24d74"  # that the files of former versions were made with, or extend
 
 
 @pytest.fixture
@@ -168,13 +170,12 @@ def test_what_mixes_objects_that_nobody_has_is_refused(session: Session, saved: 
 
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
 def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, commit: str) -> None:
-    """Chairs had a session of their own, and cars, which were open at the end."""
-    folder = Path("tests/files") / commit
+    """Chairs had a session of their own, and cars, which were open at the end; models of both may be former ones."""
+    folder, (chairs, cars) = Path("tests/files") / commit, _MODELS
     session = Session(worker, replace(backend, load_model=load_model))
     session.open_project(folder / "project.codenerf")
     editor = session.editor
     assert session.messages.errors == []
-    chairs, cars = (session.models.open(name).fingerprint for name in ("chairs", "cars"))
     states = editor.history.states
     assert [state.scene.codes.model for state in states] == [chairs] * 9 + [cars] * 9
     assert (len(editor.history.past), len(editor.history.future)) == (16, 1)
@@ -202,58 +203,70 @@ def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backen
     shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
     session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
     assert len(session.editor.objects.added) == 2
-    assert {one.codes.model for one in session.editor.objects.added} == {one.fingerprint for one in session.models}
+    assert {one.codes.model for one in session.editor.objects.added} == {*_MODELS}
     assert "sportier chairs" in [one.name for one in session.editor.state.directions]
 
 
-def rewritten(path: Path, change: Callable[[dict], None], **photos: bytes) -> Path:
-    """The project with other JSON and photos."""
-    with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist()}
-    about = json.loads(parts["project.json"])
-    change(about)
-    parts |= {"project.json": json.dumps(about).encode()} | {f"photos/{name}.png": one for name, one in photos.items()}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
-        for name, content in parts.items():
-            file.writestr(name, content)
-    return path
-
-
-def png(side: int) -> bytes:
-    file = io.BytesIO()
-    Image.new("L", (side, side), 255).save(file, "PNG")
-    return file.getvalue()
-
-
-def test_a_small_file_that_would_take_gigabytes_is_refused_at_once(
-    models: OpenModels, saved: Project, tmp_path: Path
+def test_work_with_a_formerly_shipped_model_goes_on_beside_the_new_one(
+    worker: Worker, backend: Backend, saved: Project, model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "a.codenerf"
+    """Objects of both models have the same names."""
+    monkeypatch.setattr(library, "FORMER", tmp_path / "former")
+    (tmp_path / "former").mkdir()
+    saved.save(tmp_path / "a.codenerf", open_models(model))
+    saved.history.now.scene.save(tmp_path / "look.json")
+    kept = UserObjects(tmp_path / "config" / "mine")
+    kept.sync(open_models(model), saved.objects)
+    model.save(tmp_path / "former" / f"{model.fingerprint}.safetensors")
+    backend = replace(backend, load_model=lambda name: model if name == model.fingerprint else random_model(9))
 
-    def enlarge(about: dict) -> None:
-        for camera in about["project"]["fit"]["steps"][-1]["cameras"]:
-            camera["width"] = camera["height"] = 9_000
+    session = Session(worker, backend)
+    new = session.editor.model
+    session.open_scene(tmp_path / "look.json")
+    assert session.editor.scene == saved.history.now.scene
+    session = Session(worker, backend)
+    session.open_project(tmp_path / "a.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    assert [state.scene for state in editor.history.states] == [state.scene for state in saved.history.states]
+    assert {state.mix.a.shape for state in editor.history.states[2:]} <= {"block", "object 0 (2)", "object 2 (2)"}
+    assert session.grid.names == ("block", "object 1 (2)")
+    assert len(session.listed_models) == 2
+    editor.set_b("object 3 (2)")
+    editor.mix("shape", 0.5)
+    assert editor.model.fingerprint == editor.objects["object 3 (2)"].codes.model == model.fingerprint
+    session.project().save(tmp_path / "b.codenerf", session.models)
+    assert str(tmp_path) not in session.models.names
 
-    def repeat(about: dict) -> None:
-        fit = about["project"]["fit"]
-        fit["photos"], fit["sources"] = fit["photos"] * 99, fit["sources"] * 99
+    session = Session(worker, backend, folder=tmp_path / "config")
+    assert session.editor.objects["block"].codes == saved.objects[0].codes
+    assert session.editor.model is session.listed_models[0] and session.editor.model.fingerprint == new.fingerprint
+    assert len(session.listed_models) == 1
+    session.open_project(tmp_path / "b.codenerf")
+    assert session.editor.state.mix == editor.state.mix
+    session.fitting.start(saved.fit.sources[0].path)
+    finish(session, lambda: not session.fitting.pending)
+    assert session.fitting.history.model == new.fingerprint  # with which a new photo is fitted
 
-    harms = (
-        (lambda about: None, {"0": png(5_000)}, "the image is too large"),
-        (repeat, {"0": png(1_900)}, "the image is too large"),
-        (enlarge, {}, "the cameras have another size than the photos"),
-        (lambda about: about.update(more="a" * 17_000_000), {}, "JSON has at most 16 MB"),
-    )
-    for change, photos, said in harms:
-        saved.save(path, models)
-        rewritten(path, change, **photos)
-        assert path.stat().st_size < 200_000
-        with pytest.raises(ValueError, match=rf"a\.codenerf: .*{said}"):
-            Project.load(path, models)
-    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
-        file.writestr("more", bytes(120_000_000))
-    with pytest.raises(ValueError, match=r"a\.codenerf: it unpacks to more than"):
-        Project.load(path, models)
+
+@pytest.mark.parametrize("at", [0, 40])
+def test_a_project_that_is_too_large_is_saved_without_its_oldest_undo(
+    models: OpenModels, editor: Editor, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: int
+) -> None:
+    for step in range(40):
+        editor.mix("texture", (step % 7 + 1) / 10)
+    editor.go_to(at)  # 0: all of it is redo, whose end goes
+    history = editor.history
+    monkeypatch.setattr(reading, "MAX_TEXT", 12_000)
+    dropped = session.project().save(tmp_path / "a.codenerf", models)
+    found = Project.load(tmp_path / "a.codenerf", models).history
+    assert 0 < dropped == len(history.states) - len(found.states) < 40
+    assert found.now == history.now
+    assert found.states == (history.states[dropped:] if at else history.states[:-dropped])
+    assert session.save_project(tmp_path / "a.codenerf")
+    assert f"lacks the {dropped} most distant steps" in session.messages.shown[-1].text
+    monkeypatch.setattr(reading, "MAX_TEXT", 10)
+    assert not session.save_project(tmp_path / "a.codenerf")  # of one state alone there is nothing to leave out
 
 
 @pytest.mark.parametrize("kind", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])

@@ -35,7 +35,7 @@ class Part:
 
     label: str
     solid: Solid
-    of: str = ""  # which of the object's named parts it belongs to: seat, wheels; none: that is its label, or the first
+    of: str = ""  # name of the object's part, such as seat; empty: its label if that is a part, else the first
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import pytest
 
-from core.lab.benchmarks.csv_files import from_row, read_csv, to_row, write_csv
+from core.lab.benchmarks.csv_files import Results, read_records, read_results, write_results
 from core.lab.evaluation.statistics import Mean
 
 
@@ -25,16 +25,17 @@ class Record:
 
 RECORDS = (
     Record("a, b", True, Mean(0.1 + 0.2, -1e-300, 1 / 3), None, (Point(0.5, 1), Point(float("inf"), 2)), (3, "x")),
-    Record('say "c"', False, Mean(0.0, 0.0, 0.0), 1e-9, (), (4, "")),
+    Record('say "c"', False, Mean(0.0, 0.0, 0.0), 1e-9, (Point(0.0, 0), Point(-1.0, 1)), (4, "")),
 )
 
 
 def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
-    write_csv(tmp_path / "r.csv", [{"machine": "m"} | to_row(record) for record in RECORDS])
-    rows = read_csv(tmp_path / "r.csv")
-    assert tuple(from_row(Record, row) for row in rows) == RECORDS
-    assert {row["machine"] for row in rows} == {"m"}
-    assert "curve.1.x" in rows[0]
+    found = Results({"machine": "m"}, RECORDS)
+    for _ in range(2):  # the second takes the place of the first
+        write_results(tmp_path / "r.csv", found)
+        assert read_results(tmp_path / "r.csv", Record) == found
+    assert read_records(tmp_path / "r.csv", Record, {"machine": "m"}) == RECORDS
+    assert read_records(tmp_path / "none.csv", Record) == ()
 
 
 def test_an_optional_column_that_an_older_file_lacks_is_none() -> None:
@@ -46,6 +47,9 @@ def test_an_optional_column_that_an_older_file_lacks_is_none() -> None:
 def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty.csv").write_text("name\n")
     with pytest.raises(ValueError, match=r"empty.csv: no measurements"):
-        read_csv(tmp_path / "empty.csv")
-    with pytest.raises(ValueError, match="not a row of Record: column 'right' is missing"):
-        from_row(Record, {"name": "a"})
+        read_results(tmp_path / "empty.csv", Record)
+    write_results(tmp_path / "other.csv", Results({"machine": "m"}, (Point(1.0, 2),)))
+    with pytest.raises(ValueError, match=r"other.csv: no rows of Record: column 'name' is missing"):
+        read_results(tmp_path / "other.csv", Record)
+    with pytest.raises(ValueError, match=r"other.csv: machine 'm', and now 'n'; measure into another folder"):
+        read_records(tmp_path / "other.csv", Point, {"machine": "n"})

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from core.export.frames import FEW_SAMPLES, LEVELS, BakedViews
 from core.export.keyframes import View
+from core.export.video_frames import FEW_SAMPLES, LEVELS, BakedViews
 from core.lab.benchmarks import films
 from core.lab.benchmarks.charts import draw
 from core.lab.benchmarks.csv_files import append_record
@@ -25,7 +25,7 @@ def coarse_views(model: Model, views: Sequence[View]) -> Generator[None, None, B
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(films, "bake_views", coarse_views)
-    monkeypatch.setattr("core.export.frames.FEW_PIXELS", 48**2)
+    monkeypatch.setattr("core.export.video_frames.FEW_PIXELS", 48**2)
     for name, value in (
         ("SIZE", 48),
         ("PICTURE", 96),

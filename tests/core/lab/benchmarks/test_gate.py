@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from core.lab.benchmarks.csv_files import to_row, write_csv
+from core.lab.benchmarks.csv_files import Results, write_results
 from core.lab.benchmarks.gate import Ratio, busy_processes, compare, measure_ratios, read_baseline
 from core.models.model import Model
 
@@ -29,7 +29,7 @@ def test_what_is_not_measured_any_more_does_not_pass():
 
 
 def test_a_baseline_is_read_as_it_was_written(tmp_path: Path):
-    write_csv(tmp_path / "gate.csv", [to_row(one) for one in USUAL])
+    write_results(tmp_path / "gate.csv", Results({}, USUAL))
     assert read_baseline(tmp_path / "gate.csv") == USUAL
     with pytest.raises(ValueError, match="no baseline"):
         read_baseline(tmp_path / "none.csv")

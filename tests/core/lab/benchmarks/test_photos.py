@@ -6,8 +6,8 @@ import pytest
 
 from core.fitting.fit import PRESETS
 from core.geometry.pixels import bounding_box
-from core.lab.benchmarks.csv_files import Results, write_csv
-from core.lab.benchmarks.photos import measure_photos, read_seen
+from core.lab.benchmarks.csv_files import Results, write_results
+from core.lab.benchmarks.photos import PhotoTrial, Seen, measure_photos, read_seen
 from core.lab.benchmarks.tables import photos_table
 from core.models.library import sample_images
 from core.photos.decode import read_rgba
@@ -20,19 +20,20 @@ def test_a_photo_is_judged_by_box_category_and_side(tmp_path: Path, monkeypatch:
     mask = cut_out(read_rgba(path)).mask
     height, width = mask.shape
     left, top, right, bottom = bounding_box(mask)
-    box = {"left": left / width, "top": top / height, "right": right / width, "bottom": bottom / height}
-    about = {"photo": path.stem, "category": "cars"}
-    rows = [about | {name: str(side) for name, side in box.items()} | {"azimuth": "", "elevation": ""}]
-    rows.append(about | {"left": "0", "top": "0", "right": "0.01", "bottom": "0.01", "azimuth": "0", "elevation": "0"})
-    write_csv(tmp_path / "seen.csv", rows)
-    (trial,) = measure_photos([path], read_seen(tmp_path / "seen.csv"), "draft")
+    box = (left / width, top / height, right / width, bottom / height)
+    whole = Seen(path.stem, "cars", *box, azimuth=None, elevation=None)
+
+    def judged(*seen: Seen) -> PhotoTrial:
+        write_results(tmp_path / "seen.csv", Results({}, seen))
+        (trial,) = measure_photos([path], read_seen(tmp_path / "seen.csv"), "draft")
+        return trial
+
+    corner = replace(whole, left=0.0, top=0.0, right=0.01, bottom=0.01, azimuth=0.0, elevation=0.0)
+    trial = judged(whole, corner)
     assert (trial.taken_for, trial.cut_out, trial.right_side, trial.right) == ("cars", "whole", None, False)
-    side = {"azimuth": str(trial.azimuth + 10), "elevation": str(trial.elevation)}
-    write_csv(tmp_path / "right.csv", [rows[0] | side])
-    (again,) = measure_photos([path], read_seen(tmp_path / "right.csv"), "draft")
+    again = judged(replace(whole, azimuth=trial.azimuth + 10, elevation=trial.elevation))
     assert again.right
-    write_csv(tmp_path / "wrong.csv", [rows[1] | {"azimuth": str(trial.azimuth + 180)}])
-    (wrong,) = measure_photos([path], read_seen(tmp_path / "wrong.csv"), "draft")
+    wrong = judged(replace(corner, azimuth=trial.azimuth + 180))
     assert (wrong.cut_out, wrong.right_side) == ("wrong", False)
     assert math.isclose(wrong.confidence, trial.confidence)
     table = photos_table(Results({"preset": "draft", "machine": "here"}, (again, wrong)))

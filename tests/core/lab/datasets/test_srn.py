@@ -1,6 +1,5 @@
 """SRN folders: what is written comes back, genuine files are read, broken ones are named."""
 
-import json
 import math
 import shutil
 from dataclasses import replace
@@ -200,12 +199,6 @@ def test_object_views_must_belong_together() -> None:
         replace(good, masks=good.masks[:, :3])
     with pytest.raises(ValueError, match="size"):
         replace(good, cameras=tuple(camera.resized(8, 8) for camera in good.cameras))
-
-
-def test_the_manifest_is_plain_json(tmp_path: Path) -> None:
-    write_manifest(tmp_path, "chairs", {"a": ("s", "t")})
-    content = json.loads((tmp_path / "manifest.json").read_text())
-    assert content == {"category": "chairs", "objects": {"a": {"shape_id": "s", "texture_id": "t"}}}
 
 
 def test_what_systems_leave_beside_files_is_no_part_of_a_dataset(tmp_path: Path) -> None:

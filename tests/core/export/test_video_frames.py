@@ -6,12 +6,12 @@ from typing import NoReturn
 import numpy as np
 import pytest
 
-from core.export import frames
-from core.export.frames import BakedViews, bake_views, baked_frames, exact_frames, key_views, supersampling
+from core.export import video_frames
 from core.export.keyframes import Keyframe, Timeline, View, turntable
+from core.export.video_frames import BakedViews, bake_views, baked_frames, exact_frames, key_views, supersampling
 from core.metrics import psnr, psnr_from_mse
 from core.models.model import Model
-from core.rendering.offscreen import OffscreenPictures
+from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.reference import render_exact
 from tests.conftest import unchecked_shapes
 from tests.core.tiny import tiny_model
@@ -64,7 +64,7 @@ def test_without_opengl_frames_are_exact(monkeypatch: pytest.MonkeyPatch) -> Non
     def refuse(*_: object) -> NoReturn:
         raise RuntimeError("no OpenGL")
 
-    monkeypatch.setattr(frames, "OffscreenPictures", refuse)
+    monkeypatch.setattr(video_frames, "OffscreenRenderer", refuse)
     model = tiny_model()
     views = turn(model, 2)
     drawn, exact = (images(make(model, views, 32, None)) for make in (baked_frames, exact_frames))
@@ -81,13 +81,13 @@ def test_haze_is_as_near_on_a_finer_grid(cells: int) -> None:
     with pytest.raises(StopIteration) as ended, unchecked_shapes():
         while True:
             next(stream)
-    with OffscreenPictures(SIZE) as pictures:
+    with OffscreenRenderer(SIZE) as pictures:
         drawn = pictures.draw(ended.value.value, camera) / 255
     assert psnr(drawn, render_exact(model, model.codes[0], camera).colour) > 44
 
 
 def test_what_no_grid_is_fine_enough_for_is_not_baked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "LEVELS", frames.LEVELS[:2])
+    monkeypatch.setattr(video_frames, "LEVELS", video_frames.LEVELS[:2])
     stream = bake_views(tiny_model(), turn(tiny_model(), 2), target=200.0)
     with pytest.raises(StopIteration) as ended:
         while True:

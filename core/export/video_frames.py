@@ -27,7 +27,7 @@ from core.rendering.baked_field import BakedField
 from core.rendering.baking import Box, ObjectViews, bake_shape, box_of, mixed
 from core.rendering.fast import render_steps, shape_occupancy
 from core.rendering.folded_field import FoldedField
-from core.rendering.offscreen import OffscreenPictures
+from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 Image = UInt8[np.ndarray, "height width channels"]
@@ -115,19 +115,19 @@ def baked_frames(
     if baked is None:
         yield from exact_frames(model, views, size, background, shadow)
         return
-    with OffscreenPictures(size, supersampling(size), background) as pictures:
+    with OffscreenRenderer(size, supersampling(size), background) as renderer:
         for index, view in enumerate(views):
             field = yield from baked.at(index)
             detail = yield from detail_maps(model, view.codes)
             cast = shape_occupancy(model, tuple(view.codes.shape.tolist())).shadow if shadow else None
-            yield pictures.draw(replace(field, detail=detail, shadow=cast), view.camera)
+            yield renderer.draw(replace(field, detail=detail, shadow=cast), view.camera)
 
 
 def draw_still(baked: BakedField, camera: Camera, size: int, shadow: bool) -> Image | None:
     """Rasterise one transparent image of a baked object; None if the machine has no OpenGL."""
     try:
-        with OffscreenPictures(size, supersampling(size), None) as pictures:
-            return pictures.draw(baked if shadow else replace(baked, shadow=None), camera)
+        with OffscreenRenderer(size, supersampling(size), None) as renderer:
+            return renderer.draw(baked if shadow else replace(baked, shadow=None), camera)
     except RuntimeError:
         return None
 
@@ -142,18 +142,18 @@ def bake_views(
 ) -> Generator[None, None, "BakedViews | None"]:
     """Bake the views on the coarsest grid that reaches ``target`` dB; None if no grid does, or without OpenGL."""
     try:
-        pictures = OffscreenPictures(_PROBE)
+        renderer = OffscreenRenderer(_PROBE)
     except RuntimeError:
         return None
     index = _probe_frame(key_views(views))
     camera = views[index].camera.resized(_PROBE, _PROBE)
-    with pictures:
+    with renderer:
         rendered = yield from render_steps(model, views[index].codes, camera, RenderSettings.samples)
         exact = rendered.colour.clamp(0, 1).cpu().numpy()
         for cells in LEVELS:
             baked = BakedViews(model, views, cells)
             field = yield from baked.at(index)
-            if psnr(pictures.draw(field, camera) / 255, exact) >= target:
+            if psnr(renderer.draw(field, camera) / 255, exact) >= target:
                 return baked
     return None
 

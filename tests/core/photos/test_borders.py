@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from core.photos.frames import Box, fill, find_frame, is_sliver
+from core.photos.borders import Box, fill, find_frame, is_sliver
 from core.photos.segmentation import cut_out
 
 
