@@ -36,7 +36,7 @@ _VIEW_HELP = """Turn the object in the view to where the photo sees it, then con
 for a camera that was not found"""
 _AS_HELP = "Whatever the photo seems to show"
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
-_DETAIL_HELP = """How much of the photo's own detail the object shows, such as lettering and lamps, in files too.
+_DETAIL_HELP = """How much of the photo's own detail the object shows, such as its outline and lettering, in files too.
 It fades as the object is edited. A doubtful camera shows none."""
 _BOTH_SIDES_HELP = """What the photo does not see takes the mirror image of what it sees, as sharp as that.
  Else softly, as light is not symmetric. Lettering is mirrored, too."""
