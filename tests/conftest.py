@@ -22,6 +22,7 @@ import tests.checked  # noqa: F401  (the hook finds it by name)
 # process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
 os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's OpenGL
+os.environ["CODENERF_THREADS"] = "1"  # a process for each core runs tests
 
 # Before anything of core is.
 install_import_hook("core", "tests.checked.checked")

@@ -7,15 +7,20 @@ from contextlib import closing
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from core.runtime.folders import config_folder, is_temporary
 from core.runtime.signals import on_signals
-from core.runtime.threads import use_one_thread
+from core.runtime.threads import use_one_torch_thread, use_threads
 from viewer.screen import window
 from viewer.screen.splash import Splash
 from viewer.screen.window import NoDisplayError
 from viewer.services.memory import keep_little_free_memory, return_free_memory
 from viewer.services.single_instance import SingleInstance, Start, begin
+from viewer.services.worker import Worker
+
+if TYPE_CHECKING:
+    from viewer.session import Session
 
 _LONGEST = 900.0  # s that an image of the window may wait for its fit
 
@@ -23,9 +28,10 @@ _LONGEST = 900.0  # s that an image of the window may wait for its fit
 def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window, or raise the one that is open. Without a display: one line on stderr, status 1."""
     keep_little_free_memory()
-    use_one_thread()
+    use_one_torch_thread()
     on_signals()
     chosen = parser().parse_args(arguments)
+    use_threads(chosen.threads)
     try:
         if chosen.screenshot is not None:
             _run(chosen)
@@ -37,40 +43,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(f"{window.NAME} is open already: its window was raised")
             return
         with closing(instance):
-            _import_behind_splash()
             _run(chosen, folder, instance)
     except (NoDisplayError, ImportError, OSError, ValueError) as error:
         sys.exit(f"python -m viewer: {error}")
 
 
-def _import_behind_splash() -> None:
-    """Show at once that the program starts; torch takes seconds to import."""
-    window.prepare(headless=False)
-    Splash(lambda: import_module("viewer.app")).run()
-
-
 def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
     """Run a window that keeps its work in a folder; without one draw it into an image, where nobody sees it."""
-    # Imported late: `--help`, a wrong word and the splash are there before torch is.
-    from core.models.library import DEFAULT_MODEL, load_model
-    from viewer.app import App
-    from viewer.screenshot import Screenshot
-    from viewer.services.backend import Backend
-    from viewer.services.messages import MessageKind
-    from viewer.services.worker import Worker
-    from viewer.session import Session
-
     headless, worker = instance is None, Worker(at_rest=return_free_memory)
-    model = _found_again(chosen.model or "")
     try:
-        backend = Backend(partial(load_model, device=chosen.device))
-        session = Session(worker, backend, None, folder, model or DEFAULT_MODEL)
+        begin_session = partial(_session, chosen, folder, worker)
+        if not headless:
+            window.prepare(headless=False)
+        session = begin_session() if headless else Splash(begin_session).run()
+        # Imported late: `--help`, a wrong word and the splash are there before torch is.
+        from viewer.app import App
+        from viewer.screenshot import Screenshot
+        from viewer.services.messages import MessageKind
+
         app = App(session, chosen.size, folder, headless, instance=instance)
         if folder and is_temporary(folder):
             text = f"No home folder takes files: this session is kept in {folder}"
             session.messages.notify(text, MessageKind.NOTE, lasts=True)
-        if model:
-            session.show_model(model)
+        if chosen.model:
+            session.show_model(_found_again(chosen.model))
         if chosen.image:
             app.context.fit(chosen.image)
         if headless:
@@ -81,6 +77,17 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
         worker.close()
     if headless and (failed := session.messages.errors):
         sys.exit(f"python -m viewer: {failed[-1]}")
+
+
+def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) -> "Session":
+    """What takes seconds: torch, the window's modules, the models."""
+    import_module("viewer.app")
+    from core.models.library import DEFAULT_MODEL, load_model
+    from viewer.services.backend import Backend
+    from viewer.session import Session
+
+    backend = Backend(partial(load_model, device=chosen.device))
+    return Session(worker, backend, None, folder, _found_again(chosen.model or "") or DEFAULT_MODEL)
 
 
 def _found_again(model: str) -> str:
@@ -98,10 +105,17 @@ def parser() -> argparse.ArgumentParser:
     )
     words.add_argument("--model", help="show an object of this model: a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
+    words.add_argument("--threads", type=_count, metavar="N", help="threads that compute (default: one for each core)")
     words.add_argument("--image", type=_image, help="rebuild this photo at once")
     words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")
-    words.add_argument("--size", type=_size, default=(1280, 800), metavar="WxH", help="of the window (1280x800)")
+    words.add_argument("--size", type=_size, metavar="WxH", help="of the window (most of the screen; image: 1280x800)")
     return words
+
+
+def _count(text: str) -> int:
+    if not (text.isdecimal() and int(text)):
+        raise argparse.ArgumentTypeError(f"at least one thread computes; got {text!r}")
+    return int(text)
 
 
 def _image(text: str) -> Path:

@@ -61,43 +61,36 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("see_side", "Side", "2", "see the object from the side"),
         Action("see_top", "Top", "3", "see the object from the top"),
         Action("see_photo", "Photo", "4", "from where the last photo was found to be taken"),
-        Action("orthographic", "Orthographic", "5", "without perspective, or with it again; as large as before"),
         Action("copy_camera", "Copy camera", "", "angles, distance and focal length as a line of text"),
         Action("paste_camera", "Paste camera", "", "see the object from the camera in the clipboard's text"),
+        Action("next_mode", "Next mode", "V", "colour, depth or normals"),
         Action(
-            "next_mode", "Next mode", "V", "colour, depth, normals, opacity, samples of each ray, source of each colour"
+            "fold_panels", "Fold panels", "Tab", "the view alone, or the panels again; while the view has the focus"
         ),
-        Gesture("The badge", "green and Sharp: every pixel of the view is rendered; amber: on the way"),
-        Gesture("Options, OpenGL while turning", "a baked copy at every pixel while you turn; exact at rest"),
     ),
     "Library": (
         Gesture("Click", "show the object; it is A"),
         Gesture("Click the number", "the variants of its form, shown or folded away"),
-        Gesture("Right click", "take only its shape or texture, make it B, add it to the grid; rename, remove, export"),
-        Gesture("Drag", "onto a slot (shape, texture, B) or onto the grid"),
+        Gesture("Right click", "take only its shape or texture, make it B; rename, remove, export"),
+        Gesture("Drag", "onto B"),
+        Gesture("Arrow keys, Enter", "from tile to tile, and show the object"),
     ),
-    "Mix": (
-        Gesture("Lock", "keeps shape or texture from being changed"),
-        Gesture("Drag in the pad", "across: shape from A to B; upwards: texture"),
-    ),
-    "Grid": (Gesture("Click", "make a pair current; at the border: take the object out"),),
+    "Mix": (Gesture("Drag in the pad", "across: shape from A to B; upwards: texture"),),
     "Sliders": (
-        Action("sample_all", "Random", "R", "a random shape and texture; what is locked stays"),
-        Gesture("Click a thumbnail", "under a slider: go to -2, 0 or +2"),
-        Gesture("Hover over a slider", "which pixels it changes, and whether the silhouette moves"),
+        Action("sample", "Random", "R", "a random shape and texture; what is locked stays"),
+        Action("reset", "Reset", "", "back to the object as it was chosen"),
+        Gesture("Lock", "keeps shape or texture from being changed"),
+        Gesture("Hover over a slider", "where it leads, which pixels it changes, and whether the silhouette moves"),
         Gesture("Ctrl+click", "type a value"),
         Gesture("Right click", "set the direction to 0"),
-        Gesture("Click the pin", "name the way from A to B, or a direction, and keep it above"),
-        Gesture("Click a name", "rename it, remove it"),
     ),
     "Timeline": (
         Action("add_key", "Keyframe", "K", "what is shown becomes a keyframe; after the last one where one is there"),
+        Action("remove_key", "Remove keyframe", "Delete", "take the keyframe at this time out"),
         Action("play", "Play", "Space", "play the timeline in the view, or pause"),
         Action("previous_key", "Previous keyframe", ",", "show the keyframe before"),
         Action("next_key", "Next keyframe", ".", "show the keyframe after"),
         Gesture("Click or drag a keyframe", "show it, move it in time; right click for more"),
-        Gesture("Drag a dot of the path", "on the map over the view: from where a keyframe sees the object"),
-        Gesture("Right click the ruler", "paste the copied keyframe at the playhead"),
     ),
     "History": (Gesture("Click a thumbnail", "go back, or forward, to that state"),),
     "Photo": (
@@ -122,10 +115,9 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Drop an image saved here", "a png brings its shape, texture and camera back"),
         Gesture("Drop a project", "bring all back that was made"),
         Action("new_project", "New", "Ctrl+N", "begin afresh; what was rebuilt stays in Mine"),
-        Action("open_scene", "Open…", "Ctrl+O", "open a project, a scene, an image saved here, or a model; or drop it"),
+        Action("open_scene", "Open…", "Ctrl+O", "open a photo, a project, an image saved here, or a model; or drop it"),
         Action("save_project", "Save project", "Ctrl+S", "save all that was made as one file"),
         Action("save_project_as", "Save project as…", "Ctrl+Shift+S", "save it as another file"),
-        Action("save_scene", "Save look…", "", "save shape, texture and camera alone, exact, as a small file"),
         Action("share", "Share…", "Ctrl+E", "save a turntable, a video, a picture or a mesh"),
         Action("copy_image", "Copy image", "Ctrl+C", "the view on white, without its shadow, into the clipboard"),
     ),
@@ -135,12 +127,10 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("larger_text", "Larger text", "Ctrl++", "larger text"),
         Action("smaller_text", "Smaller text", "Ctrl+-", "smaller text"),
         Action("dark", "Dark", "", "dark colours, or light ones"),
-        Action("smooth", "Smooth the picture", "", "without visible pixels, in previews too"),
-        Action("shadow", "Shadow", "", "on the ground, where the object stands; in shared pictures and videos too"),
-        Action("idle_turn", "Turn a result", "", "slowly, once it is rebuilt, until you touch something"),
         Action("reset_layout", "Reset layout", "", "all panels as they were first"),
         Gesture("Esc", "close what is on top: a menu, a dialog, the help"),
-        Action("help", "Keys and mouse", "F1, ?", "this help; type what you look for, Enter does it"),
+        Gesture("Ctrl+Tab", "to the next panel; there Tab and arrow keys go from control to control, Space presses"),
+        Action("help", "Find…", "Ctrl+K, F1, ?", "keys, panels, objects and view modes; type, Enter does the first"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
 }  # By where it works; the order is that of the help.
@@ -148,20 +138,22 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
 
 
-_TOGGLES = "dark", "smooth", "shadow", "idle_turn"  # preferences that are on or off
-_IN_VIEW_ONLY = ("reset_view",)  # their keys work only while the mouse or the focus is in the view
+_TOGGLES = ("dark",)  # preferences that are on or off
+_IN_VIEW_ONLY = "reset_view", "fold_panels"  # their keys work only while the mouse or the focus is in the view
 _RUN: dict[str, Callable[[PanelContext], object]] = {
     "reset_view": lambda c: c.session.viewport.reset_view(),
     "see_front": lambda c: c.session.see_from("front"),
     "see_side": lambda c: c.session.see_from("side"),
     "see_top": lambda c: c.session.see_from("top"),
     "see_photo": lambda c: c.session.see_from("photo"),
-    "orthographic": lambda c: c.session.set_orthographic(not c.session.orthographic),
     "copy_camera": lambda c: c.copy_camera(),
     "paste_camera": lambda c: c.paste_camera(),
     "next_mode": lambda c: c.next_view_mode(),
-    "sample_all": lambda c: c.session.editor.sample_all(),
-    "add_key": lambda c: c.session.player.add_key(),
+    "fold_panels": lambda c: c.fold_panels(),
+    "sample": lambda c: c.session.editor.sample(),
+    "reset": lambda c: c.session.editor.reset(),
+    "add_key": lambda c: c.add_key(),
+    "remove_key": lambda c: c.session.player.remove_key(c.session.player.key or 0),
     "play": lambda c: c.session.player.toggle(),
     "previous_key": lambda c: c.session.player.step(-1),
     "next_key": lambda c: c.session.player.step(1),
@@ -172,7 +164,6 @@ _RUN: dict[str, Callable[[PanelContext], object]] = {
     "open_scene": lambda c: c.open_file(),
     "save_project": lambda c: c.save_project(),
     "save_project_as": lambda c: c.save_project_as(),
-    "save_scene": lambda c: c.save_scene(),
     "share": lambda c: c.share(),
     "copy_image": lambda c: c.copy_image(),
     "undo": lambda c: c.session.editor.undo(),
@@ -185,6 +176,8 @@ _RUN: dict[str, Callable[[PanelContext], object]] = {
 }
 _ENABLED: dict[str, Test] = {
     "see_photo": lambda c: c.session.fitting.history.last is not None,
+    "reset": lambda c: c.session.editor.scene.codes != c.session.editor.pair(c.session.editor.state.mix.a),
+    "remove_key": lambda c: c.session.player.key is not None,
     "play": lambda c: bool(c.session.player.timeline.keys),
     "follow": lambda c: c.session.fitting.can_follow,
     "copy_image": lambda c: c.session.viewport.frame is not None and c.session.viewport.baked_frame is None,
@@ -194,16 +187,8 @@ _ENABLED: dict[str, Test] = {
     "smaller_text": lambda c: c.preferences.text > SMALLEST,
 }
 _CHECKED: dict[str, Test] = {
-    "orthographic": lambda c: c.session.orthographic,
     "help": lambda c: c.help_open,
 }
-
-
-def find_actions(search: str) -> list[Action]:
-    """Those whose words or tooltips hold what is searched for, the likeliest first; none for nothing."""
-    wanted = search.strip().lower()
-    found = [one for one in ACTIONS.values() if wanted and wanted in f"{one.words} {one.tooltip}".lower()]
-    return sorted(found, key=lambda one: (one.words.lower() != wanted, not one.words.lower().startswith(wanted)))
 
 
 def run_keys(context: PanelContext, in_view: bool = False) -> None:
@@ -222,9 +207,13 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
 
 
 def _is_allowed(action: Action, context: PanelContext) -> bool:
-    """The segmentation dialog has keys of its own, and would hide the help; a popup is closed first."""
+    """The segmentation dialog has keys of its own, and would hide the help; a popup is closed first; while the keyboard
+    goes from control to control, Tab and Space are for those.
+    """
     if context.session.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
+    if action.id in ("fold_panels", "play") and imgui.get_io().nav_visible:
+        return False
     return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
 
 

@@ -11,7 +11,9 @@ from core.runtime.signals import TERMINATION, on_signals
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
-from viewer.panels import all_panels, help, menu, messages, running_fit
+from viewer.panels import all_panels, menu, messages, running_fit
+from viewer.panels.help import Help
+from viewer.panels.history import HistoryStrip
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
 from viewer.screen import fonts, theme, window
@@ -23,15 +25,14 @@ from viewer.services.messages import error_text
 from viewer.services.single_instance import SingleInstance, Start
 from viewer.session import Session
 from viewer.values.preferences import Preferences
-from viewer.values.quality import QUALITIES
 
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 8.0, 20.0
 """Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody
 touches anything meanwhile."""
 _TOUCHED = 0.7  # s for which a touch counts
-_INSPECTOR, _LIBRARY = (345.0, 0.3, 540.0), (195.0, 0.18, 330.0)
-"""px of a 96 ppi screen at the least (text of twice the size fits), share of the window's width, px at the most"""
-_STRIP, _DRAWER = 66.0, 250.0  # px of a 96 ppi screen: height of the strip and of the drawer
+_INSPECTOR, _LIBRARY = (300.0, 0.185), (140.0, 0.09)  # px of a 96 ppi screen at the least, share of the window's width
+_NARROW = 1100.0  # px of a 96 ppi screen: in a narrower window the library is a strip below the view
+_STRIP, _DRAWER = 105.0, 170.0  # px of a 96 ppi screen: height of that strip and of the drawer
 
 
 class App:
@@ -40,7 +41,7 @@ class App:
     def __init__(
         self,
         session: Session,
-        size: tuple[int, int] = (1280, 800),
+        size: tuple[int, int] | None = (1280, 800),
         folder: Path | None = None,
         headless: bool = False,
         native_dialogs: bool | None = None,
@@ -49,6 +50,7 @@ class App:
         """Nothing opens yet.
 
         Args:
+            size: px of a 96 ppi screen; None: most of the screen.
             folder: where layout and preferences are kept for the next time; None keeps nothing.
             headless: draw a window that nobody sees.
             native_dialogs: None: as the system has them.
@@ -57,16 +59,23 @@ class App:
         window.prepare(headless)
         self.session = session
         self.context = PanelContext(
-            session, FileDialog(native_dialogs), quit=self._quit, reset_layout=self._reset_layout
+            session,
+            FileDialog(native_dialogs),
+            quit=self._quit,
+            reset_layout=self._reset_layout,
+            fold_panels=self._fold_panels,
         )
         self.panels: list[Panel] = all_panels()
+        self.context.panels = tuple(panel.title for panel in self.panels)
         self._segmenting, self._share = SegmentingDialog(), ShareDialog()
+        self._help, self._history = Help(), HistoryStrip()
+        size = size or window.usual_size(headless)
+        self._placed = folder is not None and (folder / "window.ini").exists()  # the layout is that of the last launch
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless, self._instance = size, folder, headless, instance
         if folder:
             self.context.preferences = Preferences.load(folder)
-            session.viewport.change(quality=QUALITIES[self.context.preferences.quality])
             self.context.clipboard = Clipboard(folder / "pasted")
             self.context.autosave = Autosave(session, folder)
         self._saved_preferences = self.context.preferences
@@ -75,6 +84,7 @@ class App:
         self._software, self._touched = False, 0.0
         self._frame_started = 0.0
         self._themed: bool | None = None
+        self._folded: list[Panel] = []  # panels that were shown before only the view was
         self._failed: dict[str, str] = {}
         self._reported: dict[str, str] = {}  # by what failed in the last frame, why
         if headless:
@@ -98,12 +108,41 @@ class App:
 
     def _reset_layout(self) -> None:
         """Every panel where it is at first, and as it is at first: shown or folded away."""
-        docking = self.params.docking_params
-        docking.docking_splits = self._splits(*(imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor()))
         for panel in self.panels:
-            docking.dockable_window_of_name(panel.title).is_visible = not panel.folded
-        docking.layout_reset = True
+            self._dockable_of(panel).is_visible = not panel.folded
+        self._place_panels()
         self.context.focus = "Mix"
+
+    def _place_panels(self) -> None:
+        """Where they are at first in a window of this size."""
+        docking, size = (
+            self.params.docking_params,
+            imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor(),
+        )
+        docking.docking_splits, self._narrow = self._splits(*size), size.x < _NARROW
+        docking.layout_reset = True
+
+    def _follow_width(self) -> None:
+        """Place the panels anew where the library becomes a strip, or is none any more."""
+        width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor()
+        if not width:  # there is no window yet
+            return
+        if self._placed:
+            self._narrow, self._placed = width < _NARROW, False
+        if self._narrow != (width < _NARROW):
+            self._place_panels()
+
+    def _fold_panels(self) -> None:
+        """The view alone, or the panels that were there before, else those at first."""
+        docked = [panel for panel in self.panels if panel.dock != "View"]
+        if shown := [panel for panel in docked if self._dockable_of(panel).is_visible]:
+            self._folded = shown
+        for panel in docked:
+            there = not shown and (panel in self._folded if self._folded else not panel.folded)
+            self._dockable_of(panel).is_visible = there
+
+    def _dockable_of(self, panel: Panel) -> hello_imgui.DockableWindow:
+        return self.params.docking_params.dockable_window_of_name(panel.title)
 
     def _connect(self) -> None:
         calls = self.params.callbacks
@@ -124,30 +163,31 @@ class App:
         window_params.show_menu_app = window_params.show_menu_view = False
         window_params.show_menu_view_themes = False
         docking = self.params.docking_params
-        docking.docking_splits = self._splits(*self._size)
+        docking.docking_splits, self._narrow = self._splits(*self._size), self._size[0] < _NARROW
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
     @staticmethod
     def _splits(width: float, height: float) -> list[hello_imgui.DockingSplit]:
-        """The library on the left, the inspector on the right, a strip below; the drawer opens above the strip.
+        """The library on the left, or below the view where the window is narrow, the inspector on the right; the drawer
+        opens below the view.
 
         Args:
             width, height: of the window, px of a 96 ppi screen.
         """
         dirs = imgui.Dir
-        right, left = (max(least, min(share * width, most)) for least, share, most in (_INSPECTOR, _LIBRARY))
+        right, left = (max(least, share * width) for least, share in (_INSPECTOR, _LIBRARY))
+        library = (dirs.down, _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))
         return [
             hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),
-            hello_imgui.DockingSplit("MainDockSpace", "Left", dirs.left, left / (width - right)),
-            hello_imgui.DockingSplit("MainDockSpace", "Strip", dirs.down, _STRIP / height),
-            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, min(_DRAWER / (height - _STRIP), 0.45)),
+            hello_imgui.DockingSplit("MainDockSpace", "Left", *library),
+            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, min(_DRAWER / height, 0.45)),
         ]
 
     def _dockable(self, panel: Panel) -> hello_imgui.DockableWindow:
         view = panel.dock == "View"
         place = "MainDockSpace" if view else panel.dock
         window = hello_imgui.DockableWindow(panel.title, place, lambda: self._draw_panel(panel))
-        window.can_be_closed, window.is_visible = not view, not panel.folded
+        window.can_be_closed, window.is_visible = panel.folded, not panel.folded
         if panel.bare:
             window.call_begin_end = False
             window.gui_function = lambda: self._draw_bare(panel)
@@ -158,8 +198,13 @@ class App:
         bare = imgui.WindowClass()
         bare.dock_node_flags_override_set = imgui.DockNodeFlags_.auto_hide_tab_bar
         imgui.set_next_window_class(bare)
-        fixed = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
-        if imgui.begin(panel.title, None, fixed)[0]:
+        fixed = (
+            imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav_inputs
+        )
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0))
+        shown = imgui.begin(panel.title, None, fixed)[0]
+        imgui.pop_style_var()
+        if shown:
             self._draw_panel(panel)
         imgui.end()
 
@@ -207,6 +252,7 @@ class App:
         # A mistake in a panel is logged by imgui, and does not end the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
+        io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         window.on_drop(self._dropped)
         window.limit_size()
         self._frame_started = time.thread_time()
@@ -258,6 +304,7 @@ class App:
             theme.apply(self.context.palette)
             self.params.imgui_window_params.background_color = imgui.ImVec4(*self.context.palette.back, 1.0)
         imgui.get_style().font_scale_main = preferences.text
+        self._follow_width()
         if not self._headless:
             self.params.fps_idling.fps_max = self.rate()
         self.each_frame()
@@ -282,7 +329,8 @@ class App:
         self._guard("This key failed", lambda: run_keys(context))
         self._guard("This key failed", lambda: self._close_top(context))
         self._guard("The messages failed", lambda: messages.draw(context))
-        self._guard("The help failed", lambda: help.draw(context))
+        self._guard("The history failed", lambda: self._history.draw(context))
+        self._guard("The help failed", lambda: self._help.draw(context))
         if self._guard("The Share dialog failed", lambda: self._share.draw(context)):
             context.share_open = False
         self._guard("The search cannot be shown", lambda: running_fit.draw(context))
@@ -293,6 +341,7 @@ class App:
             docking = self.params.docking_params
             docking.dockable_window_of_name(context.focus).is_visible = True
             docking.focus_dockable_window(context.focus)
+            self._folded = []
             context.focus = ""
         assert context.images is not None
         context.images.sweep()

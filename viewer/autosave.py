@@ -10,8 +10,9 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from viewer.services.kept_thumbnails import write_pictures
 from viewer.services.messages import Button, MessageKind
-from viewer.session import Session
+from viewer.session import PICTURES, Session
 from viewer.values.project import SUFFIX, Project, left_out
 
 _EVERY = 5.0  # s between two writings at the least
@@ -35,7 +36,7 @@ class Autosave:
         many seconds.
         """
         self._session, self._clock, self.every = session, clock, every
-        self._kept_file = folder / f"session{SUFFIX}"
+        self._kept_file, self._pictures_file = folder / f"session{SUFFIX}", folder / PICTURES
         self._earlier = folder / "earlier"
         self._own_file = folder / f"session-{secrets.token_hex(8)}{SUFFIX}"
         self._lock = _lock(self._own_file)
@@ -68,6 +69,7 @@ class Autosave:
         if self._writing is None and self._clock() - self._when >= self.every:
             self._when, self._written = self._clock(), parts
             if not (project := self._session.project()).is_empty:
+                write_pictures(self._pictures_file, self._session.pictures)
                 self._writing = self._thread.submit(project.save, self._own_file, self._session.models)
 
     def finish(self) -> None:
@@ -116,6 +118,7 @@ class Autosave:
         self.finish()
         self._thread.shutdown()
         self._keep()
+        write_pictures(self._pictures_file, self._session.pictures)
         self._lock.release()
         Path(self._lock.lock_file).unlink(missing_ok=True)
 

@@ -23,10 +23,10 @@ from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.camera_text import camera_from_text, camera_text
 from viewer.values.preferences import Preferences
+from viewer.values.printable import file_name
 from viewer.values.project import SUFFIX, is_project
-from viewer.values.view_modes import MODES
+from viewer.values.view_modes import USUAL_MODES
 
-SCENES = (".json", ".png")
 PROJECTS = (SUFFIX,)
 MODELS = (".safetensors", ".pth", ".pt")
 
@@ -39,7 +39,6 @@ class PanelContext:
     files: FileDialog
     preferences: Preferences = field(default_factory=Preferences)
     help_open: bool = False
-    help_search: str = ""
     share_open: bool = False
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
@@ -51,9 +50,12 @@ class PanelContext:
     dragged: str = ""  # the object that is dragged to a slot
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
     frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
+    covered: float = 0.0  # px at the view's lower edge, by the history
     overlay: np.ndarray | None = None  # RGBA, square: drawn over the object in the next frame
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
+    fold_panels: Callable[[], None] = lambda: None
+    panels: tuple[str, ...] = ()  # titles of all
     autosave: Autosave | None = None  # None where nothing is kept
     clipboard: Clipboard = field(default_factory=Clipboard)
     file_manager: Callable[[Path], None] = show_in_folder
@@ -65,12 +67,6 @@ class PanelContext:
         """The colours of the theme."""
         return DARK if self.preferences.dark else LIGHT
 
-    @property
-    def opengl_turns(self) -> bool:
-        """OpenGL is to draw a baked copy while the object is turned."""
-        turning = self.preferences.turning
-        return self.fast_opengl if turning == "automatic" else turning == "on"
-
     def set_preference(self, **values: Any) -> None:
         """Change preferences by their names."""
         self.preferences = replace(self.preferences, **values)
@@ -80,9 +76,15 @@ class PanelContext:
         self.preferences = self.preferences.with_text_size(self.preferences.text * 1.1**steps)
 
     def next_view_mode(self) -> None:
-        """Show the next of the view's modes."""
-        modes = list(MODES)
-        self.session.viewport.change(mode=modes[(modes.index(self.session.viewport.settings.mode) + 1) % len(modes)])
+        """Show the next of the view's usual modes."""
+        mode = self.session.viewport.settings.mode
+        after = USUAL_MODES.index(mode) + 1 if mode in USUAL_MODES else 0
+        self.session.viewport.change(mode=USUAL_MODES[after % len(USUAL_MODES)])
+
+    def add_key(self) -> None:
+        """Make what is shown a keyframe, and show the timeline."""
+        self.session.player.add_key()
+        self.focus = "Timeline"
 
     def copy_image(self) -> None:
         """The view on white, without its shadow, into the clipboard."""
@@ -112,6 +114,11 @@ class PanelContext:
 
     # Files
 
+    @property
+    def file_name(self) -> str:
+        """What files are called: the name of the object, of letters and numbers."""
+        return file_name(self.session.editor.state.mix.a.words)
+
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""
         self.files.ask(FileRequest("Photo of one object", self.fit, IMAGE_SUFFIXES))
@@ -135,8 +142,9 @@ class PanelContext:
         jobs.submit(Job("paste", images, lambda paths: self.rebuild(*paths), ended))
 
     def open_file(self) -> None:
-        """Ask for a project, a scene, an image that holds one, or a model, and open it."""
-        self.files.ask(FileRequest("Project, scene or model to open", self.load, (*PROJECTS, *SCENES, *MODELS)))
+        """Ask for a photo, a project, a scene, an image that holds one, or a model, and take it."""
+        kinds = (*PROJECTS, ".json", *IMAGE_SUFFIXES, *MODELS)
+        self.files.ask(FileRequest("Photo, project or model to open", lambda path: self.drop([str(path)]), kinds))
 
     def load(self, path: Path) -> None:
         """Open a project, a scene, an image that holds one, or a model."""
@@ -155,17 +163,15 @@ class PanelContext:
 
     def save_project_as(self) -> None:
         """Ask where to, and save all that was made."""
-        self.files.ask(FileRequest("Save the project as", self._save_project, PROJECTS, True, f"project{SUFFIX}"))
+        self.files.ask(
+            FileRequest("Save the project as", self._save_project, PROJECTS, True, f"{self.file_name}{SUFFIX}")
+        )
 
     def _save_project(self, path: Path) -> None:
         if self.session.save_project(path):
             self._remember(path)
         else:
             self.save_project_as()
-
-    def save_scene(self) -> None:
-        """Ask where to, and save the scene."""
-        self.files.ask(FileRequest("Save the scene as", self.session.exporting.scene, (".json",), True, "scene.json"))
 
     def share(self, kind: str = "") -> None:
         """Open the Share dialog, at one of :data:`viewer.values.share_settings.KINDS`, else at the last one."""
@@ -202,8 +208,8 @@ class Panel:
     """A dockable window, one subject each."""
 
     title: str
-    dock: str  # View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)
-    folded = False  # not shown until it is chosen in the menu Panels
+    dock: str  # View, Left (the library), Right (the inspector) or Drawer (below the view)
+    folded = False  # not shown until it is chosen in the menu Panels; can be closed
     bare = False  # its subject needs no words: it has no tab, unless another panel is beside it
 
     def draw(self, context: PanelContext) -> None:

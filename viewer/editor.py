@@ -28,19 +28,16 @@ class Editor:
     The object may be of any open model. What it is mixed with is of the same one.
     """
 
-    def __init__(
-        self, models: OpenModels, first: Model, generator: torch.Generator, directions: tuple[Direction, ...] = ()
-    ) -> None:
+    def __init__(self, models: OpenModels, first: Model, generator: torch.Generator) -> None:
         """Show the first object of the model ``first``."""
         self.models, self.objects = models, ObjectLibrary(models)
         self._locked: frozenset[tuple[str, Part]] = frozenset()
         mix = self._first_mix(first)
         scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
-        self.history = History(State(scene, mix, directions=directions))
+        self.history = History(State(scene, mix))
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, undo included
         self.object_chosen = Signal[[]]()  # emitted after that when another object was chosen
         self._generator = generator
-        self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}  # code that was looked up, and the answer
 
     # What there is
 
@@ -81,22 +78,6 @@ class Editor:
         """The shape of one object in the texture of another."""
         return self.objects[pair.texture].codes.taking("shape", self.objects[pair.shape].codes)
 
-    def distance(self, part: Part) -> float:
-        """From the current code to the mean of the trained ones, in standard deviations; a trained one has about 1."""
-        return float(self.space(part).distance(self.code(part)))
-
-    def nearest(self, part: Part) -> tuple[str, float] | None:
-        """The trained object whose code of one part is nearest, and how far it is (standard deviations)."""
-        book = self.model.codes
-        if not book.valid:
-            return None
-        code, known = self.code(part), self._nearest.get(part)
-        if known is None or known[0] is not code:  # panels call this in every frame, and an edit makes another tensor
-            index = book.nearest_shape(code) if part == "shape" else book.nearest_texture(code)
-            distance = float(self.space(part).distance(code, getattr(book[index], part)))
-            known = self._nearest[part] = (code, (book.objects[index].name, distance))
-        return known[1]
-
     # The camera
 
     def set_camera(self, camera: Camera, gesture: str = "") -> None:
@@ -104,13 +85,7 @@ class Editor:
         scene = replace(self.scene, camera=camera)
         self._go(self.history.changed(replace(self.state, scene=scene), gesture, moves=bool(gesture)))
 
-    # One code
-
-    def set_code(self, part: Part, code: Tensor, gesture: str = "") -> None:
-        """Give the object another shape, or another texture."""
-        codes = self.scene.codes
-        changed = replace(codes, shape=code) if part == "shape" else replace(codes, texture=code)
-        self._set_codes(changed, self.state.mix, gesture)
+    # Codes
 
     def set_detail_strength(self, strength: float, gesture: str = "") -> None:
         """Show more or less (0..1) of what the photo adds to the colours; nothing where there is no photo."""
@@ -122,26 +97,12 @@ class Editor:
         codes = replace(self.scene.codes, detail=detail)
         self._edit(replace(self.scene, codes=codes), gesture=gesture)
 
-    def scale_to_distance(self, part: Part, to: float, gesture: str = "") -> None:
-        """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
-        mean, distance = self.space(part).mean, self.distance(part)
-        if distance > 0:
-            self.set_code(part, mean + (self.code(part) - mean) * (to / distance), gesture)
+    def reset(self) -> None:
+        """Back to object A."""
+        self._set_codes(self.pair(self.state.mix.a), replace(self.state.mix, shape=0.0, texture=0.0))
 
-    def set_to_mean(self, part: Part) -> None:
-        """The mean of the trained codes."""
-        self.set_code(part, self.space(part).mean)
-
-    def reset_to_object(self, part: Part) -> None:
-        """Back to the code of object A."""
-        self._set_codes(self.scene.codes.taking(part, self.pair(self.state.mix.a)), self.state.mix)
-
-    def sample(self, part: Part) -> None:
-        """A code sampled from the distribution of the trained ones, taken as normal."""
-        self.set_code(part, getattr(self.model.codes.sample(self._generator), part))
-
-    def sample_all(self) -> None:
-        """Shape and texture sampled; what is locked stays."""
+    def sample(self) -> None:
+        """Sample shape and texture from the distribution of the trained ones; what is locked stays."""
         self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
 
     # Along a direction
@@ -155,43 +116,26 @@ class Editor:
         codes = direction.moved(self.scene.codes, self.model.codes.mean, to)
         self._set_codes(codes, self.state.mix, gesture)
 
-    def set_directions(self, directions: tuple[Direction, ...]) -> None:
-        """Change which directions have a name; what is shown stays."""
-        self._go(self.history.changed(replace(self.state, directions=directions)))
-
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object current; it becomes A, and both sliders go to A."""
-        self.show_pair(Pair(name, name))
-
-    def show_pair(self, pair: Pair) -> None:
-        """Make current the shape of one object in the texture of another; the pair becomes A."""
-        self._set_codes(self.pair(pair), self._mix_from(pair))
+        """Make an object current; it becomes A, with nothing of B."""
+        self._set_codes(self.objects[name].codes, self._mix_from(Pair(name, name)))
         self.object_chosen.emit()
 
     def take(self, part: Part, name: str) -> None:
-        """Take only the shape, or only the texture, of an object; its slider goes to A."""
+        """Take only the shape, or only the texture, of an object, with nothing of B's."""
         mix = self.state.mix
         mix = replace(mix, a=mix.a._replace(**{part: name})).with_amount(part, 0.0)
         self._set_codes(self.scene.codes.taking(part, self.objects[name].codes), mix)
 
-    def swap(self) -> None:
-        """A's shape from where its texture was taken, and the other way round; the sliders stay where they are."""
-        mix = self.state.mix
-        self._mix(replace(mix, a=Pair(mix.a.texture, mix.a.shape)), PARTS)
-
     def set_b(self, name: str) -> None:
-        """Choose where the sliders lead. What they have already mixed in is taken from the new object."""
+        """Choose what A is mixed with. What has been mixed in is taken from the new object."""
         mix = replace(self.state.mix, b=self.objects[name].name)
         self._mix(mix, tuple(part for part in PARTS if getattr(mix, part) > 0))
 
-    def mix(self, part: Part, amount: float, gesture: str = "") -> None:
-        """Slide the shape, or the texture, from A (0) to B (1). The other stays as it is."""
-        self._mix(self.state.mix.with_amount(part, amount), (part,), gesture)
-
     def mix_both(self, shape: float, texture: float, gesture: str = "") -> None:
-        """Slide both at once, each from A (0) to B (1)."""
+        """Mix shape and texture, each from A (0) to B (1)."""
         self._mix(replace(self.state.mix, shape=shape, texture=texture), PARTS, gesture)
 
     # The whole scene, and the timeline
@@ -241,8 +185,8 @@ class Editor:
         """Change the timeline; what is shown stays."""
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
-    def restore(self, saved: Project) -> tuple[str, ...]:
-        """Continue a project with its undo and the named directions of now; return the names here of its grid.
+    def restore(self, saved: Project) -> None:
+        """Continue a project with its undo.
 
         What has been made here stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and
         changes nothing then.
@@ -251,19 +195,14 @@ class Editor:
         names = self.objects.add_missing(saved.objects)
         self.objects.remove(*(names[name] for name in saved.removed if name in names))
 
-        def here(name: str, model: str) -> str | None:
-            return names.get(name) or self.objects.name_here(name, model)
-
         def renamed(state: State) -> State:
-            found = {name: here(name, state.scene.codes.model) or name for name in state.mix.names}
-            return replace(state, mix=state.mix.renamed(found))
+            model = state.scene.codes.model
+            here = {name: names.get(name) or self.objects.name_here(name, model) or name for name in state.mix.names}
+            return replace(state, mix=state.mix.renamed(here))
 
-        history = saved.history.everywhere(renamed).with_directions(self.state.directions)
+        history = saved.history.everywhere(renamed)
         fresh = not (self.history.past or self.history.future)
         self._go(history if fresh else self.history.after(history))
-        models = dict.fromkeys(state.scene.codes.model for state in saved.history.states)
-        grid = (next(filter(None, (here(name, model) for model in models)), None) for name in saved.grid)
-        return tuple(filter(None, grid))
 
     # Undo
 

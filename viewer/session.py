@@ -15,7 +15,6 @@ from core.runtime.folders import THUMBNAILS, cache_folder
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
-from viewer.activities.grid import Grid
 from viewer.activities.idle_turn import IdleTurn
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting
@@ -23,8 +22,8 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.jobs import BACKGROUND_SHARE, Jobs
-from viewer.services.kept_thumbnails import KeptThumbnails
+from viewer.services.jobs import BACKGROUND_SHARE, FIT_SHARE, Jobs
+from viewer.services.kept_thumbnails import KeptThumbnails, Pixels, read_pictures
 from viewer.services.messages import MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.signal import Signal
@@ -33,10 +32,11 @@ from viewer.services.worker import Job, Worker
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.objects import EditableObject
-from viewer.values.part import Part
 from viewer.values.printable import printable
 from viewer.values.project import Project, left_out
 from viewer.values.view_request import ViewSettings
+
+PICTURES = "pictures-1.safetensors"  # of the view and of tiles, in the folder of the session
 
 
 class Session:
@@ -53,7 +53,7 @@ class Session:
         """Open the shipped models, and show the first object of one.
 
         Args:
-            folder: of objects and directions that last from launch to launch; None keeps nothing.
+            folder: of objects that last from launch to launch; None keeps nothing.
             first: a shipped name, or the path of another model.
 
         Raises ``ValueError`` where a model cannot be opened.
@@ -67,9 +67,10 @@ class Session:
         self.project_path: Path | None = None  # where the project was saved, or opened from
         self._user_objects = UserObjects(folder and folder / "mine")
         self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
+        self._pictures = read_pictures(folder / PICTURES) if folder else {}  # of the last session
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
-        self._words: dict[str, Words] = {}  # by fingerprint, of principal directions
+        self._words: dict[str, Words | None] = {}  # by fingerprint, of principal directions
         self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
@@ -81,27 +82,24 @@ class Session:
     def _begin(self, first: Model, view: ViewSettings) -> None:
         """All parts as they are at first, with the objects that are kept."""
         jobs = self.jobs
-        directions = tuple(one for model in self.models for one in self._user_objects.directions(model))
-        self._kept_directions = directions
-        self.editor = Editor(self.models, first, self._generator, directions)
+        self.editor = Editor(self.models, first, self._generator)
         self._initially_there = frozenset[str]()  # names of objects that were there from the beginning
         for model in self.models:
             self._add_user_objects(model)
         self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()  # to be pointed out next
         self._prompting: tuple[PhotoSource, ...] = ()  # whose object is being pointed out, as it was not found
         self.viewport = Viewport(jobs, self.editor, view)
-        self.thumbnails = Thumbnails(jobs, self._kept_thumbnails)
+        self.thumbnails = Thumbnails(jobs, self._kept_thumbnails, self._pictures)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
-        self.grid = Grid(jobs, self.editor.objects)
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
         self.segmenting = Segmenting(jobs, self.editor, self.fitting.fit)
         self.fitting.no_background.connect(self._ask_for_box)
-        self.exporting = Exporting(jobs, self.editor, self.grid)
+        self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
-        """Render the first image, and make the view banks that fits wait for."""
-        self.viewport.render()
+        """Show the scene, and make the view banks that fits wait for."""
+        self.viewport.begin(self._pictures)
         for model in self.models:
             self._build_view_bank(model)
 
@@ -116,7 +114,7 @@ class Session:
             first, *others = self._awaiting_box
             self._awaiting_box, self._prompting = tuple(others), first[0]
             self.segmenting.open(*first)
-        if (self._kept, self._kept_directions) != (self.editor.objects.version, self.editor.state.directions):
+        if self._kept != self.editor.objects.version:
             self._keep_user_objects()
 
     def close(self) -> None:
@@ -155,19 +153,19 @@ class Session:
                 self._add_user_objects(model)
                 self._build_view_bank(model)
 
-    def word(self, part: Part, index: int) -> str:
-        """What more of a principal direction makes of the object, such as *wider*; empty where that is not known."""
+    @property
+    def words(self) -> Words | None:
+        """What more of each principal direction makes of the object, such as *wider*; None until that is measured."""
         model, measure = self.editor.model, self.jobs.backend.direction_words
-        if (known := self._words.get(model.fingerprint)) is None:
-            known = self._words[model.fingerprint] = {}
+        if model.fingerprint not in self._words:
+            self._words[model.fingerprint] = None
 
             def keep(words: Words) -> None:
                 self._words[model.fingerprint] = words
 
             name = f"words {model.fingerprint}"
             self.jobs.submit(Job(name, lambda: measure(model), keep, share=BACKGROUND_SHARE))
-        words = known.get(part, ())
-        return words[index] if index < len(words) else ""
+        return self._words[model.fingerprint]
 
     @property
     def preparing(self) -> float | None:
@@ -182,18 +180,16 @@ class Session:
         def keep(share: float) -> None:
             self._banks[key] = share
 
-        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=BACKGROUND_SHARE))
+        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=FIT_SHARE))
 
     def rename(self, name: str, to: str) -> None:
         """Give an added object another name, wherever it is mentioned."""
         new = self.editor.rename(name, to)
-        self.grid.rename(name, new)
         self.fitting.rename(name, new)
 
     def remove(self, name: str) -> None:
         """Take an added object out of all lists; what is shown stays."""
         self.editor.objects.remove(name)
-        self.grid.remove(name)
         self.fitting.results.unseen.pop(name, None)
 
     def _add_user_objects(self, model: Model) -> None:
@@ -202,14 +198,18 @@ class Session:
         self._kept = objects.version
 
     def _keep_user_objects(self) -> None:
-        """Keep fitted objects and named directions for the next launch."""
+        """Keep fitted objects for the next launch."""
         objects = self.editor.objects
-        self._kept, self._kept_directions = objects.version, self.editor.state.directions
+        self._kept = objects.version
         try:
             self._user_objects.sync(self.models, [one for one in objects.added if one.fitted])
-            self._user_objects.keep_directions(self.models, self._kept_directions)
         except (ValueError, OSError) as error:
             self.messages.report("Cannot keep what was made", error)
+
+    @property
+    def pictures(self) -> dict[str, Pixels]:
+        """The view and the tiles that were shown last, for the next launch."""
+        return self.thumbnails.newest | self.viewport.picture
 
     @property
     def listed_models(self) -> tuple[Model, ...]:
@@ -233,15 +233,6 @@ class Session:
             self.editor.set_camera(self.fitting.view.camera)
         elif view in orbit.VIEWS:
             self.editor.set_camera(orbit.seen_from(self.viewport.camera, view))
-
-    @property
-    def orthographic(self) -> bool:
-        """The view has no perspective."""
-        return orbit.is_orthographic(self.viewport.camera, self.editor.model)
-
-    def set_orthographic(self, orthographic: bool) -> None:
-        """See the object without perspective, or with the model's own."""
-        self.editor.set_camera(orbit.with_perspective(self.viewport.camera, self.editor.model, not orthographic))
 
     # Photos whose object a person points out
 
@@ -279,12 +270,11 @@ class Session:
     def project(self) -> Project:
         """All that was made."""
         history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
-        used = frozenset(self.grid.names).union(*(state.mix.names for state in history.states))
+        used = frozenset[str]().union(*(state.mix.names for state in history.states))
         return Project(
             history.without_gesture(),
             tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
             tuple(objects.removed),
-            self.grid.names,
             FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
             fitting.candidates.saved(),
             (*fitting.pending, *(FitRequest(FitHistory(sources)) for sources in self._not_found)),
@@ -299,7 +289,7 @@ class Session:
         fit = fitting.request, fitting.queue, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
-        named = self.editor.history, objects.removed, self.grid.names, self.project_path
+        named = self.editor.history, objects.removed, self.project_path
         return (*named, *fit, steps, *self._not_found, *added)
 
     def restore(self, project: Project) -> None:
@@ -307,7 +297,7 @@ class Session:
         where that cannot be, and changes nothing then.
         """
         self._add_models()
-        self.grid.add(*self.editor.restore(project))
+        self.editor.restore(project)
         if not self.fitting.history.sources:
             self.fitting.candidates.restore(project.tiles)
         self.fitting.restore(project.fit, project.pending)
@@ -350,4 +340,4 @@ class Session:
         self.close()
         self.project_path = None
         self._begin(self.editor.model, self.viewport.settings)
-        self.viewport.render()
+        self.viewport.begin()

@@ -23,6 +23,9 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
     )
     guard = add_command(kinds, "gate", "measure.bench_gate", "fail if anything takes twice as long as in gate.csv")
     guard.add_argument("--write", action="store_true", help="write gate.csv, the baseline, instead")
+    shared = add_command(kinds, "threads", "measure.bench_threads", "seconds of whole jobs against threads")
+    shared.add_argument("--counts", type=count, nargs="+", default=[1, 2], metavar="N", help="numbers of threads")
+    shared.add_argument("--busy", type=int, nargs="+", default=[0, 1, 2], metavar="N", help="busy programs beside")
     redraw = add_command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
     ablations = add_command(
         kinds, "ablations", "measure.bench_ablations", "fits without single components of the method"
@@ -47,7 +50,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    measured = (rendering, films, fitting, ablations, robustness, detail)
+    measured = (rendering, films, fitting, shared, ablations, robustness, detail)
     for kind in measured:
         add_model(kind)
     pictures = add_command(
@@ -58,17 +61,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="judgements by eye"
     )
     pictures.add_argument("--preset", default="normal", metavar="P", help="of the fits")
-    for kind in (
-        rendering,
-        films,
-        fitting,
-        ablations,
-        robustness,
-        detail,
-        pictures,
-        redraw,
-        guard,
-    ):
+    for kind in (*measured, pictures, redraw, guard):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="output folder of the charts"
         )

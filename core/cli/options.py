@@ -2,6 +2,8 @@
 
 import argparse
 
+from core.cli.argument_types import count
+
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
     """Shows only defaults with a value."""
@@ -15,6 +17,8 @@ def add_command(commands: argparse._SubParsersAction, name: str, run: str, about
     """Add a command that executes ``run``, given as ``module.function`` of core.cli."""
     command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
     command.set_defaults(run=run)
+    about = "threads that compute (default: $CODENERF_THREADS, else one for each core)"
+    command.add_argument("--threads", type=count, metavar="N", help=about)
     return command
 
 

@@ -38,6 +38,7 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
+from core.runtime.pool import map_pieces
 
 SOURCE_SIZE = 256  # px across the render compared with the photo; lengths in px below refer to it
 _SAMPLES = 192
@@ -64,7 +65,7 @@ _BESIDE = 4.0  # px, standard deviation: distance of a window's frame from the b
 _CALM = 0.15, 0.05  # contrast in the window of _BUSY, likewise
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
-_BLOCK = 8192  # points evaluated at a time
+_BLOCK = 4096  # points that a thread evaluates at a time
 
 
 def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps | None]:
@@ -171,7 +172,8 @@ class SurfaceTexels(NamedTuple):
         """Return the colours of the surface in a texture, extrapolated beyond the opaque pixels."""
         folded, image = FoldedField(model, codes), torch.zeros(3, *self.pixel.shape)
         blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
-        image[:, self.pixel] = torch.cat([folded.colour(*block) for block in blocks]).cpu().clamp(0, 1).T
+        colours = map_pieces(lambda block: folded.colour(*block), blocks)
+        image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
         return _continued(image, self.pixel)
 
     def chroma_spread(self, model: Model, codes: Codes, weight: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
@@ -229,7 +231,7 @@ def _surface_texels(
     """Return the rendered surface and the probability of each of the model's parts there."""
     pixel, folded = source.opacity > _SOLID, FoldedField(model, codes)
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
-    found = [folded.density(part)[1] for part in points.split(_BLOCK)]
+    found = list(map_pieces(lambda part: folded.density(part)[1], points.split(_BLOCK)))
     features = torch.cat(found) if found else torch.zeros(0, model.field.config.width)
     texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
     parts = dict[str, Tensor]()

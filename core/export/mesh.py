@@ -7,6 +7,7 @@ Marching cubes turns slabs into triangles, which are welded at shared planes.
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from core.rendering.detail_maps import DetailMaps
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy
 from core.runtime.files import atomic_file
+from core.runtime.pool import map_pieces
 from core.streams import run_to_end, subprogress
 
 MAX_RESOLUTION = 1024  # cells along the longest side; a cell is then a thousandth of the object
@@ -47,8 +49,8 @@ one interval; a lower one would show a fringe that no image shows.
 """
 _LOGIT_CLAMP = 8.0  # bound of logits, so that one outlier does not displace the surface
 _MIN_PIECE = 0.05  # scene units (an object's diagonal is 1): pieces with a smaller bounding box diagonal are dropped
-_SLAB = 16  # planes of the grid evaluated at a time
-_BLOCK = 16384  # points evaluated at a time, so that activations stay in cache
+_SLAB = 8  # planes of the grid that a thread evaluates at a time
+_BLOCK = 4096  # points that a thread evaluates at a time, so that activations stay in cache
 _COLOUR_SAMPLES = 8  # samples of the short ray that colours a vertex
 _MESH_SHARE = 0.3  # fraction of the time of a textured mesh; the rest is the texture
 _GRID_SHARE = 0.6  # fraction of the time for the grid; the rest is colours
@@ -230,10 +232,14 @@ def _off_surface_fraction(
     middles = vertices[faces[chosen]].mean(1)
     outward = of_faces[chosen] / areas[chosen, None]
     sides = torch.from_numpy(np.concatenate((middles - TOLERANCE * outward, middles + TOLERANCE * outward))).float()
-    with torch.inference_mode():
-        thickness = folded.density(sides.to(folded.device))[0] * grid.interval
-    below, above = (thickness.cpu() > math.log(2)).chunk(2)
+    below, above = (_thickness(folded, grid, sides.to(folded.device)).cpu() > math.log(2)).chunk(2)
     return 1 - float((below & ~above).float().mean())
+
+
+@torch.inference_mode()
+def _thickness(folded: FoldedField, grid: _Grid, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points"]:
+    """The optical depth of an interval at these points."""
+    return folded.density(points)[0] * grid.interval
 
 
 def _pieces(
@@ -244,8 +250,8 @@ def _pieces(
 
     pieces = []
     last = grid.counts[0] - 1
-    for first in range(0, last, _SLAB):
-        logits = yield from _logits(folded, occupancy, grid, first, min(first + _SLAB, last) + 1)
+    starts = range(0, last, _SLAB)
+    for first, logits in zip(starts, map_pieces(partial(_logits, folded, occupancy, grid), starts), strict=True):
         if logits.max() > 0:
             vertices, faces, _, _ = marching_cubes(logits, 0.0, gradient_direction="ascent")
             pieces.append((vertices.astype(np.float64) + np.array([first, 0, 0]), faces))
@@ -253,30 +259,23 @@ def _pieces(
     return pieces
 
 
-def _logits(
-    folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int, end: int
-) -> Generator[float, None, Float[np.ndarray, "planes y z"]]:
-    """Return logits, positive inside: the logit of the opacity of one interval.
+def _logits(folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int) -> Float[np.ndarray, "planes y z"]:
+    """Return the logits of a slab, positive inside: the logit of the opacity of one interval.
 
     Densities jump by orders of magnitude between two corners; their logits are nearly linear, so the surface is smooth.
     """
+    end = min(first + _SLAB + 1, grid.counts[0])
     inner_first, inner_end = max(first, 1), min(end, grid.counts[0] - 1)
     logits = np.full((end - first, *grid.counts[1:]), -_LOGIT_CLAMP, np.float32)
     points = grid.points(inner_first, inner_end).to(occupancy.extent.device)
     within = occupancy.contains(points)
-    found = []
-    for part in points[within].split(_BLOCK):
-        with torch.inference_mode():
-            thickness = folded.density(part)[0] * grid.interval
-            found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP))
-        yield first / (grid.counts[0] - 1)
-    if found:
-        values = torch.cat(found)
-        # A corner exactly on the surface would produce empty triangles.
-        values = torch.where(values.abs() < 0.01, values.sign().add(0.5).sign() * 0.01, values)
-        inner = np.full(within.shape, -_LOGIT_CLAMP, np.float32)
-        inner[within.cpu().numpy()] = values.cpu().numpy()
-        logits[inner_first - first : inner_end - first, 1:-1, 1:-1] = inner
+    thickness = torch.cat([_thickness(folded, grid, part) for part in points[within].split(_BLOCK)])
+    values = thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP)
+    # A corner exactly on the surface would produce empty triangles.
+    values = torch.where(values.abs() < 0.01, values.sign().add(0.5).sign() * 0.01, values)
+    inner = np.full(within.shape, -_LOGIT_CLAMP, np.float32)
+    inner[within.cpu().numpy()] = values.cpu().numpy()
+    logits[inner_first - first : inner_end - first, 1:-1, 1:-1] = inner
     return logits
 
 
@@ -316,28 +315,27 @@ def _vertex_colours(
     """Compute the paper's vertex colours: seen along the inverted normal, from just outside."""
     edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
     colours = []
-    parts = [torch.from_numpy(array).split(_BLOCK // _COLOUR_SAMPLES) for array in (vertices, normals)]
-    for done, (positions, outward) in enumerate(zip(*parts, strict=True)):
-        yield done / len(parts[0])
-        with torch.inference_mode():
-            device = folded.device
-            colours.append(
-                _surface_colours(folded, positions.to(device), outward.to(device), edges.to(device)).cpu().numpy()
-            )
+    parts = torch.from_numpy(np.stack((vertices, normals))).split(_BLOCK // _COLOUR_SAMPLES, 1)
+    for part in map_pieces(partial(_surface_colours, folded, edges.to(folded.device)), parts):
+        colours.append(part)
+        yield len(colours) / len(parts)
     return np.concatenate(colours)
 
 
+@torch.inference_mode()
 def _surface_colours(
-    folded: FoldedField,
-    positions: Float[Tensor, "rays 3"],
-    outward: Float[Tensor, "rays 3"],
-    edges: Float[Tensor, "edges"],
-) -> Float[Tensor, "rays 3"]:
-    """Return the mean colour of the object along short rays through these points."""
+    folded: FoldedField, edges: Float[Tensor, "edges"], rays: Float[Tensor, "2 rays 3"]
+) -> Float[np.ndarray, "rays 3"]:
+    """Return the mean colour of the object along short rays.
+
+    Args:
+        rays: points of the surface, and its normals there.
+    """
+    positions, outward = rays.to(folded.device)
     middles = (edges[1:] + edges[:-1]) / 2
     points = positions[:, None] - middles[:, None] * outward[:, None]
     density, y = folded.density(points.flatten(0, 1))
     weights, _ = compositing_weights(density.reshape(points.shape[:2]), edges.expand(len(points), -1))
     towards = folded.direction_bias(-outward).repeat_interleave(len(middles), 0)
     colours = folded.colour(y, towards).reshape(points.shape).clamp(0, 1)
-    return (weights[..., None] * colours).sum(1) / weights.sum(1, keepdim=True).clamp_min(1e-9)
+    return ((weights[..., None] * colours).sum(1) / weights.sum(1, keepdim=True).clamp_min(1e-9)).cpu().numpy()

@@ -16,6 +16,7 @@ from core.export.normals import face_normals
 from core.models.model import Model
 from core.models.part_head import PartHead
 from core.rendering.folded_field import FoldedField
+from core.runtime.pool import map_pieces
 
 Pairs = Int[np.ndarray, "2 pairs"]  # triangles that share an edge
 _DEPTH = 0.004  # scene units below the surface, where the classifier is most reliable
@@ -23,7 +24,7 @@ _TRIANGLES_PER_PASS, _MOST_PASSES = 2500, 60
 """passes over a mesh, so that averaging reaches equally far in coarse and fine ones; limit for very fine ones"""
 _TEETH = 4  # passes that straighten borders; limited because two triangles may swap parts for ever
 _PATCH = 0.01  # of the surface; smaller patches are not a part
-_BLOCK = 16384  # points evaluated at a time
+_BLOCK = 4096  # points that a thread evaluates at a time
 _WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
 """fractions of a car's height: wheels lie below the first and begin below the second; glass lies above the third and
 reaches the fourth, which a dark bumper does not
@@ -76,8 +77,8 @@ def _probability(
 ) -> Float[np.ndarray, "faces parts"]:
     with torch.inference_mode():
         blocks = torch.from_numpy(points).float().to(folded.device).split(_BLOCK)
-        found = [head(folded.density(block)[1]) for block in blocks]
-    return torch.cat(found).cpu().numpy()
+        found = map_pieces(lambda block: head(folded.density(block)[1]), blocks)
+        return torch.cat(list(found)).cpu().numpy()
 
 
 def _weighted_median(values: Float[np.ndarray, "faces"], weights: Float[np.ndarray, "faces"]) -> float:

@@ -32,6 +32,7 @@ from core.fitting.objective import (
     term_value,
 )
 from core.fitting.observations import PixelBatch
+from core.fitting.pieces import Piece, cells_of, map_rays
 from core.fitting.schedule import Stage
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
@@ -174,24 +175,33 @@ def _render(
         model.field.shape_bias_jacobian(shape, shapes.basis).to(dtype),
         model.field.texture_bias_jacobian(texture, textures.basis).to(dtype),
     )
-    rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     kept = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
     biases, cells = model.field.biases(shape, texture), known_cells(model, cells)
-    seen = render_with_jacobian(model, rays, stage.samples, kept, *biases, entries, cells, with_depth)
-    codes, views = seen.codes.cpu(), rays.near.shape[1]
-    jacobian = torch.zeros(*codes.shape[:-1], views * CAMERA_PARAMETERS + codes.shape[-1])
-    for index, (origins, directions) in enumerate(camera_jacobian(parameters, rays)):
-        along = (seen.origin * origins[..., None, :] + seen.direction * directions[..., None, :]).sum(-1).cpu()
-        for view in range(views):  # a ray moves with its own camera only
-            jacobian[:, view, ..., view * CAMERA_PARAMETERS + index] = along[:, view]
-    jacobian[..., views * CAMERA_PARAMETERS :] = codes
-    return RenderedPixels(pixels.mean_of_rays(seen.channels.cpu())), pixels.mean_of_rays(jacobian)
+
+    rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
+    moves = camera_jacobian(parameters, rays)
+
+    def render(piece: Piece) -> tuple[Tensor, Tensor]:
+        shape_bias, texture_bias, *along = (part[piece[0]] for part in (*biases, *entries))
+        of_codes, own = BiasJacobians(*along), cells_of(cells, piece[0])
+        seen = render_with_jacobian(
+            model, rays[piece], stage.samples, kept, shape_bias, texture_bias, of_codes, own, with_depth
+        )
+        along_cameras = torch.cat((seen.origin, seen.direction), -1) @ moves[piece]
+        return seen.channels.cpu(), torch.cat((along_cameras, seen.codes), -1).cpu()
+
+    channels, along = map_rays(render, rays.near.shape, stage.samples)
+    views, codes = rays.near.shape[1], along.shape[-1] - CAMERA_PARAMETERS
+    jacobian = torch.zeros(*along.shape[:-1], views * CAMERA_PARAMETERS + codes)
+    for view in range(views):  # a ray moves with its own camera only
+        first = view * CAMERA_PARAMETERS
+        jacobian[:, view, ..., first : first + CAMERA_PARAMETERS] = along[:, view, ..., :CAMERA_PARAMETERS]
+    jacobian[..., views * CAMERA_PARAMETERS :] = along[..., CAMERA_PARAMETERS:]
+    return RenderedPixels(pixels.mean_of_rays(channels)), pixels.mean_of_rays(jacobian)
 
 
-def camera_jacobian(
-    parameters: Parameters, rays: Rays
-) -> tuple[tuple[Float[Tensor, "hypotheses views _ 3"], Float[Tensor, "hypotheses views rays 3"]], ...]:
-    """How rays' origins and directions change with each parameter of their camera; (hypotheses, views, rays, 3)."""
+def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypotheses views rays 6 8"]:
+    """How rays' origins, then directions, change with each parameter of their camera."""
     origins, directions = rays.origins, rays.directions
     right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
@@ -204,16 +214,18 @@ def camera_jacobian(
         """The change of a direction through a point of the image that moves by one focal length along an axis."""
         return forward * (axis - directions * (directions * axis).sum(-1, keepdim=True))
 
-    return (
+    closer = -across(backward)
+    pairs = (
         (torch.linalg.cross(vertical, origins), torch.linalg.cross(vertical, directions)),
         (torch.linalg.cross(origins, right), torch.linalg.cross(directions, right)),
         (origins, still),
-        (origins, -across(backward)),
-        (still, -across(backward)),
+        (origins, closer),
+        (still, closer),
         (still, torch.linalg.cross(backward.expand_as(directions), directions)),
         (still, -across(cos * right + sin * up) / focal),
         (still, across(cos * up - sin * right) / focal),
     )
+    return torch.stack([torch.cat(pair, -1) for pair in pairs], -1)
 
 
 def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Bool[Tensor, "parameters"]:

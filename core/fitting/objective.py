@@ -16,6 +16,7 @@ from torch import Tensor
 from core.classifiers.viewpoint import direction_weights, viewpoint_nll
 from core.fitting.hypotheses import Parameters, hypothesis_rays, known_cells
 from core.fitting.observations import PixelBatch
+from core.fitting.pieces import Piece, cells_of, map_rays
 from core.models.model import Model
 from core.rendering.importance import render_top_samples
 from core.runtime.precision import autocast
@@ -259,7 +260,13 @@ def _render(
 ) -> RenderedPixels:
     rays = hypothesis_rays(model, parameters, pixels, samples, jitter)
     biases = model.field.biases(*codes)
-    cells = known_cells(model, cells)
-    with autocast(model.device):
-        channels = render_top_samples(model, rays, samples, max(2, samples // 6), *biases, cells)
-    return RenderedPixels(pixels.mean_of_rays(channels.cpu()))
+    kept, cells = max(2, samples // 6), known_cells(model, cells)
+
+    def render(piece: Piece) -> tuple[Tensor]:
+        (shape, texture), own = (bias[piece[0]] for bias in biases), cells_of(cells, piece[0])
+        with autocast(model.device):
+            return (render_top_samples(model, rays[piece], samples, kept, shape, texture, own).cpu(),)
+
+    everything = (slice(None),) * 3
+    (channels,) = render(everything) if torch.is_grad_enabled() else map_rays(render, rays.near.shape, samples)
+    return RenderedPixels(pixels.mean_of_rays(channels))

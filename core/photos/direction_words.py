@@ -45,6 +45,12 @@ _TEXTURE: dict[str, tuple[str, str, float]] = {
     "contrast": ("more contrast", "plainer", 6.0),
 }
 _TABLES: dict[Kind, dict[str, tuple[str, str, float]]] = {"shape": _SHAPE, "texture": _TEXTURE}
+OPPOSITES = {
+    one: other
+    for table in _TABLES.values()
+    for more, less, _ in table.values()
+    for one, other in ((more, less), (less, more))
+}  # of every word
 
 
 def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
@@ -79,11 +85,10 @@ def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) ->
     Raises ``ValueError`` for an unknown name.
     """
     known = dict[str, tuple[Kind, int, int]]()
-    for kind, table in _TABLES.items():
-        opposite = {one: other for more, less, _ in table.values() for one, other in ((more, less), (less, more))}
+    for kind in _TABLES:
         for number, word in enumerate(words[kind]):
             if word:
-                known |= {word: (kind, number, 1), opposite[word]: (kind, number, -1)}
+                known |= {word: (kind, number, 1), OPPOSITES[word]: (kind, number, -1)}
     if name not in known:
         raise ValueError(f"no direction {name!r}; choose one of {', '.join(known)}")
     kind, number, sign = known[name]

@@ -11,6 +11,7 @@ degrees apart (:func:`mixed`).
 import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -30,9 +31,10 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
 from core.rendering.outline import outline
 from core.runtime.caches import CACHE, CacheKind
+from core.runtime.pool import map_pieces
 
 _DIVISIONS = (1, 2)  # of the edges of an occupied cell, from coarse to fine
-_BLOCK = 8192  # corners evaluated at a time: the longest wait of a newer job
+_BLOCK = 4096  # corners that a thread evaluates at a time: the longest wait of a newer job
 _ELEVATION = math.radians(20)
 _DIRECTIONS = tuple(
     (-math.cos(_ELEVATION) * math.cos(turn), -math.cos(_ELEVATION) * math.sin(turn), -math.sin(_ELEVATION))
@@ -107,14 +109,15 @@ def bake_shape(
 
     density = torch.zeros(box.sides)
     at_corners = corners_of(divide(occupied, cells // CELLS)).flatten().nonzero()[:, 0].cpu()
-    for part in (unravelled(at_corners, cells + 1) - torch.tensor(box.first)).split(_BLOCK):
-        density[part.unbind(-1)] = evaluate(part)[0].cpu()
+    parts = (unravelled(at_corners, cells + 1) - torch.tensor(box.first)).split(_BLOCK)
+    for part, values in zip(parts, map_pieces(lambda part: evaluate(part)[0].cpu(), parts), strict=True):
+        density[part.unbind(-1)] = values
         yield
     thickness = density * (2 * max(model.extent) / cells)
     seen = _surface(density, thickness)
     corners, neighbours, features = seen.nonzero(), _neighbours(seen), list[Tensor]()
-    for part in corners.split(_BLOCK):
-        features.append(evaluate(part)[1])
+    for values in map_pieces(lambda part: evaluate(part)[1], corners.split(_BLOCK)):
+        features.append(values)
         yield
     config = model.field.config
     logits = density_to_logits(density, config)
@@ -144,16 +147,21 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
             baked = yield from bake_shape(model, folded, occupancy.cells, cells, box_of(occupancy.cells, cells))
             if baked.size <= CACHE.limit - CACHE.used:
                 CACHE.put(CacheKind.VIEW, key, baked, baked.size)
-        colours = torch.zeros(len(baked.corners), 3)
-        for part in torch.arange(len(colours)).split(_BLOCK):
-            with torch.inference_mode():
-                features = baked.features[part.to(folded.device)]
-                seen = [folded.colour(features, bias.expand(len(part), -1)) for bias in towards]
-                colours[part] = torch.stack(seen).mean(0).cpu()
+        colours = list[Tensor]()
+        for part in map_pieces(partial(_mean_colours, folded, towards), baked.features.split(_BLOCK)):
+            colours.append(part)
             yield None
         texels = torch.from_numpy(baked.field.texels).clone()
-        texels[..., :3][baked.corners.unbind(-1)] = colour_texels(prefilter(colours, baked.neighbours))
+        texels[..., :3][baked.corners.unbind(-1)] = colour_texels(prefilter(torch.cat(colours), baked.neighbours))
         yield replace(baked.coloured(texels), shadow=occupancy.shadow)
+
+
+@torch.inference_mode()
+def _mean_colours(
+    folded: FoldedField, towards: Float[Tensor, "directions width"], features: Float[Tensor, "some width"]
+) -> Float[Tensor, "some 3"]:
+    seen = [folded.colour(features, bias.expand(len(features), -1)) for bias in towards]
+    return torch.stack(seen).mean(0).cpu()
 
 
 class ObjectViews:
@@ -176,8 +184,9 @@ class ObjectViews:
             self._colours, shown = torch.zeros(len(shape.corners), 3), torch.arange(len(shape.corners))
         else:
             shown = self._in_sight(origin)[(shape.corners // _VOXEL).unbind(-1)].nonzero()[:, 0]
-        for part in shown.split(_BLOCK):
-            self._colours[part] = self._seen_colours(part, origin)
+        parts = shown.split(_BLOCK)
+        for part, colours in zip(parts, map_pieces(lambda some: self._seen_colours(some, origin), parts), strict=True):
+            self._colours[part] = colours
             yield
         texels = self._newest.clone()
         found = prefilter(self._colours, shape.neighbours, shown)

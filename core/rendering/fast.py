@@ -4,7 +4,7 @@ It has two passes, like the field. What a camera sees of a shape (:class:`Chunk`
 cached: a new texture runs only the second pass. A new view reuses the occupied cells.
 """
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -23,12 +23,13 @@ from core.rendering.outline import Outline, outline
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.layers import pad_rows
+from core.runtime.pool import map_pieces
 from core.streams import run_to_end
 
-CHUNK_RAYS = 4096  # rays evaluated at a time, about 32k evaluations: the longest wait of a newer job
+CHUNK_RAYS = 2048  # rays that a thread evaluates at a time, about 16k evaluations: the longest wait of a newer job
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
-_BLOCK = 8192  # points evaluated at a time, so that activations stay in cache
+_BLOCK = 4096  # points evaluated at a time, so that activations stay in cache
 
 
 def render_steps(
@@ -52,14 +53,23 @@ def render_steps(
     """
     with torch.inference_mode():
         folded = _folded_field(model, codes)
+
+    def shade(chunk: Chunk) -> tuple[Chunk, Float[Tensor, "rays 3"]]:
+        with torch.inference_mode():
+            return chunk, _shade(folded, chunk)
+
     key = VisibilityKey.of(model, codes, camera, samples, complete, cutoff)
     known: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
     seen, image = list[Chunk](), _blank(camera, model.device)
-    for chunk in _visible_chunks(folded, key) if known is None else known:
+    if known is None:
+        visible, pixels = _visibility(folded, key)
+        shaded = map_pieces(lambda some: shade(visible(some)), pixels)
+    else:
+        shaded = map_pieces(shade, known)
+    for chunk, colour in shaded:
         with torch.inference_mode():
-            shaded = _shade(folded, chunk), chunk.depth, chunk.opacity, chunk.evaluations
-            for whole, part in zip(image, shaded, strict=True):
+            for whole, part in zip(image, (colour, chunk.depth, chunk.opacity, chunk.evaluations), strict=True):
                 whole[chunk.pixel] = part
         size, done = size + chunk.size, done + chunk.share
         # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
@@ -145,8 +155,8 @@ def clear_cache() -> None:
     _folded_field.cache_clear()
 
 
-def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]:
-    """Yield the visible intervals of a shape, independent of its texture."""
+def _visibility(folded: FoldedField, view: VisibilityKey) -> tuple[Callable[[slice], Chunk], list[slice]]:
+    """Return a function that finds visible intervals of rays, independent of the texture, and the rays to pass."""
     with torch.inference_mode():
         occupancy = shape_occupancy(view.model, view.shape, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
@@ -154,13 +164,15 @@ def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]
         first, last = (part.flatten().index_select(0, pixel) for part in (first, last))
         step = 2 * float(occupancy.extent.max()) / view.samples
         limits = view.cutoff or tolerances(view.samples)
-    for start in range(0, len(pixel), CHUNK_RAYS):
+
+    def visible(some: slice) -> Chunk:
         with torch.inference_mode():
-            some = slice(start, start + CHUNK_RAYS)
             rays = _rays(view, occupancy, pixel[some], first[some], last[some])
             share = len(pixel[some]) / len(pixel)
-            chunk = _chunk(folded, occupancy, pixel[some], rays, step, limits, share)
-        yield chunk
+            return _chunk(folded, occupancy, pixel[some], rays, step, limits, share)
+
+    size = max(1, min(CHUNK_RAYS, -(-len(pixel) // 2)))  # of a small image, two threads take a half each
+    return visible, [slice(start, start + size) for start in range(0, len(pixel), size)]
 
 
 def _rays(

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
@@ -24,9 +24,11 @@ from core.models.field import Field, encode
 from core.models.model import Model
 from core.rendering.outline import outline
 from core.runtime.layers import linear_relu, pad_rows, relu_
+from core.runtime.pool import map_pieces
 from core.runtime.precision import matmul_dtype
 
-_CHUNK_POINTS = 16384  # points evaluated at a time: with fewer, call overhead exceeds the cost of leaving the cache
+_CHUNK_POINTS = 4096
+"""Points that a thread evaluates at a time: with fewer, threads wait for Python's lock; more leave the cache."""
 _RESOLUTION = 8192  # entries along each axis
 _MARGIN = 1.1  # half sizes of the scene's box covered by the position table: samples may lie slightly outside
 
@@ -137,10 +139,15 @@ def batch_density(
     first = weights.position.evaluate if model.white_from_network else weights.position
     found = torch.zeros(points.shape[:-1], device=points.device)
     inside = torch.ones_like(found, dtype=torch.bool) if cells is None else contains(cells, points, model.extent_tensor)
-    for density, one, bias, where in zip(found, points, biases, inside, strict=True):
-        for index in where.nonzero()[:, 0].split(_CHUNK_POINTS):
-            some = pad_rows(one.index_select(0, index))
-            density[index] = _density(model.field, weights, relu_(first(some)), bias.unbind(0))[0][: len(index)]
+
+    def evaluate(piece: tuple[int, Int[Tensor, "some"]]) -> Float[Tensor, "some"]:
+        of, index = piece
+        some = relu_(first(pad_rows(points[of].index_select(0, index))))
+        return _density(model.field, weights, some, biases[of].unbind(0))[0][: len(index)]
+
+    pieces = [(of, index) for of, where in enumerate(inside) for index in where.nonzero()[:, 0].split(_CHUNK_POINTS)]
+    for (of, index), density in zip(pieces, map_pieces(evaluate, pieces), strict=True):
+        found[of, index] = density
     return found
 
 

@@ -23,6 +23,7 @@ from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
 from core.runtime.layers import pad_rows
+from core.runtime.pool import map_pieces
 
 CELLS = 64  # along each axis of the box
 _MIN_OPACITY = 0.001  # a corner whose cell would absorb less of the light is empty
@@ -31,7 +32,7 @@ _FINE_TOLERANCE = 0.002  # fraction of a ray's light that may be neglected with 
 _FINE_SAMPLES = 192
 _MAX_TOLERANCE = 0.03  # fraction of the light, with few intervals
 _COARSE_FACTOR = 2  # cells along each axis of a coarse cell, for the outline
-_BLOCK = 16384
+_BLOCK = 4096  # corners that a thread evaluates at a time
 
 
 class Tolerances(NamedTuple):
@@ -202,7 +203,7 @@ def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> F
 
     def evaluate(rows: slice) -> Float[Tensor, "rows"]:
         parts = known.activations[rows].split(_BLOCK)
-        return torch.cat([folded.unbounded_density(part)[0] for part in parts])
+        return torch.cat(list(map_pieces(lambda part: folded.unbounded_density(part)[0], parts)))
 
     densities = evaluate(slice(0, known.always))
     found[known.corner[: known.always]] = densities
@@ -216,9 +217,11 @@ def _densities_around(
 ) -> Float[Tensor, "corners corners corners"]:
     """Return densities at some rows of ``known.corner``; 0 at the others."""
     found = torch.zeros(len(known.corner), device=rows.device)
-    for part in rows.split(_BLOCK):
-        activations = known.activations.index_select(0, pad_rows(part))
-        found[known.corner[part]] = folded.unbounded_density(activations)[0][: len(part)]
+
+    def evaluate(part: Int[Tensor, "rows"]) -> Float[Tensor, "rows"]:
+        return folded.unbounded_density(known.activations.index_select(0, pad_rows(part)))[0][: len(part)]
+
+    found[known.corner[rows]] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
     return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 

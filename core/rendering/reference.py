@@ -12,6 +12,7 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
+from core.runtime.pool import map_pieces
 
 _CHUNK_POINTS = 8192  # points evaluated at a time, so that activations stay in cache (32k ran up to 1.7x slower)
 
@@ -87,5 +88,6 @@ def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256)
     rays = exact_rays(model, camera)
     given = *model.field.biases(codes.shape, codes.texture), outline(model, codes)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
-    parts = [render_rays(model, rays[row : row + rows], samples, *given) for row in range(0, camera.height, rows)]
+    starts = range(0, camera.height, rows)
+    parts = list(map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *given), starts))
     return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))

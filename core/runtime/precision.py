@@ -7,6 +7,7 @@ from functools import cache
 
 import torch
 
+_FIRST, _EMULATED = 4, 3.0  # rounds that are enough where bfloat16 takes so many times as long as float32 in all
 _ROUNDS = 20
 _forced: torch.dtype | None = None
 
@@ -48,7 +49,10 @@ def _fastest_dtype(device_type: str) -> torch.dtype:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        rounds = [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_ROUNDS)]
+        rounds = [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_FIRST)]
+        if all(half > _EMULATED * single for single, half in rounds):
+            return torch.float32
+        rounds += [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_ROUNDS)]
     finally:
         torch.set_num_threads(threads)
     single, half = (sorted(column)[_ROUNDS // 4] for column in zip(*rounds, strict=True))

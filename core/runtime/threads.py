@@ -1,19 +1,50 @@
-"""One thread for everything that computes: what the programs of this project start with.
-
-A field's operations are small, and at the end of each all threads wait for the slowest. Where another process takes one
-of their cores that is many times slower than one thread, and on idle cores several gain little. Who has more to do
-starts more processes.
-"""
+"""How many threads compute: torch's own and those of the pool (:mod:`core.runtime.pool`). Imports no torch."""
 
 import os
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
 
-_SETTINGS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-"""what torch, its matrix library, numpy's and OpenCV read when they are loaded"""
+VARIABLE = "CODENERF_THREADS"  # environment: threads of the pool, instead of one for each core
+_LIBRARIES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+"""Read by torch, its matrix library, numpy's and OpenCV when they are loaded."""
+_LIMITS = ("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")
+"""Files of control groups, version 2 and 1: microseconds of processor time that a period has, and the period."""
 
 
-def use_one_thread() -> None:
+def use_one_torch_thread() -> None:
     """Let libraries that are loaded from now on, and child processes, use one thread: the first line of a program.
 
-    To import :mod:`core` changes nothing: a library leaves threads to its caller.
+    To import :mod:`core` changes nothing: a library leaves the threads of torch to its caller.
     """
-    os.environ.update(dict.fromkeys(_SETTINGS, "1"))
+    os.environ.update(dict.fromkeys(_LIBRARIES, "1"))
+
+
+def use_threads(count: int | None) -> None:
+    """Let the pools of this process and its children have so many threads; None: as the environment says."""
+    if count is not None:
+        os.environ[VARIABLE] = str(count)
+
+
+def thread_count() -> int:
+    """Return the number of threads of the pool: ``CODENERF_THREADS``, else one for each core of this process.
+
+    Raises ``ValueError`` where the variable is no positive number.
+    """
+    told = os.environ.get(VARIABLE)
+    if told is None:
+        return available_cores()
+    if not (told.isdecimal() and int(told)):
+        raise ValueError(f"{VARIABLE} is a number of threads, got {told!r}")
+    return int(told)
+
+
+@cache
+def available_cores(cgroups: Path = Path("/sys/fs/cgroup")) -> int:
+    """Return the number of cores this process may use: its affinity, and the limit of its container."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    for names in _LIMITS:
+        with suppress(OSError, ValueError):  # another version or system; "max"
+            quota, period = map(int, " ".join((cgroups / name).read_text() for name in names).split())
+            cores = min(cores, -(-quota // period)) if quota > 0 else cores
+    return max(1, cores)

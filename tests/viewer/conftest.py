@@ -34,7 +34,7 @@ from viewer.services.backend import Backend
 from viewer.services.single_instance import SingleInstance
 from viewer.services.worker import Worker
 from viewer.session import Session
-from viewer.values.quality import Quality
+from viewer.values.view_request import Quality
 
 
 @pytest.fixture(autouse=True)
@@ -89,7 +89,11 @@ def both(backend: Backend) -> Backend:
 def real_backend(model: Model) -> Backend:
     """Nothing stands in but a tiny model, and its pace. Its view bank is left out: that of a mist takes a minute."""
     return Backend(
-        load_model=lambda name: model, view_bank=lambda _: iter(()), pace=quick_pace, guess_category=no_guess
+        load_model=lambda name: model,
+        view_bank=lambda _: iter(()),
+        pace=quick_pace,
+        guess_category=no_guess,
+        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
 
 
@@ -177,8 +181,6 @@ def drive(
         session = Session(Worker(), backend, 0, folder)
         session.viewport.change(quality=Quality(32, 96))
         app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
-        if folder is None:  # else a fast machine would draw other pictures than a slow one
-            app.context.set_preference(turning="off")
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict

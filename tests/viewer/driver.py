@@ -91,12 +91,6 @@ class Driver:
         self.ctx.menu_click(path)
         self._check(path)
 
-    def set_quality(self, level: int) -> None:
-        """Choose how fine the view is rendered."""
-        self.click("View/###view options")
-        self.set("$FOCUSED/##quality", level)
-        self.press(imgui.Key.escape)
-
     def exists(self, name: str) -> bool:
         """Whether a widget is there."""
         return self.ctx.item_exists(f"//{name}")

@@ -26,7 +26,6 @@ from viewer.values import orbit
 from viewer.values.history import History
 from viewer.values.objects import EditableObject
 from viewer.values.preferences import Preferences
-from viewer.values.quality import QUALITIES
 from viewer.values.share_settings import KINDS
 
 
@@ -42,7 +41,6 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         before = hello_imgui.em_size()
         window.press(imgui.Key.mod_ctrl, imgui.Key.minus)
         assert hello_imgui.em_size() < before
-        window.set_quality(2)
         kept.append(window.context.preferences)
         window.ctx.yield_(2)
         assert Preferences.load(folder) == kept[0]
@@ -53,7 +51,6 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
     def second(window: Driver) -> None:
         assert window.context.preferences == kept[0]
         assert not (kept[0].dark or kept[0].newcomer)
-        assert window.session.viewport.settings.quality == QUALITIES[2]
 
     kept: list[Preferences] = []
     drive(first, folder=folder)
@@ -82,7 +79,7 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
         window.menu("File/###new_project")
         assert not window.session.editor.history.past
         assert window.session.editor.objects.names[0] == "block"
-        window.menu("File/Earlier sessions/###earlier 1")
+        window.menu("File/Recent/###earlier 1")
         assert window.session.editor.history.past == made[0].past[:-1]
 
     made: list[History] = []
@@ -249,32 +246,37 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
         def corner(panel: str) -> imgui.ImVec2:
             return window.ctx.window_info(f"//{panel}").window.pos
 
-        first = {"Library", "View", "Mix", "Sliders", "Photo", "History"}
+        first = {"Library", "View", "Mix", "Sliders", "Photo"}
         assert {*first} - {"Sliders", "Photo"} <= seen(window) <= first
         assert corner("Library").x < corner("View").x < corner("Mix").x
-        assert corner("View").y < corner("History").y
         hidden = {name for name in first if window.ctx.window_info(f"//{name}").window.dock_node.is_hidden_tab_bar()}
-        assert hidden == {"View", "History"}  # which say themselves what they are
+        assert hidden == {"View"}  # which says itself what it is
         window.show("Timeline")
-        assert corner("View").y < corner("Timeline").y < corner("History").y
-        window.menu("Panels/Library")
-        window.menu("Panels/Mix")
-        assert not {"Library", "Mix"} & seen(window)
+        assert corner("View").y < corner("Timeline").y
+        window.menu("Panels/Timeline")
+        assert "Timeline" not in seen(window)
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.tab)
+        assert seen(window) == {"View"}
+        window.press(imgui.Key.tab)
+        assert {"Library", "Mix"} <= seen(window) <= first
+        window.press(imgui.Key.tab)
         window.menu("Panels/###reset_layout")
         assert {"Library", "Mix"} <= seen(window) <= first
 
     drive(act)
 
 
-@pytest.mark.parametrize("size", [(900, 600), (1900, 1000)])
-def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
+@pytest.mark.parametrize(("size", "share"), [((900, 600), 0.5), ((1280, 800), 0.62), ((1920, 1080), 0.7)])
+def test_the_view_is_most_of_a_window_of_any_size(drive: Drive, size: tuple[int, int], share: float) -> None:
     def act(window: Driver) -> None:
-        editor = window.session.editor
+        editor, (low, high) = window.session.editor, window.context.view
         viewport = imgui.get_main_viewport().size
         assert (viewport.x, viewport.y) == size
+        assert (high.x - low.x) * (high.y - low.y) > share * size[0] * size[1]
         window.drag("View/orbit", 30)
         window.show("Sliders")
-        window.click("Sliders/**/Mean##shape")
+        window.click("Sliders/###sample")
         assert len(editor.history.past) == 2
 
     drive(act, size=size)
@@ -330,7 +332,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
             window.click(f"##MainMenuBar/##MenuBar/{menu}")
             look()
             window.press(imgui.Key.escape)
-        window.click("View/###view options")
+        window.click("View/###mode")
         look()
         window.press(imgui.Key.escape)
         window.context.drop([str(photo)])
@@ -341,7 +343,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         window.session.fitting.stop()
         window.wait()
         look()
-        window.show("Candidates")
+        window.show("Developer")
         look()
         window.session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
         look()

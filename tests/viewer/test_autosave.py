@@ -35,12 +35,13 @@ def edit(session: Session, photo: Path) -> None:
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
     editor.set_b("object 4")
-    editor.mix("texture", 0.4)
+    editor.mix_both(0.0, 0.4)
     session.player.add_key()
     session.player.seek(1.5)
     editor.show_object("object 2")
     session.player.add_key()
-    session.player.change(turns=-2)
+    session.player.stretch(7.0)
+    editor.end_gesture()
 
 
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
@@ -56,7 +57,7 @@ def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path:
     autosave.finish()
     assert not list(tmp_path.glob("*.codenerf"))  # nothing was made yet
     clock.now = 20.0
-    editor.mix("shape", 0.5, gesture="mix shape")
+    editor.mix_both(0.5, 0.4, gesture="mix pad")
     autosave.tick()
     autosave.finish()
     assert not list(tmp_path.glob("*.codenerf"))
@@ -447,7 +448,7 @@ def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
 ) -> None:
     autosave = Autosave(session, tmp_path, clock)
     for step in range(40):
-        editor.mix("texture", (step % 7 + 1) / 10)
+        editor.mix_both(0.0, (step % 7 + 1) / 10)
     monkeypatch.setattr(reading, "MAX_TEXT", 12_000)
     clock.now += 10.0
     autosave.tick()
@@ -494,3 +495,30 @@ def test_unfinished_files_of_runs_that_were_killed_are_removed_after_a_day(sessi
         os.utime(tmp_path / f".{name}.partial.codenerf", (time.time() - age, time.time() - age))
     Autosave(session, tmp_path)
     assert [path.name for path in tmp_path.glob(".*.partial*")] == [".new.partial.codenerf"]
+
+
+def test_the_next_launch_shows_the_view_and_tiles_at_once_and_no_other_object(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    session.start()
+    session.editor.show_object("object 3")
+    finish(session, lambda: session.viewport.sharp)
+    codes, camera = session.editor.scene.codes, session.editor.scene.camera.resized(64, 64)
+    session.thumbnails.get(codes, camera)
+    finish(
+        session, lambda: (found := session.thumbnails.get(codes, camera)) is not None and found.resolution == (64, 64)
+    )
+    shown = session.viewport.frame
+    assert shown is not None
+    autosave.close()
+    session.close()
+    again, second = begun(worker, backend, tmp_path, clock)
+    again.viewport.change(panel=(300, 200))
+    assert again.viewport.frame is None and not again.jobs.busy("view")  # nothing is rendered before it is restored
+    again.start()
+    frame, tile = again.viewport.frame, again.thumbnails.get(codes, camera)
+    assert frame is not None and not again.viewport.sharp
+    np.testing.assert_array_equal(frame.image, shown.image)
+    assert tile is not None and tile.resolution == (64, 64)
+    second.close()

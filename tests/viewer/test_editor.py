@@ -16,7 +16,6 @@ from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject
-from viewer.values.part import PARTS
 from viewer.values.project import Project
 
 
@@ -26,20 +25,14 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         lambda: editor.set_camera(orbit.dragged(editor.scene.camera, 0.2, 0.1)),
         lambda: editor.show_object("object 2"),
         lambda: editor.set_b("object 4"),
-        lambda: editor.mix("shape", 0.5),
-        lambda: editor.mix("texture", 0.7),
         lambda: editor.mix_both(0.2, 0.3),
         lambda: editor.take("texture", "object 3"),
-        lambda: editor.swap(),
         lambda: editor.move_along(Direction.principal(model.codes, "shape", 1), 2.0),
-        lambda: editor.set_directions((Direction.principal(model.codes, "texture", 0),)),
-        lambda: editor.sample("texture"),
-        lambda: editor.scale_to_distance("shape", 0.5),
-        lambda: editor.set_to_mean("shape"),
-        lambda: editor.reset_to_object("texture"),
+        lambda: editor.sample(),
+        lambda: editor.reset(),
         lambda: session.viewport.reset_view(),
         lambda: session.player.add_key(),
-        lambda: session.player.change(turns=2),
+        lambda: session.player.stretch(7.0),
         lambda: session.open_scene(tmp_path / "saved.json"),
     )
     states = [editor.state]
@@ -79,10 +72,10 @@ def test_shape_and_texture_slide_from_a_to_b_independently(editor: Editor) -> No
     editor.set_b("object 2")
     a, b = editor.objects["object 1"].codes, editor.objects["object 2"].codes
     assert editor.scene.codes == a
-    editor.mix("shape", 1.0)
+    editor.mix_both(1.0, 0.0)
     torch.testing.assert_close(editor.code("shape"), b.shape)
     assert torch.equal(editor.code("texture"), a.texture)
-    editor.mix("texture", 0.5)
+    editor.mix_both(1.0, 0.5)
     torch.testing.assert_close(editor.code("texture"), (a.texture + b.texture) / 2)
     torch.testing.assert_close(editor.code("shape"), b.shape)
 
@@ -97,13 +90,11 @@ def test_shape_and_texture_are_taken_from_different_objects(editor: Editor) -> N
     assert editor.state.mix.texture == 0.5
     editor.take("texture", "object 2")
     assert torch.equal(editor.code("texture"), two.texture)
-    editor.swap()
-    assert editor.state.mix.a == ("object 2", "object 1")
-    torch.testing.assert_close(editor.code("shape"), two.shape)
-    torch.testing.assert_close(editor.code("texture"), one.texture)
     editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.0)
-    editor.reset_to_object("shape")
-    assert torch.equal(editor.code("shape"), two.shape)
+    editor.mix_both(0.2, 0.3)
+    editor.reset()
+    assert torch.equal(editor.code("shape"), one.shape) and torch.equal(editor.code("texture"), two.texture)
+    assert (editor.state.mix.shape, editor.state.mix.texture) == (0.0, 0.0)
 
 
 def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
@@ -113,12 +104,10 @@ def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
     shape, mix = editor.code("shape"), editor.state.mix
     edits = (
         lambda: editor.show_object("object 2"),
-        lambda: editor.sample("shape"),
+        lambda: editor.sample(),
         lambda: editor.take("shape", "object 3"),
         lambda: editor.take("texture", "object 3"),
         lambda: editor.mix_both(0.9, 0.9),
-        lambda: editor.swap(),
-        lambda: editor.set_to_mean("shape"),
     )
     for edit in edits:
         edit()
@@ -130,42 +119,9 @@ def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
     assert editor.scene.codes == editor.objects["object 2"].codes
 
 
-def test_a_code_is_brought_back_straight_towards_the_mean(editor: Editor) -> None:
-    editor.show_object("object 2")
-    name, away = editor.nearest("shape") or ("", 1.0)
-    assert (name, away) == ("object 2", pytest.approx(0, abs=1e-5))
-    space, before, history = editor.space("shape"), editor.code("shape"), editor.history
-    for to in (0.9, 0.01, 0.5):
-        editor.scale_to_distance("shape", to, gesture="pull shape")
-        assert editor.distance("shape") == pytest.approx(to, rel=1e-3)
-    direction = torch.nn.functional.cosine_similarity(editor.code("shape") - space.mean, before - space.mean, dim=0)
-    assert float(direction) == pytest.approx(1, abs=1e-3)
-    assert editor.nearest("texture") == ("object 2", pytest.approx(0, abs=1e-5))
-    editor.undo()
-    assert editor.state == history.now
-    editor.set_to_mean("shape")
-    editor.scale_to_distance("shape", 1.0)  # the mean has no direction
-    assert editor.distance("shape") == pytest.approx(0, abs=1e-5)
-
-
-def test_the_nearest_objects_are_searched_for_once_per_code(editor: Editor, monkeypatch: pytest.MonkeyPatch) -> None:
-    searched = list[str]()
-    for part in PARTS:
-        search = getattr(CodeBook, f"nearest_{part}")
-        counted = lambda book, code, part=part, search=search: searched.append(part) or search(book, code)  # noqa: E731
-        monkeypatch.setattr(CodeBook, f"nearest_{part}", counted)
-    for _ in range(3):
-        assert [editor.nearest(part) for part in PARTS] == [("object 0", 0.0)] * 2
-    assert searched == ["shape", "texture"]
-    editor.take("texture", "object 3")
-    editor.set_camera(orbit.dragged(editor.scene.camera, 0.2, 0.1))
-    assert [editor.nearest(part) for part in PARTS] == [("object 0", 0.0), ("object 3", 0.0)]
-    assert searched == ["shape", "texture", "texture"]
-
-
 def test_another_b_takes_over_what_is_mixed_in(editor: Editor) -> None:
     editor.show_object("object 1")
-    editor.mix("texture", 1.0)
+    editor.mix_both(0.0, 1.0)
     editor.set_b("object 3")
     torch.testing.assert_close(editor.code("texture"), editor.objects["object 3"].codes.texture)
     assert torch.equal(editor.code("shape"), editor.objects["object 1"].codes.shape)
@@ -176,15 +132,13 @@ def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
     editor = Editor(open_models(empty), empty, torch.Generator())
     assert editor.objects.names == ["mean"]
     assert editor.scene.codes == empty.codes.mean
-    assert editor.nearest("shape") is None
 
 
 def test_the_same_seed_samples_the_same(model: Model) -> None:
     sampled = []
     for _ in range(2):
         editor = Editor(open_models(model), model, torch.Generator().manual_seed(7))
-        for part in PARTS:
-            editor.sample(part)
+        editor.sample()
         sampled.append(editor.scene.codes)
     assert sampled[0] == sampled[1]
 
@@ -207,7 +161,7 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     editor.end_gesture()
     detail = editor.scene.codes.detail
     assert detail is not None and detail.strength == 0.25
-    editor.set_code("texture", editor.code("texture") + 0.1)
+    editor.move_along(Direction.principal(model.codes, "texture", 0), 1.0)
     assert editor.scene.codes.detail is detail
     editor.take("texture", "object 2")
     assert editor.scene.codes.detail is detail
@@ -261,8 +215,8 @@ def test_objects_of_two_models_are_edited_in_one_history(both: Editor, model: Mo
     assert both.model is cars and both.scene.codes == cars.codes[2]
     assert both.locked == frozenset()  # of this model's objects nothing is
     assert both.state.mix.b == "object 1 (2)" or both.models.of(both.objects[both.state.mix.b].codes) is cars
-    both.mix("texture", 0.5)
-    both.sample("shape")
+    both.mix_both(0.0, 0.5)
+    both.sample()
     assert both.scene.codes.model == cars.fingerprint
     both.show_object("object 3")
     assert both.model is model and both.state.mix.b == "object 4"
@@ -278,7 +232,7 @@ def test_what_the_timeline_shows_of_another_model_brings_the_mix_of_that(both: E
     _, cars = both.models
     both.show(cars.codes[3], both.scene.camera)
     assert all(both.models.of(both.objects[name].codes) is cars for name in both.state.mix.names)
-    both.mix("texture", 0.5)
+    both.mix_both(0.0, 0.5)
     assert both.model is cars
 
 

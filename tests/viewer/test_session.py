@@ -61,7 +61,7 @@ def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
 
 
 def test_scenes_come_back_exactly(session: Session, editor: Editor, tmp_path: Path) -> None:
-    editor.sample("shape")
+    editor.sample()
     editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
     scene = editor.scene
     session.exporting.scene(tmp_path / "mine.json")
@@ -128,7 +128,7 @@ def test_photos_are_fitted_with_the_models_of_their_categories_one_after_the_oth
     assert session.fitting.history.model == cars.fingerprint
     assert editor.model is chairs  # the second was not followed
     editor.show_object("block blue")
-    editor.mix("texture", 0.5)
+    editor.mix_both(0.0, 0.5)
     assert editor.model is cars and editor.state.mix.b.startswith("car")
     session.player.add_key()
     editor.show_object("block")

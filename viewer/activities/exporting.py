@@ -1,4 +1,4 @@
-"""Videos, meshes, grids, pictures and scenes on their way into files."""
+"""Videos, meshes, pictures and scenes on their way into files."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -6,13 +6,13 @@ from pathlib import Path
 
 from core.geometry.camera import Camera
 from core.models.scene import Scene, save_image
-from viewer.activities.grid import Grid, write_grid
+from viewer.activities.mix_image import mixes, write_mixes
 from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.share_settings import ShareSettings
+from viewer.values.share_settings import RATE, TURN, ShareSettings
 
 _MOST_SLOWER = 4.0
 
@@ -20,11 +20,11 @@ _MOST_SLOWER = 4.0
 class Exporting:
     """One file at a time."""
 
-    def __init__(self, jobs: Jobs, editor: Editor, grid: Grid) -> None:
-        self._jobs, self._editor, self._grid = jobs, editor, grid
+    def __init__(self, jobs: Jobs, editor: Editor) -> None:
+        self._jobs, self._editor = jobs, editor
         self.preview = SharePreview(jobs, editor)
         self.path: Path | None = None  # the file under way
-        self.kind = ""  # one of :data:`~viewer.values.share_settings.KINDS`, or grid: what is under way, or was last
+        self.kind = ""  # one of :data:`~viewer.values.share_settings.KINDS`, or mixes: what is under way, or was last
         self.saved: Path | None = None  # the last file that was written
         self.progress = 0.0  # of the one under way, 0..1
         self._began = 0.0  # s on the monotonic clock
@@ -62,23 +62,19 @@ class Exporting:
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
         elif settings.kind == "turntable" or timeline.keys:
-            count = settings.frames if settings.kind == "turntable" else timeline.frame_count(settings.rate)
+            count = TURN if settings.kind == "turntable" else timeline.frame_count(RATE)
 
             def write(scene: Scene) -> Iterator[int]:
                 return backend.video(models, settings.views(models, scene, timeline), path, settings.video_settings)
 
             self._begin(settings.kind, path, write, count)
 
-    def grid(self, path: Path, size: int = 256) -> None:
-        """Write the grid as one image on white, a cell so many px wide and high."""
-        rows = [[self._editor.pair(pair) for pair in row] for row in self._grid.rows]
-
-        def stream(scene: Scene) -> Iterator[float]:
-            camera = orbit.home(self._jobs.models.of(rows[0][0])).resized(size, size)
-            return write_grid(self._jobs.frames, rows, camera, path)
-
-        if rows:
-            self._begin("grid", path, stream)
+    def mixes(self, path: Path, size: int = 256) -> None:
+        """Write the mixes of A and B as one image on white, a cell so many px wide and high."""
+        mix = self._editor.state.mix
+        cells = mixes(self._editor.pair(mix.a), self._editor.objects[mix.b].codes)
+        camera = orbit.home(self._editor.model).resized(size, size)
+        self._begin("mixes", path, lambda scene: write_mixes(self._jobs.frames, cells, camera, path))
 
     def cancel(self) -> None:
         """Give the file under way up; no half-written file stays."""
@@ -98,7 +94,7 @@ class Exporting:
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(self._jobs.models, scene, self._editor.state.timeline)[0]
-        about = settings.size, settings.behind, settings.exact, settings.shadow
+        about = settings.size, settings.behind, settings.exact, settings.shows_shadow
         for image in self._jobs.backend.pictures(self._jobs.models, [view], *about):
             if image is not None:
                 save_image(image, path, scene)
@@ -121,7 +117,7 @@ class Exporting:
         if path and error:
             self._jobs.messages.report(f"Cannot export {path.name}", error)
         elif path:
-            if self._expected and self.kind != "grid":
+            if self._expected and self.kind != "mixes":
                 took = time.monotonic() - self._began
                 self._slower = min(_MOST_SLOWER, max(1 / _MOST_SLOWER, took / self._expected))
             self.saved = path

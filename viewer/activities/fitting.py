@@ -15,7 +15,7 @@ from viewer.activities.fit_stream import ChosenModel, FitOptions, Remark, fit_st
 from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import FIT_SHARE, Jobs
 from viewer.services.messages import Button, MessageKind
 from viewer.services.signal import Signal
 from viewer.services.worker import Job
@@ -272,7 +272,7 @@ class Fitting:
                 self.no_background.emit(history.sources, read)
             self._next()
 
-        self._jobs.submit(Job("fit", stream, self._receive, ended))
+        self._jobs.submit(Job("fit", stream, self._receive, ended, share=FIT_SHARE))
 
     def _receive(self, value: ChosenModel | Remark | FittedPhoto | FitStep) -> None:
         if isinstance(value, ChosenModel):

@@ -3,10 +3,8 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 from core.export.keyframes import MAX_LENGTH, MIN_GAP, Timeline, View
-from core.geometry.camera import Camera
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.viewport import Viewport
@@ -34,7 +32,6 @@ class Player:
     ) -> None:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
         self.seconds = 0.0  # where the playhead is
-        self.copied: View | None = None  # of a keyframe, to be pasted
         self._began: float | None = None  # s on the clock when the playhead was at 0, while it plays
         self._last_scene: Scene | None = None
         self._last_timeline: Timeline | None = None  # what it showed last; another one is an edit
@@ -138,20 +135,12 @@ class Player:
         self._editor.set_timeline(self.timeline.removed(index))
 
     def move_key(self, index: int, seconds: float) -> None:
-        """Give a keyframe another time; to be ended by :meth:`Editor.end_gesture`."""
-        moved = self.timeline.moved(index, seconds)
+        """Give a keyframe another time, and show it; to be ended by :meth:`Editor.end_gesture`."""
+        moved, gesture = self.timeline.moved(index, seconds), f"key {index}"
         self._stop()
         self.seconds = moved.keys[index].seconds
-        self._editor.set_timeline(moved, f"key {index}")
-
-    def aim_key(self, index: int, camera: Camera) -> None:
-        """Let a keyframe be seen from another camera, and show it; to be ended by :meth:`Editor.end_gesture`."""
-        self._stop()
-        key, gesture = self.timeline.keys[index], f"aim {index}"
-        view = View(key.view.codes, camera)
-        self.seconds = key.seconds
-        self._editor.set_timeline(self.timeline.replaced(index, view), gesture)
-        self._editor.show(*view, gesture)
+        self._editor.set_timeline(moved, gesture)
+        self._editor.show(*moved.keys[index].view, gesture)
 
     def go_to_key(self, index: int) -> None:
         """Move the playhead to a keyframe and show it."""
@@ -163,19 +152,6 @@ class Player:
         ahead = [index for index, key in enumerate(self.timeline.keys) if by * (key.seconds - self.seconds) > 1e-6]
         if ahead:
             self.go_to_key(min(ahead) if by > 0 else max(ahead))
-
-    def copy_key(self, index: int) -> None:
-        """Remember what a keyframe shows."""
-        self.copied = self.timeline.keys[index].view
-
-    def paste_key(self) -> None:
-        """Paste the copied keyframe at the playhead, in place of one that is there, and show it."""
-        if self.copied is None:
-            return
-        self.pause()
-        here, view, timeline = self.key, self.copied, self.timeline
-        self._editor.set_timeline(timeline.added(self.seconds, view) if here is None else timeline.replaced(here, view))
-        self.go_to_key(self.timeline.nearest(min(self.seconds, self.timeline.keys[-1].seconds)) or 0)
 
     def duplicate_key(self, index: int) -> None:
         """A keyframe like this one, halfway to the next or to the end, if there is room."""
@@ -194,13 +170,10 @@ class Player:
         self.seconds = share * stretched.length
         self._editor.set_timeline(stretched, "timeline length")
 
-    def change(self, **settings: Any) -> None:
-        """Change turns, smoothness or loop of the timeline by their names."""
+    def loop(self, loop: bool) -> None:
+        """Let the first keyframe come again after the last one, or not."""
         self.pause()
-        if "loop" in settings:
-            self._editor.set_timeline(self.timeline.looped(settings["loop"]))
-        else:
-            self._editor.set_timeline(replace(self.timeline, **settings))
+        self._editor.set_timeline(self.timeline.looped(loop))
 
     def _stop(self) -> None:
         if self._began is not None:

@@ -9,12 +9,12 @@ from core.export.video_frames import Image
 from core.models.codes import Codes
 from core.rendering.baked_field import BakedField
 from viewer.editor import Editor
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import TILES_SHARE, Jobs
 from viewer.services.worker import Job
 from viewer.values.share_settings import ShareSettings
 
 _SIZE = 256  # px
-_PACE, _PACE_SHARE = "share pace", 0.15  # a job and its share of the worker's time
+_NAME, _PACE = "share preview", "share pace"  # jobs
 
 
 class SharePreview:
@@ -23,7 +23,7 @@ class SharePreview:
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
         self.image: Image | None = None  # on nothing; None until it is rendered
-        self._shown: tuple[object, ...] = ()  # what it shows
+        self._shown: tuple[object, ...] = ()  # what it shows, or will
         self._copied: tuple[Codes, int] | None = None  # object and cells of the baked copy that is drawn
         self.pace: Pace | None = None  # of videos of this model on this machine; None until that is measured
         self._known: tuple[tuple[object, ...], float] | None = None
@@ -37,7 +37,7 @@ class SharePreview:
         if settings.kind == "video" and not self._editor.state.timeline.keys:
             return
         state, models = self._editor.state, self._jobs.models
-        framing = settings.kind, settings.fill, settings.frames, settings.rate, settings.shows_shadow
+        framing = settings.kind, settings.fill, settings.shows_shadow
         wanted = state.scene, state.timeline, framing
         finer = baked_copy(self._copied[0]) if self._copied else None
         is_coarse = self._copied is not None and finer is not None and finer.cells > self._copied[1]
@@ -59,12 +59,17 @@ class SharePreview:
         def rendered(found: tuple[Image, tuple[Codes, int] | None]) -> None:
             self.image, self._copied = found
 
-        self._jobs.submit(Job("share preview", stream, rendered, self._jobs.reporting("Cannot render the preview")))
+        self._jobs.submit(Job(_NAME, stream, rendered, self._jobs.reporting("Cannot render the preview"), urgent=True))
         if self.pace is None and not self._jobs.busy(_PACE):
             view = View(state.scene.codes, state.scene.camera)
             measured, model = self._jobs.backend.pace, self._editor.model
             ended = self._unmeasured
-            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, ended, share=_PACE_SHARE))
+            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, ended, share=TILES_SHARE))
+
+    @property
+    def stale(self) -> bool:
+        """The image is of what was shown before."""
+        return self._jobs.busy(_NAME)
 
     def seconds(self, settings: ShareSettings) -> float | None:
         """What a video or a picture will take, s; None until that can be told."""
@@ -85,6 +90,5 @@ class SharePreview:
 
     def close(self) -> None:
         """Render no more."""
-        self._jobs.cancel("share preview")
-        self._jobs.cancel(_PACE)
+        self._jobs.cancel(_NAME, _PACE)
         self._shown = ()

@@ -2,8 +2,9 @@
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.photo_detail import PhotoDetail
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer.services.jobs import BACKGROUND_SHARE, Jobs
+from viewer.services.jobs import BACKGROUND_SHARE, TILES_SHARE, Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails, Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
@@ -22,9 +23,9 @@ from viewer.values import orbit
 SIZE = 64  # px, of most thumbnails
 _SAMPLES = 40  # intervals along the longest side of the scene's box
 _MAX_KEPT = 1000  # thumbnails: of 64 px they take 28 kB each
+_OF_SESSION = 300  # kept with the session
 _COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of what is shown until a thumbnail is there
 _BATCH = 6  # thumbnails rendered before the queue is read again
-_COARSE_SHARE = 0.3  # of the worker's time, where there is nothing to see yet
 
 
 class _Key(NamedTuple):
@@ -39,14 +40,27 @@ class _Key(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """For files; of keys without photos."""
+        """For files."""
         text = f"{self.camera} {self.samples}".encode()
-        return hashlib.blake2b(self.shape + self.texture + text, digest_size=16).hexdigest()
+        detail = _detail_digest(self.detail) if self.detail else b""
+        return hashlib.blake2b(self.shape + self.texture + text + detail, digest_size=16).hexdigest()
 
 
 def _key(codes: Codes, camera: Camera, samples: int) -> _Key:
     shape, texture = codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes()
     return _Key(codes.model, shape, texture, camera, samples, codes.detail)
+
+
+@lru_cache(maxsize=256)
+def _detail_digest(detail: PhotoDetail) -> bytes:
+    views = "".join(f"{hashlib.blake2b(view.image).hexdigest()} {view.camera} {view.erased}" for view in detail.views)
+    about = f"{views} {detail.codes_key} {detail.confidence} {detail.strength} {detail.other_side}"
+    return hashlib.blake2b(about.encode(), digest_size=16).digest()
+
+
+def digest(codes: Codes, camera: Camera, samples: int = 0) -> str:
+    """A name for files of an object's picture."""
+    return _key(codes, camera, samples).digest
 
 
 def _coarse(key: _Key) -> _Key:
@@ -57,9 +71,15 @@ def _coarse(key: _Key) -> _Key:
     return key._replace(camera=camera.resized(_COARSE, _COARSE), samples=min(key.samples, _COARSE_SAMPLES))
 
 
-def _frame(pixels: Pixels, samples: int) -> Frame:
+def frame_of(pixels: Pixels, samples: int = 0, stages: int = 1) -> Frame:
+    """A kept picture as a frame, the first of so many stages."""
     opacity = pixels[..., 3] / np.float32(255)
-    return Frame(pixels[..., :3], _no_depth(opacity), opacity, 0, 1, samples, 0.0)
+    return Frame(pixels[..., :3], _no_depth(opacity), opacity, 0, stages, samples, 0.0)
+
+
+def pixels_of(frame: Frame) -> Pixels:
+    """A frame as it is kept."""
+    return np.dstack((frame.image, to_bytes(frame.opacity)))
 
 
 def _no_depth(opacity: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "height width"]:
@@ -70,8 +90,11 @@ def _no_depth(opacity: Float32[np.ndarray, "height width"]) -> Float32[np.ndarra
 class Thumbnails:
     """The worker renders the thumbnails that panels want in a frame; those that are wanted no more are dropped."""
 
-    def __init__(self, jobs: Jobs, kept: KeptThumbnails | None = None) -> None:
-        self._jobs, self._kept = jobs, kept or KeptThumbnails()
+    def __init__(
+        self, jobs: Jobs, kept: KeptThumbnails | None = None, of_session: Mapping[str, Pixels] | None = None
+    ) -> None:
+        """``of_session``: pictures of the last session, by their digests."""
+        self._jobs, self._kept, self._of_session = jobs, kept or KeptThumbnails(), of_session or {}
         self._on_disk = dict[str, dict[str, Pixels]]()  # kept pictures, by model and name
         self._wanted = dict[_Key, str]()  # names of pictures to keep: of objects from the first view
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()
@@ -93,7 +116,7 @@ class Thumbnails:
             if codes.model not in self._on_disk:
                 self._on_disk[codes.model] = self._kept.load(model)
             if (found := self._on_disk[codes.model].get(name)) is not None and key not in self._frames:
-                self._frames[key] = _frame(found, samples)
+                self._frames[key] = frame_of(found, samples)
         return self._get(key, codes)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
@@ -106,12 +129,20 @@ class Thumbnails:
         return self._get(_key(codes, camera, samples), codes, soon)
 
     def _get(self, key: _Key, codes: Codes, soon: bool = False) -> Frame | None:
+        if key not in self._frames and (found := self._of_session.get(key.digest)) is not None:
+            self._frames[key] = frame_of(found, key.samples)
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
         wanted = {key: codes}
         self._queue = wanted | self._queue if soon else self._queue | wanted
         return self._frames.get(_coarse(key))
+
+    @property
+    def newest(self) -> dict[str, Pixels]:
+        """Pictures to be kept with the session, by their digests; those of objects are kept with the model."""
+        keys = [key for key in self._frames if key not in self._wanted][-_OF_SESSION:]
+        return {key.digest: pixels_of(self._frames[key]) for key in keys}
 
     def _due(self) -> dict[_Key, RenderJob]:
         """What is to be rendered next of all that is wanted: nothing that has come since it was."""
@@ -130,7 +161,7 @@ class Thumbnails:
             return
         queue, self._queue = list(self._due().items()), {}
         coarse = [one for one in queue if one[0].camera.width <= _COARSE]
-        batch, share = (coarse or queue)[:_BATCH], _COARSE_SHARE if coarse else BACKGROUND_SHARE
+        batch = (coarse or queue)[:_BATCH]
         if not batch:
             self._save()
             return
@@ -140,7 +171,7 @@ class Thumbnails:
                 self._failed.update(key for key, _ in batch if key not in self._frames)
                 self._jobs.messages.report("Cannot render the thumbnails", error)
 
-        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=share))
+        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=TILES_SHARE))
 
     def _save(self) -> None:
         """Nothing is to be rendered: keep what is there of objects, if that is more than is kept."""
@@ -152,7 +183,7 @@ class Thumbnails:
         if not new:
             return
         for key, name in new:
-            self._on_disk[key.model][name] = np.dstack((self._frames[key].image, to_bytes(self._frames[key].opacity)))
+            self._on_disk[key.model][name] = pixels_of(self._frames[key])
         changed = {key.model for key, _ in new}
 
         def stream() -> Iterator[None]:

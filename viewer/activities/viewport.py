@@ -1,6 +1,7 @@
 """The view: what it shows and from where, how its image is rendered, and what is on screen."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -12,19 +13,19 @@ from core.rendering.baked_field import BakedField
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.framing import Framing
+from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import SHARPENING_SHARE, TILES_SHARE, Jobs
+from viewer.services.kept_thumbnails import Pixels
 from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
 
-Source = Literal["scene", "timeline", "fit"]
+Source = Literal["none", "scene", "timeline", "fit"]
 LIVE = RenderSettings(samples=48, divisors=(2,))  # of a fit on its way
 _FULL_RESOLUTION_DELAY = 0.4  # s without a change after which the image is rendered at the view's own resolution
 _EXACT_DELAY = 0.15  # s without a change after which the exact image is rendered that replaces one drawn by OpenGL
-_BAKE_SHARE = 0.5  # of the worker's time
-_SHARPENING_SHARE = 0.15  # of the worker's time beside exports and fits; alone it has all of it
 
 
 class Viewport:
@@ -35,7 +36,7 @@ class Viewport:
 
     def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
         self._jobs, self._editor, self.settings = jobs, editor, settings
-        self.source: Source = "scene"  # what displays its frames here
+        self.source: Source = "none"  # what displays its frames here; none until :meth:`begin`
         self.frame: Frame | None = None  # the newest frame, as the panel shows it
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # the whole frame, and what of it is shown
         self.times: tuple[tuple[tuple[int, int], float], ...] = ()  # of each stage: px, s from the start
@@ -53,6 +54,25 @@ class Viewport:
         self.framing = Framing(jobs, editor)
         self.result_shown = Signal[[]]()  # emitted when what a fit has found is in the view
         editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
+
+    def begin(self, pictures: Mapping[str, Pixels] | None = None) -> None:
+        """Render the scene from now on; until that is there, show its picture among kept ones, if it is one of them."""
+        request = self.request
+        if (found := (pictures or {}).get(_picture(request))) is not None:
+            height, width = found.shape[:2]
+            self._show(frame_of(found, stages=2), orbit.fit_to_panel(request.camera, width, height, min(width, height)))
+        if self.source == "none":
+            self.source = "scene"
+        self.render()
+
+    @property
+    def picture(self) -> dict[str, Pixels]:
+        """What is in the view, to be kept, by its name; nothing unless it is finished and of the scene."""
+        finished = self.frame and self.frame.final and not (self.baked_frame or self._jobs.busy("view"))
+        if not (finished and self.source == "scene" and self.settings.mode == "colour"):
+            return {}
+        assert self.frame is not None
+        return {_picture(self.request): pixels_of(self.frame)}
 
     def close(self) -> None:
         """Render no more."""
@@ -173,7 +193,7 @@ class Viewport:
 
         bake, model = self._jobs.backend.bake, self._jobs.models.of(codes)
         ended = self._jobs.reporting("Cannot bake the object")
-        self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=_BAKE_SHARE))
+        self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=TILES_SHARE))
 
     # Frames of the timeline, and of a fit
 
@@ -280,9 +300,13 @@ class Viewport:
                 self._last_render = time.monotonic()
 
         ended = self._jobs.reporting("Cannot render the object")
-        share = 1.0 if urgent else _SHARPENING_SHARE
+        share = 1.0 if urgent else SHARPENING_SHARE
         self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
         self.baked_frame = None
+
+
+def _picture(request: ViewRequest) -> str:
+    return f"view {digest(request.codes, request.camera)}"

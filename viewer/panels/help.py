@@ -1,74 +1,131 @@
-"""The help window: the table of actions with mouse and keys, and a search in it."""
+"""The help: a search for everything that has a name, and the table of actions with mouse and keys."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import chain
+from typing import NamedTuple
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.actions import TABLE, Action, Gesture, find_actions
+from viewer.actions import ACTIONS, TABLE, Action, Gesture
 from viewer.context import PanelContext
+from viewer.values.variety import readable
+from viewer.values.view_modes import MODES
 from viewer.widgets.text import heading
 
 _WHAT, _DOES = 13, 32  # em: the widths of the columns
+_MOST = 12  # that are listed of what was found
 
 
-def draw(context: PanelContext) -> None:
+class Entry(NamedTuple):
+    """Something that is found by its words."""
+
+    words: str
+    about: str
+    run: Callable[[], object]
+
+
+class Help:
     """A window, while it is open."""
-    if not context.help_open:
-        return
-    viewport = imgui.get_main_viewport()
-    imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
-    imgui.set_next_window_size_constraints((0, 0), viewport.work_size)  # a low window scrolls
-    flags = imgui.WindowFlags_
-    unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
-    shown, stays = imgui.begin("Help", True, unmoved)
-    context.help_open = bool(stays)
-    if shown:
-        _draw_search(context)
-    if shown and imgui.begin_table("help", 2):
-        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(_WHAT))
-        room = viewport.work_size.x - hello_imgui.em_size(_WHAT + 3)
-        does = min(hello_imgui.em_size(_DOES), room)
-        imgui.table_setup_column("does", imgui.TableColumnFlags_.width_fixed, does)
-        for place, rows in TABLE.items():
-            _draw_place(context, place, [row for row in map(_columns, rows) if _matches(context, (place, *row))])
-        imgui.end_table()
-    imgui.end()
+
+    def __init__(self) -> None:
+        self._search = ""
+        self._found: list[Entry] = []
+
+    def draw(self, context: PanelContext) -> None:
+        """The search above what it finds, or above the table."""
+        if not context.help_open:
+            return
+        viewport = imgui.get_main_viewport()
+        imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
+        imgui.set_next_window_size_constraints((0, 0), viewport.work_size)  # a low window scrolls
+        flags = imgui.WindowFlags_
+        unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
+        shown, stays = imgui.begin("Help", True, unmoved)
+        context.help_open = bool(stays)
+        if shown:
+            self._draw_search(context)
+            room = viewport.work_size.x - hello_imgui.em_size(_WHAT + 3)
+            if imgui.begin_table("help", 2):
+                imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(_WHAT))
+                does = min(hello_imgui.em_size(_DOES), room)
+                imgui.table_setup_column("does", imgui.TableColumnFlags_.width_fixed, does)
+                self._draw_found(context) if self._search else _draw_table(context)
+                imgui.end_table()
+        imgui.end()
+
+    def _draw_search(self, context: PanelContext) -> None:
+        if imgui.is_window_appearing():
+            self._search, self._found = "", []
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(-1)
+        if imgui.get_io().want_text_input and imgui.is_key_pressed(imgui.Key.f1, False):
+            context.help_open = False
+        hint, before = "Type what you look for; Enter does the first", self._search
+        enter = imgui.InputTextFlags_.enter_returns_true
+        entered, self._search = imgui.input_text_with_hint("##search", hint, before, enter)
+        if self._search != before:
+            self._found = find(context, self._search)
+        if entered and self._found:
+            self._run(context, self._found[0])
+
+    def _draw_found(self, context: PanelContext) -> None:
+        for number, entry in enumerate(self._found[:_MOST]):
+            imgui.table_next_row()
+            imgui.table_next_column()
+            if imgui.selectable(f"{entry.words}###found {number}", number == 0)[0]:
+                self._run(context, entry)
+            imgui.table_next_column()
+            imgui.text_wrapped(entry.about)
+
+    @staticmethod
+    def _run(context: PanelContext, entry: Entry) -> None:
+        context.help_open = False
+        entry.run()
 
 
-def _draw_search(context: PanelContext) -> None:
-    if imgui.is_window_appearing():
-        context.help_search = ""
-        imgui.set_keyboard_focus_here()
-    imgui.set_next_item_width(-1)
-    if imgui.get_io().want_text_input and imgui.is_key_pressed(imgui.Key.f1, False):
-        context.help_open = False
-    hint = "Type what you look for; Enter does the first"
-    context.help_search = imgui.input_text_with_hint("##search", hint, context.help_search)[1]
-    found = [action for action in find_actions(context.help_search) if action.enabled(context)]
-    if found:
-        imgui.text_colored((*context.palette.accent, 1.0), f"Enter: {found[0].words}")
-    if found and any(map(imgui.is_key_pressed, (imgui.Key.enter, imgui.Key.keypad_enter))):
-        context.help_open = False
-        found[0].run(context)
+def entries(context: PanelContext) -> Iterator[Entry]:
+    """Actions that can be done now, panels, view modes and objects."""
+    session = context.session
+    for action in ACTIONS.values():
+        if action.enabled(context):
+            yield Entry(action.words, action.hint(), partial(action.run, context))
+    for title in context.panels:
+        yield Entry(title, "panel", partial(setattr, context, "focus", title))
+    for mode in MODES:
+        yield Entry(mode.capitalize(), "view mode", partial(session.viewport.change, mode=mode))
+    objects = session.editor.objects
+    families = (objects.families[model.fingerprint] for model in session.listed_models)
+    listed = [*objects.own, *chain.from_iterable(families)]
+    names = {readable(name): name for name in reversed(listed)}
+    for words, name in names.items():
+        yield Entry(words, "object", partial(session.editor.show_object, name))
+
+
+def find(context: PanelContext, search: str) -> list[Entry]:
+    """What has the words that are searched for, the likeliest first; nothing for no words."""
+    wanted, found = search.strip().lower(), list[tuple[int, Entry]]()
+    for entry in entries(context) if wanted else ():
+        words = entry.words.lower()
+        if wanted in f"{words} {entry.about.lower()}":
+            rank = 0 if words == wanted else 1 if words.startswith(wanted) else 2 if wanted in words else 3
+            found.append((rank, entry))
+    return [entry for _, entry in sorted(found, key=lambda one: one[0])]
+
+
+def _draw_table(context: PanelContext) -> None:
+    """What works where."""
+    for place, rows in TABLE.items():
+        imgui.table_next_row()
+        imgui.table_next_column()
+        heading(context, place)
+        for what, does in map(_columns, rows):
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text(what)
+            imgui.table_next_column()
+            imgui.text_wrapped(does)
 
 
 def _columns(row: Action | Gesture) -> tuple[str, str]:
     return (row.keys or row.words) if isinstance(row, Action) else row.words, row.tooltip
-
-
-def _matches(context: PanelContext, texts: Iterable[str]) -> bool:
-    return context.help_search.lower() in " ".join(texts).lower()
-
-
-def _draw_place(context: PanelContext, place: str, rows: list[tuple[str, str]]) -> None:
-    """What works in one place, under its name; nothing where the search finds nothing."""
-    if rows:
-        imgui.table_next_row()
-        imgui.table_next_column()
-        heading(context, place)
-    for what, does in rows:
-        imgui.table_next_row()
-        imgui.table_next_column()
-        imgui.text(what)
-        imgui.table_next_column()
-        imgui.text_wrapped(does)

@@ -1,68 +1,83 @@
-"""Every edit that undo remembers, as thumbnails in a row; a click brings one back."""
+"""The edits that undo remembers, as thumbnails along the lower edge of the view. Not a docked panel."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
-from viewer.context import Panel, PanelContext
+from viewer.context import PanelContext
 from viewer.screen.theme import packed
-from viewer.values.history import History, State
+from viewer.values.history import Edit, History, State
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import tooltip
-from viewer.widgets.text import caption
+from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
-_WORD = 4.0  # em, of the panel's name at the left
+_SIDE, _EDGE = 2.7, 0.5  # em: a thumbnail, and the distance from the view's corner
 
 
-class HistoryPanel(Panel):
-    """The oldest on the left; what undo took back is on the right of what is shown, paler."""
-
-    title = "History"
-    dock = "Strip"
-    bare = True
+class HistoryStrip:
+    """One tile for each object, the oldest on the left, and all edits of the object in the view; what undo took back is
+    paler.
+    """
 
     def __init__(self) -> None:
         self._shown = -1  # the state that was last scrolled to
         self._history: History | None = None
         self._states: tuple[State, ...] = ()
-        self._edits: tuple[tuple[int, str], ...] = ()  # of that history
+        self._groups: tuple[tuple[Edit, ...], ...] = ()  # edits of that history, by object
 
     def draw(self, context: PanelContext) -> None:
-        """The row, which scrolls to what is shown."""
+        """The strip, once there is more than one edit; it scrolls to what is shown."""
         history = context.session.editor.history
         if history is not self._history:
-            self._history, self._states, self._edits = history, history.states, history.edits
-        em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
-        caption(context, "History")
-        imgui.same_line(_WORD * em)
-        side = max(em, min(object_tiles.THUMBNAIL * em, room.y))
-        flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.horizontal_scrollbar
-        if imgui.begin_child("row", (0, 0), 0, flags):
-            imgui.push_style_var(imgui.StyleVar_.item_spacing, (0.3 * em, 0.3 * em))
-            first = 0
-            for number, (last, words) in enumerate(self._edits):
+            self._history, self._states, self._groups = history, history.states, history.edits
+        em, (low, high) = hello_imgui.em_size(), context.view
+        context.covered = 0.0
+        if sum(map(len, self._groups)) < 2:
+            return
+        tiles = self._tiles(len(history.past))
+        side, gap = _SIDE * em, 0.3 * em
+        width = min(high.x - low.x - 2 * _EDGE * em, len(tiles) * (side + gap) + 2 * gap)
+        height = side + 3 * gap
+        context.covered = height + _EDGE * em
+        imgui.set_next_window_pos(ImVec2(low.x + _EDGE * em, high.y - _EDGE * em - height))
+        imgui.set_next_window_size((width, height))
+        imgui.set_next_window_bg_alpha(0.85)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (1.5 * gap, 1.5 * gap))
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
+        hidden = imgui.WindowFlags_
+        flags = OVERLAY_FLAGS & ~(hidden.always_auto_resize | hidden.no_nav) | hidden.horizontal_scrollbar
+        if imgui.begin("History", None, flags)[0]:
+            for number, (edit, first) in enumerate(tiles):
                 if number:
                     imgui.same_line()
-                self._draw_edit(context, number, range(first, last + 1), words, side)
-                first = last + 1
-            imgui.pop_style_var()
+                self._draw_edit(context, number, range(first, edit.last + 1), edit, side)
             if imgui.is_window_hovered() and (wheel := imgui.get_io().mouse_wheel):
                 imgui.set_scroll_x(imgui.get_scroll_x() - wheel * side)
-        imgui.end_child()
+        imgui.end()
+        imgui.pop_style_var(2)
 
-    def _draw_edit(self, context: PanelContext, number: int, states: range, words: str, side: float) -> None:
-        """One tile for an edit and the moves of the camera after it; a click goes to the last of them."""
+    def _tiles(self, now: int) -> list[tuple[Edit, int]]:
+        """What is shown, with the first state that each tile stands for."""
+        tiles, first = list[tuple[Edit, int]](), 0
+        for group in self._groups:
+            unfolded = first <= now <= group[-1].last
+            for edit in group if unfolded else group[-1:]:
+                tiles.append((edit, first))
+                first = edit.last + 1
+        return tiles
+
+    def _draw_edit(self, context: PanelContext, number: int, states: range, edit: Edit, side: float) -> None:
+        """A click goes to the last of its states."""
         history = context.session.editor.history
         now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
-        elif imgui.invisible_button(f"state {number + 1}", (side, side)) and not shown:
-            context.session.editor.go_to(states[-1])
+        elif object_tiles.tile_button(f"state {number + 1}", (side, side)) and not shown:
+            context.session.editor.go_to(edit.last)
         if shown and self._shown != now:
             imgui.set_scroll_here_x()
             self._shown = now
-        tooltip(words[:1].upper() + words[1:] if shown else f"Click to go back to: {words}")
-        state = history.now if shown else self._states[states[-1]]
+        tooltip(edit.words[:1].upper() + edit.words[1:] if shown else f"Click to go back to: {edit.words}")
+        state = history.now if shown else self._states[edit.last]
         object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), corner, side)
         if states[0] > now:
             pale = packed(context.palette.panel, 0.55)

@@ -1,6 +1,7 @@
 """Everything to begin with: a photo, what one has made oneself, and the model's objects as thumbnails."""
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -14,9 +15,10 @@ from viewer.widgets import object_tiles, user_objects, waiting_tiles
 from viewer.widgets.controls import action_button, draw_choice, tooltip
 from viewer.widgets.object_tiles import unmixable
 from viewer.widgets.text import caption, heading, paint_caption, small_height
-from viewer.widgets.welcome import draw_samples
+from viewer.widgets.welcome import Welcome
 
-_INVITATION = "What you rebuild from photos comes here. Try one:"
+_INVITATION = "What you rebuild from photos comes here."
+_STRIP = 9.0  # em: a lower panel is a strip
 _ALL, _MINE = "all", "mine"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
 _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
@@ -35,32 +37,40 @@ class LibraryPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """The button, one's own objects, those of the models; those out of sight are not rendered."""
-        label = (
-            f"{_PHOTO}  Open photo…" if imgui.get_content_region_avail().x > hello_imgui.em_size(8) else "Open photo"
-        )
-        action_button(context, "fit_image", label, -1, context.palette.accent)
-        names = _headings(context.session.listed_models)
+        names, least = _headings(context.session.listed_models), _STRIP * hello_imgui.em_size()
+        if strip := imgui.get_content_region_avail().y < least:
+            imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
+        if not Welcome.is_due(context):
+            action_button(context, "fit_image", f"{_PHOTO}  Open photo", -1, context.palette.accent)
         choices = {_ALL: "All", **names, _MINE: "Mine"}
         self._filter = draw_choice(choices, self._filter if self._filter in choices else _ALL)
-        if imgui.begin_child("objects"):
-            if self._filter in (_ALL, _MINE):
-                heading(context, "Mine")
-                self._draw_mine(context)
-            for model, name in names.items():
-                if self._filter in (_ALL, model):
-                    imgui.spacing()
-                    heading(context, name)
-                    self._draw_tiles(context, self._listed(context.session.editor.objects.families[model]))
+        if strip:
+            imgui.end_child()
+            imgui.same_line()
+        scrolls = imgui.WindowFlags_.horizontal_scrollbar if strip else 0
+        if imgui.begin_child("objects", (0, 0), imgui.ChildFlags_.nav_flattened, scrolls):
+            self._draw_objects(context, names, strip)
         imgui.end_child()
         self._user_menu.apply(context)
 
-    def _draw_mine(self, context: PanelContext) -> None:
+    def _draw_objects(self, context: PanelContext, names: dict[str, str], strip: bool) -> None:
+        """One's own, then those of each model, under headings, or all in one row."""
         mine: list[str | FitRequest] = [*context.session.fitting.queue, *context.session.editor.objects.own]
-        if mine:
-            self._draw_tiles(context, mine)
-        else:
-            caption(context, _INVITATION)
-            draw_samples(context)
+        families = context.session.editor.objects.families
+        groups = {"Mine": mine} if self._filter in (_ALL, _MINE) else dict[str, list[str | FitRequest]]()
+        groups |= {
+            name: [*self._listed(families[model])] for model, name in names.items() if self._filter in (_ALL, model)
+        }
+        if strip:
+            self._draw_tiles(context, [*chain.from_iterable(groups.values())], True)
+            return
+        for title, tiles in groups.items():
+            heading(context, title)
+            if tiles:
+                self._draw_tiles(context, tiles)
+            else:
+                caption(context, _INVITATION)
+            imgui.spacing()
 
     def _listed(self, families: dict[str, tuple[str, ...]]) -> list[str]:
         """One of each form, and the variants of those that are unfolded behind them."""
@@ -69,26 +79,23 @@ class LibraryPanel(Panel):
             names += [head, *variants] if head in self._unfolded else [head]
         return names
 
-    def _draw_tiles(self, context: PanelContext, tiles: Sequence[str | FitRequest]) -> None:
+    def _draw_tiles(self, context: PanelContext, tiles: Sequence[str | FitRequest], strip: bool = False) -> None:
         """Of objects, by their names, and of photos that wait."""
-        em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
+        em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
         gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
-        columns = max(1, int((room + gap) / (least + gap)))
-        side = min(room, 1.25 * least, (room - gap * (columns - 1)) / columns)
-        height = side + small_height()
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
-        for first in range(0, len(tiles), columns):
-            if not imgui.is_rect_visible((room, height)):  # hundreds of objects cost nothing while scrolled away
-                imgui.dummy((room, height))
-                continue
-            for column, tile in enumerate(tiles[first : first + columns]):
-                if column:
-                    imgui.same_line()
-                after = imgui.get_cursor_pos()
-                self._draw_tile(context, tile, imgui.get_cursor_screen_pos(), ImVec2(side, height))
-                imgui.set_cursor_pos(after)
-                imgui.dummy((side, height))
-        imgui.pop_style_var()
+        columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (least + gap)))
+        side = room.y - small_height() if strip else (room.x - gap * (columns - 1)) / columns
+        size, start = ImVec2(side, side + small_height()), imgui.get_cursor_screen_pos()
+        low, step, rows = imgui.get_window_pos() - start, size + ImVec2(gap, gap), -(-len(tiles) // columns)
+        high = low + imgui.get_window_size()
+        for row in _range(low.y, high.y, step.y, rows):
+            for column in _range(low.x, high.x, step.x, columns):
+                if (number := row * columns + column) < len(tiles):
+                    corner = start + ImVec2(column * step.x, row * step.y)
+                    imgui.set_cursor_screen_pos(corner)
+                    self._draw_tile(context, tiles[number], corner, size)
+        imgui.set_cursor_screen_pos(start)
+        imgui.dummy((columns * step.x - gap, max(0.0, rows * step.y - gap)))
 
     def _draw_tile(self, context: PanelContext, tile: str | FitRequest, corner: ImVec2, size: ImVec2) -> None:
         imgui.set_next_item_allow_overlap()
@@ -110,7 +117,7 @@ class LibraryPanel(Panel):
         size = imgui.calc_text_size(label) + ImVec2(0.5 * em, 0)
         low = corner + ImVec2(side, side) - size
         imgui.set_cursor_screen_pos(low)
-        if imgui.invisible_button(f"variants of {name}", size):
+        if object_tiles.tile_button(f"variants of {name}", size):
             self._unfolded ^= {name}
         colour = mixed(context.palette.panel, context.palette.accent, 0.5 if imgui.is_item_hovered() else 0.0)
         tooltip(
@@ -121,11 +128,19 @@ class LibraryPanel(Panel):
         draw.add_text(low + ImVec2(0.25 * em, 0), packed(context.palette.text), label)
 
 
+def _range(low: float, high: float, step: float, count: int) -> range:
+    """Return the numbers of tiles in sight, and of one more at each end, where the arrow keys go.
+
+    Hundreds of objects cost nothing while scrolled away.
+    """
+    return range(max(0, int(low / step) - 1), min(count, int(high / step) + 2))
+
+
 def _draw_object(
     context: PanelContext, name: str, corner: ImVec2, size: ImVec2, user_menu: user_objects.UserObjectMenu
 ) -> None:
     editor, side = context.session.editor, size.x
-    if imgui.invisible_button(f"show {name}", size):
+    if object_tiles.tile_button(f"show {name}", size):
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
     about = f"{readable(name)}{user_objects.about(editor.objects[name])}"
@@ -151,7 +166,7 @@ def _draw_object(
 
 
 def _draw_menu(context: PanelContext, name: str) -> None:
-    editor, grid = context.session.editor, context.session.grid
+    editor = context.session.editor
     mixable = editor.is_mixable(name)
     why = "" if mixable else unmixable(context, name)
     if imgui.menu_item_simple("Show it"):
@@ -163,9 +178,6 @@ def _draw_menu(context: PanelContext, name: str) -> None:
     if imgui.menu_item_simple("Make it B", enabled=mixable):
         editor.set_b(name)
     tooltip(why)
-    if imgui.menu_item_simple("Add to the grid"):
-        grid.add(name)
-        context.focus = "Grid"
 
 
 def _headings(models: Iterable[Model]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from viewer.context import PanelContext
 from viewer.values.printable import printable
 from viewer.widgets.controls import draw_progress, tooltip
 
-_EXPORT = 19  # em: the bar of the file under way, and its button
+_EXPORT, _BAR = 19, 6  # em: the bar of the file under way, and its button; the bar of what else one waits for
 
 
 def draw(context: PanelContext) -> None:
@@ -50,67 +50,60 @@ def _draw_panels(context: PanelContext) -> None:
         panel.is_visible = imgui.menu_item(label, "", panel.is_visible)[1]
 
 
-def _draw_samples(context: PanelContext) -> None:
-    if imgui.begin_menu("Samples", ACTIONS["fit_image"].enabled(context)):
-        for path in context.session.samples:
-            if imgui.menu_item_simple(path.stem):
-                context.fit(path)
-        imgui.end_menu()
-
-
 def _draw_recent(context: PanelContext) -> None:
     recent = context.preferences.recent
-    if imgui.begin_menu("Open recent", bool(recent)):
+    if imgui.begin_menu("Recent", bool(recent) or bool(context.autosave and context.autosave.earlier)):
         for number, name in enumerate(recent):
             if imgui.menu_item_simple(f"{printable(Path(name).name)}###recent {number + 1}"):
                 context.drop([name])
             tooltip(printable(name))
+        imgui.separator()
+        _draw_earlier(context)
         imgui.end_menu()
 
 
 def _draw_earlier(context: PanelContext) -> None:
     """Sessions that New or another project has replaced."""
-    earlier = context.autosave.earlier if context.autosave else ()
-    if imgui.begin_menu("Earlier sessions", bool(earlier)):
-        for number, path in enumerate(earlier):
-            if imgui.menu_item_simple(f"{path.stem[:19]}###earlier {number + 1}"):
-                context.session.open_project(path, keep_path=False)
-        imgui.end_menu()
+    for number, path in enumerate(context.autosave.earlier if context.autosave else ()):
+        if imgui.menu_item_simple(f"Session of {path.stem[:16]}###earlier {number + 1}"):
+            context.session.open_project(path, keep_path=False)
 
 
 def _draw_status(context: PanelContext) -> None:
-    session, parts = context.session, list[str]()
-    if preparing := session.preparing:
-        parts.append(f"Preparing {preparing:.0%}")
-    if session.fitting.running:
-        parts.append(f"Rebuilding {session.fitting.history.progress:.0%}")
-    parts.append(f"{len(session.editor.objects.names)} objects")
-    text = "      ".join(parts)
-    exporting = hello_imgui.em_size(_EXPORT) if context.session.exporting.running else 0.0
-    width = imgui.calc_text_size(text).x + 2 * hello_imgui.em_size() + exporting
+    """At the right: the file under way, and a thin bar for what else one waits for."""
+    session, em = context.session, hello_imgui.em_size()
+    waits = session.fitting.history.progress if session.fitting.running else session.preparing
+    exporting = _EXPORT * em if session.exporting.running else 0.0
+    bar = _BAR * em if waits is not None else 0.0
     imgui.same_line()
+    width = exporting + bar + 2 * em
+    if imgui.get_content_region_avail().x < width:  # it would lie over the menus
+        bar, width = 0.0, min(imgui.get_content_region_avail().x, exporting + 2 * em)
+    imgui.same_line(imgui.get_window_width() - width)
     if exporting:
-        shown = min(imgui.get_content_region_avail().x, width)
-        imgui.same_line(imgui.get_window_width() - shown)
         draw_progress(context, width=_EXPORT)
         imgui.same_line()
-        width -= exporting
-    if imgui.get_content_region_avail().x > width:  # else it would lie over the menus
-        imgui.same_line(imgui.get_window_width() - width)
-        imgui.text_disabled(text)
+    if bar and waits is not None:
+        imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + imgui.get_frame_height() / 2 - 0.15 * em)
+        imgui.progress_bar(waits, (bar, 0.3 * em), "")
+        tooltip("A photo is being rebuilt" if session.fitting.running else "Getting ready for photos")
 
 
 MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
-    "File": (
-        *("fit_image", "paste", _draw_samples, None),
-        *("new_project", "open_scene", _draw_recent, _draw_earlier, None, "save_project", "save_project_as", None),
-        *("save_scene", "share", None, "quit"),
-    ),
-    "Edit": ("undo", "redo", None, "copy_image", "copy_camera", "paste_camera"),
+    "File": ("open_scene", "save_project", "share", _draw_recent, "new_project"),
+    "Edit": ("undo", "redo", "reset", None, "paste", "copy_image", None, "copy_camera", "paste_camera"),
     "View": (
-        *("dark", "smooth", "shadow", "idle_turn", None, "reset_view", "follow"),
-        *(None, "larger_text", "smaller_text"),
+        "see_front",
+        "see_side",
+        "see_top",
+        "see_photo",
+        "reset_view",
+        "follow",
+        None,
+        "dark",
+        "larger_text",
+        "smaller_text",
     ),
-    "Panels": (_draw_panels, None, "reset_layout"),
+    "Panels": (_draw_panels, None, "fold_panels", "reset_layout"),
     "Help": ("help",),
 }  # Actions by their ids, sub-menus, and lines (None); what has no key has its place here.

@@ -1,4 +1,4 @@
-"""Messages, below the view and its object. Not a docked panel: it is there when needed."""
+"""Messages, in the lower right corner of the view, above the history. Not a docked panel: it is there when needed."""
 
 import textwrap
 
@@ -39,14 +39,14 @@ def draw(context: PanelContext) -> None:
 
 
 def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
-    """Two corners: of the view with the strip below it, on which messages lie, so that the object stays in sight; of
-    the whole window where the view is narrow, or behind the Share dialog.
+    """Two corners: of the view above the history; of the whole window where the view is narrow, or behind the Share
+    dialog.
     """
     low, high = context.view
     viewport = imgui.get_main_viewport()
     end = viewport.work_pos + viewport.work_size
     if high.x - low.x > hello_imgui.em_size(_SMALL) and not context.share_open:
-        return low, ImVec2(high.x, end.y)
+        return low, high - ImVec2(0, context.covered)
     return viewport.work_pos, end
 
 

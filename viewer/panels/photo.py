@@ -106,7 +106,7 @@ class PhotoPanel(Panel):
             return
         _draw_preset(fitting)
         if button("Candidates###show candidates", "Which cameras and shapes are tried for the photo, the best first"):
-            context.focus = "Candidates"
+            context.focus = "Developer"
         if fitting.history.photo is not None:
             _draw_result(fitting)
             self._curve.draw(context)

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.export.mesh_formats import FORMATS as MESHES
 from core.export.mesh_formats import TEXTURED
@@ -16,11 +16,12 @@ from core.models.scene import IMAGE_FORMATS
 from core.rendering.background import Background, Rgb, background_rows
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
-from viewer.screen.theme import Colour
+from viewer.screen.theme import Colour, packed
 from viewer.values.duration import duration
 from viewer.values.printable import printable
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
-from viewer.widgets.controls import action_button, button, choose, draw_progress, flow, tooltip
+from viewer.widgets import object_tiles
+from viewer.widgets.controls import button, choose, draw_progress, flow, tooltip
 
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
@@ -36,10 +37,7 @@ _ABOUT = {
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
-_SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1080, 2160)}
-_QUICK = {256: "Small", 512: "Standard", 1080: "Large"}
-_RATES = {rate: f"{rate} a second" for rate in (12, 24, 30, 60)}
-_COUNTS = {count: f"{count} for one turn" for count in (36, 72, 144, 288)}
+_SIZES = {256: "Small", 512: "Standard", 1080: "Large"}  # px of height
 _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
@@ -53,6 +51,7 @@ class ShareDialog:
 
     def __init__(self) -> None:
         self._shown: tuple[Image, Background | None, np.ndarray] | None = None  # picture, background, their image
+        self._more = False  # the second page is unfolded
 
     def draw(self, context: PanelContext) -> None:
         """A window, while it is open."""
@@ -80,7 +79,12 @@ class ShareDialog:
         self._draw_preview(context, _as_in_view(context, changed), min(_SIDE, room) * em)
         imgui.same_line(0, em)
         imgui.begin_group()
-        changed = _draw_form(changed, context.session.editor.model.metres)
+        if changed.kind != "mesh":
+            changed = _draw_sizes(changed)
+        if button("Less###more" if self._more else "More…###more", "Format, background, and what else few change"):
+            self._more = not self._more
+        if self._more:
+            changed = _draw_form(changed, context.session.editor.model.metres)
         imgui.end_group()
         imgui.spacing()
         _draw_foot(context, changed)
@@ -96,7 +100,11 @@ class ShareDialog:
             return
         if self._shown is None or self._shown[0] is not image or self._shown[1] != settings.behind:
             self._shown = image, settings.behind, _on_background(image, settings.behind)
-        imgui.image(context.images.texture(self._shown[2], context.palette), (side, side))
+        corner, size = imgui.get_cursor_screen_pos(), ImVec2(side, side * image.shape[0] / image.shape[1])
+        imgui.image(context.images.texture(self._shown[2], context.palette), size)
+        if context.session.exporting.preview.stale:
+            veil = packed(context.palette.panel, object_tiles.DIMMED)
+            imgui.get_window_draw_list().add_rect_filled(corner, corner + size, veil)
         tooltip(_PREVIEW.get(settings.kind, "The first frame"))
 
 
@@ -107,7 +115,7 @@ def _left_by_escape() -> bool:
 
 def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
     top, bottom = (_rgb(colour) for colour in context.palette.background)
-    return replace(settings, shadow=context.preferences.shadow, view_background=(top, bottom))
+    return replace(settings, view_background=(top, bottom))
 
 
 def _rgb(colour: Colour) -> Rgb:
@@ -153,13 +161,6 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
         formats = {name: one.label for name, one in VIDEOS.items()}
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
         settings = _row(settings, "video", "Format", formats, text)
-    settings = _draw_quick_sizes(settings)
-    settings = _row(settings, "size", "Size", _SIZES, "Width and height")
-    if settings.kind == "turntable":
-        settings = _row(settings, "frames", "Frames", _COUNTS, "More turn more smoothly, or more slowly")
-    if settings.kind != "picture":
-        settings = _row(settings, "rate", "Speed", _RATES, "Frames per second")
-        settings = _draw_quality(settings)
     _label("Exact")
     _, exact = imgui.checkbox("##exact", settings.exact)
     tooltip("Every pixel by the network, for videos in minutes; else faster, and hardly to be told from it")
@@ -170,15 +171,15 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
     return replace(settings, fill=fill)
 
 
-def _draw_quick_sizes(settings: ShareSettings) -> ShareSettings:
-    """The three sizes that most people want."""
+def _draw_sizes(settings: ShareSettings) -> ShareSettings:
+    """The three sizes."""
     gap = hello_imgui.em_size(0.3)
-    for size, name in _QUICK.items():
+    for size, name in _SIZES.items():
         imgui.push_style_color(
             imgui.Col_.button,
             imgui.get_style_color_vec4(imgui.Col_.button_active if size == settings.size else imgui.Col_.button),
         )
-        if button(f"{name}###{name.lower()}", f"{size} px", (_LABEL + _WIDTH - 0.6) / len(_QUICK)):
+        if button(f"{name}###{name.lower()}", f"{size} px", (_LABEL + _WIDTH - 0.6) / len(_SIZES)):
             settings = replace(settings, size=size)
         imgui.pop_style_color()
         imgui.same_line(0, gap)
@@ -197,18 +198,6 @@ def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:
     changed, metres = imgui.drag_float("##metres", shown, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
     tooltip("The object stands on the ground, this large. Drag, or Ctrl+click to type")
     return replace(settings, metres=metres) if changed else settings
-
-
-def _draw_quality(settings: ShareSettings) -> ShareSettings:
-    _label("Quality")
-    imgui.begin_disabled(VIDEOS[settings.video].folder)
-    imgui.set_next_item_width(hello_imgui.em_size(_WIDTH - 2.5))
-    _, quality = imgui.slider_int("##quality", settings.quality, 1, 100, "", imgui.SliderFlags_.always_clamp)
-    imgui.end_disabled()
-    tooltip("More is sharper, and a larger file; png frames lose nothing")
-    imgui.same_line()
-    imgui.text(f"{quality} %")
-    return replace(settings, quality=quality)
 
 
 def _draw_background(settings: ShareSettings) -> ShareSettings:
@@ -249,13 +238,11 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         idle, accent = ready and not exporting.running, context.palette.accent
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
             share = partial(exporting.share, settings=_as_in_view(context, settings))
-            title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
+            title, name = f"Save the {settings.kind} as", f"{context.file_name}-{settings.kind}{settings.suffix}"
             context.files.ask(FileRequest(title, share, (settings.suffix,), True, name))
         if ready and settings.kind != "mesh":
             imgui.same_line()
             _draw_estimate(exporting.estimate(settings))
-        imgui.same_line()
-        action_button(context, "save_project_as")
         if not ready:
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:

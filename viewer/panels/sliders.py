@@ -1,10 +1,9 @@
-"""Shape and texture along directions of the trained codes: principal ones, and those that were given a name."""
+"""Shape and texture along the principal directions of the trained codes that have a word for what they change."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.geometry.camera import Camera
 from core.models.codes import Codes
-from core.models.model import Model
+from core.photos.direction_words import OPPOSITES
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext
@@ -13,128 +12,71 @@ from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, tooltip, tooltip_beside
-from viewer.widgets.directions import FILTER, DirectionMenu, NewDirection, in_words
-from viewer.widgets.text import push_small
+from viewer.widgets.controls import action_button, begin_tooltip_beside, button, end_gesture, flow
+from viewer.widgets.text import caption, heading, paint_caption, small_height
 
-_DICE, _PIN = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_THUMBTACK
-_SHOWN = FILTER | {PARTS: "All"}
-_PARTS_WIDTH = 7  # em
-_FIRST = 6  # sliders shown at first
+_DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_UNDO_ALT
+_LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _REACH = 3.0  # standard deviations to either side
-_STEPS = (-2, 0, 2)  # standard deviations at which a strip shows the object
+_STEPS = (-2, 0, 2)  # standard deviations at which the object is shown beside a slider
 _INFLUENCE = 96  # px
 _HELP = "Ctrl+click to type, right click for 0"
-_STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
 
 
 class SlidersPanel(Panel):
-    """The named directions, and a column of principal ones for each part. A slider changes its strength only."""
+    """A slider for each direction, from one word to its opposite; while the mouse is on one, where it leads."""
 
     title = "Sliders"
     dock = "Right"
 
     def __init__(self) -> None:
-        self._all = False
-        self._parts: tuple[Part, ...] = PARTS  # what is shown
-        self._strips = True
-        self._new, self._menu = NewDirection(), DirectionMenu()
-        self._model: Model | None = None  # whose thumbnails and principal directions these are
-        self._principal: dict[Part, tuple[Direction, ...]] = {}
-        self._named: tuple[Direction, ...] = ()
-        self._basis: Codes | None = None  # what the strips lead away from: the object before the drag began
-        self._targets: dict[tuple[str, int], tuple[Codes, Camera]] = {}  # what every place shows
-        self._influence: tuple[tuple[Part, ...], Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
-        self._last: dict[tuple[str, int], Frame] = {}  # the last thumbnail of every place, until there is a newer one
+        self._basis: Codes | None = None  # what the thumbnails lead away from: the object before the drag began
+        self._influence: tuple[Part, Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
 
     @property
-    def influence(self) -> tuple[tuple[Part, ...], CodeInfluence] | None:
-        """The codes that the slider under the mouse moves, and what it changes."""
+    def influence(self) -> tuple[Part, CodeInfluence] | None:
+        """The code that the slider under the mouse moves, and what it changes."""
         return (self._influence[0], self._influence[3]) if self._influence else None
 
     def draw(self, context: PanelContext) -> None:
-        """Named ones above, shape and texture side by side below."""
-        self._follow(context)
-        self._draw_top(context)
-        if imgui.begin_child("sliders"):
-            self._draw_named(context)
-            if imgui.begin_table("kinds", len(self._parts), imgui.TableFlags_.sizing_stretch_same):
-                for part in self._parts:
-                    imgui.table_next_column()
-                    self._draw_part(context, part)
-                imgui.end_table()
-            most = max(map(len, self._principal.values()))
-            if most > _FIRST:
-                _, self._all = imgui.checkbox(f"All {most} directions###all", self._all)
-                tooltip("Those that explain less as well")
-        imgui.end_child()
-        self._new.draw(context)
-
-    def _follow(self, context: PanelContext) -> None:
-        """Forget what belonged to another model, other directions, or another object."""
+        """The die and what it spares, then the sliders."""
         editor = context.session.editor
-        if self._model is not editor.model:
-            book = editor.model.codes
-            self._model, self._last, self._targets = editor.model, {}, {}
-            self._principal = {
-                part: tuple(Direction.principal(book, part, index) for index in range(len(editor.space(part).std)))
-                for part in PARTS
-            }
-        if self._named is not editor.state.directions:
-            self._named, self._targets = editor.state.directions, {}
-        if not editor.history.gesture and self._basis is not editor.scene.codes:
-            self._basis, self._targets = editor.scene.codes, {}
-
-    def _draw_top(self, context: PanelContext) -> None:
-        action_button(context, "sample_all", f"{_DICE}  Random")
-        flow("Thumbnails" + 6 * " ")
-        _, self._strips = imgui.checkbox("Thumbnails###strips", self._strips)
-        tooltip(_STRIPS_HELP)
-        flow("parts", _PARTS_WIDTH)
-        self._parts = choose("parts", self._parts, _SHOWN, "Which directions are shown", _PARTS_WIDTH)
-
-    def _draw_named(self, context: PanelContext) -> None:
-        if button(f"{_PIN}  Name a direction…###name mix", "Give the way from A to B a name, such as: sportier"):
-            self._new.ask()
-        for index, direction in enumerate(self._named):
-            if direction.step.model == context.session.editor.model.fingerprint and set(direction.parts) & set(
-                self._parts
-            ):
-                key = f"named {index + 1}"
-                self._menu.draw(context, index, f"{direction.name}###menu {key}")
-                imgui.begin_disabled(bool(context.session.editor.locked & set(direction.parts)))
-                self._draw_slider(context, key, direction, f"It changes the {in_words(direction.parts)}")
+        if not editor.history.gesture:
+            self._basis = editor.scene.codes
+        action_button(context, "sample", f"{_DICE}  Random")
+        flow(f"{_RESET}  Reset")
+        action_button(context, "reset", f"{_RESET}  Reset")
+        for number, part in enumerate(PARTS):
+            if number:
+                flow(f"{_LOCKS[0]}  {part}")
+            _draw_lock(context, part)
+        words = context.session.words
+        if words is None:
+            caption(context, "Measuring what the directions change …")
+            return
+        if imgui.begin_child("sliders", (0, 0), imgui.ChildFlags_.nav_flattened):
+            for part in PARTS:
+                imgui.spacing()
+                heading(context, part.capitalize())
+                imgui.begin_disabled(part in editor.locked)
+                for index, more in enumerate(words[part]):
+                    if more:
+                        self._draw_slider(context, part, index, (OPPOSITES.get(more, ""), more))
                 imgui.end_disabled()
+        imgui.end_child()
 
-    def _draw_part(self, context: PanelContext, part: Part) -> None:
-        editor = context.session.editor
-        imgui.begin_disabled(part in editor.locked)
-        imgui.align_text_to_frame_padding()
-        imgui.text(part.capitalize())
-        imgui.same_line()
-        if button(f"{_DICE}###Random {part}", f"Random: a {part} sampled from the distribution of the trained ones"):
-            editor.sample(part)
-        if button(f"Mean##{part}", f"The mean {part} of the trained objects"):
-            editor.set_to_mean(part)
-        flow("Reset")
-        if button(f"Reset##{part}", f"The {part} of object A"):
-            editor.reset_to_object(part)
-        shares = editor.space(part).explained_variance.tolist()
-        for index, direction in enumerate(self._principal[part][: None if self._all else _FIRST]):
-            key, word = f"{part} {index + 1}", context.session.word(part, index)
-            label = word.capitalize() or f"{part.capitalize()} {index + 1}"
-            if _small_button(f"{label}  {_PIN}###name {key}", "Give this direction another name, and keep it above"):
-                self._new.ask(direction)
-            about = f"To the right: {word}" if word else f"Changes the {part} in a way that has no word"
-            self._draw_slider(context, key, direction, about, f"{shares[index]:.0%} of how {part}s differ; now ")
-        imgui.end_disabled()
-
-    def _draw_slider(
-        self, context: PanelContext, key: str, direction: Direction, about: str, numbers: str = ""
-    ) -> None:
-        """The slider, then where it leads."""
-        editor = context.session.editor
-        value = editor.strength(direction)
+    def _draw_slider(self, context: PanelContext, part: Part, index: int, ends: tuple[str, str]) -> None:
+        """The words at both ends above the slider."""
+        editor, key = context.session.editor, f"{part} {index + 1}"
+        direction = Direction.principal(editor.model.codes, part, index)
+        value, corner, room = (
+            editor.strength(direction),
+            imgui.get_cursor_screen_pos(),
+            imgui.get_content_region_avail(),
+        )
+        paint_caption(context, ends[0], corner, room.x / 2, 0.0)
+        paint_caption(context, ends[1], corner + ImVec2(room.x / 2, 0), room.x / 2, 1.0)
+        imgui.dummy((room.x, small_height()))
         imgui.set_next_item_width(-1)
         moved, to = imgui.slider_float(f"##{key}", value, -_REACH, _REACH, "")
         if moved and abs(to - value) > 1e-6:
@@ -143,10 +85,12 @@ class SlidersPanel(Panel):
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             editor.move_along(direction, 0.0)
         if imgui.is_item_hovered() and not imgui.is_item_active():
-            changes = self._show_influence(context, direction)
-            tooltip_beside(f"{about}{changes}", f"{numbers}{value:+.2f} σ\n{_HELP}")
-        if self._strips:
-            self._draw_strip(context, key, direction)
+            outline = self._show_influence(context, direction)
+            if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip) and begin_tooltip_beside():
+                self._draw_strip(context, direction)
+                imgui.text(f"{ends[0].capitalize()} to the left, {ends[1]} to the right{outline}")
+                imgui.text_disabled(f"Now {value:+.2f} σ. {_HELP}")
+                imgui.end_tooltip()
 
     def _show_influence(self, context: PanelContext, direction: Direction) -> str:
         """Where the view changes between a standard deviation less and one more, over the object; and in words."""
@@ -158,49 +102,31 @@ class SlidersPanel(Panel):
         if low is None or high is None or low.resolution != high.resolution:  # of one there is a finer render already
             return ""
         if self._influence is None or self._influence[1:3] != (low, high):
-            self._influence = direction.parts, low, high, CodeInfluence.between(low, high)
+            self._influence = direction.part, low, high, CodeInfluence.between(low, high)
         found = self._influence[3]
         context.overlay = found.image
-        return f"\nThe glow over the object shows where. {_outline(found.leak)}"
+        moves = "moves" if found.leak > 0 else "stays, exactly"
+        return f"\nThe glow over the object shows where. Its outline {moves}."
 
-    def _draw_strip(self, context: PanelContext, key: str, direction: Direction) -> None:
-        """Each thumbnail is below its value on the slider."""
-        width = imgui.get_content_region_avail().x
-        side = min(3.2 * hello_imgui.em_size(), width / len(_STEPS) - 2)
+    def _draw_strip(self, context: PanelContext, direction: Direction) -> None:
+        """The object at a few places of the slider."""
+        side, model = object_tiles.THUMBNAIL * hello_imgui.em_size(), context.session.editor.model
         corner = imgui.get_cursor_screen_pos()
-        seen = imgui.is_rect_visible((width, side))
-        for to in _STEPS:
-            place = corner + ImVec2(width * (0.5 + to / (2 * _REACH)) - side / 2, 0)
-            imgui.set_cursor_screen_pos(place)
-            if imgui.invisible_button(f"{key} at {to}", (side, side)):
-                context.session.editor.move_along(direction, float(to))
-            tooltip("Click to go there")
-            if seen:
-                frame, stale = self._thumbnail(context, key, direction, to)
-                object_tiles.paint_frame(context, frame, place, side, stale)
-
-    def _thumbnail(self, context: PanelContext, key: str, direction: Direction, to: int) -> tuple[Frame | None, bool]:
-        """The newest there is, and whether it is stale: of the object before it was changed."""
-        model, basis, place = context.session.editor.model, self._basis, (key, to)
-        assert basis is not None
-        if place not in self._targets:
-            codes = direction.moved(basis, model.codes.mean, float(to))
-            self._targets[place] = codes, orbit.home(model).resized(SIZE, SIZE)
-        found = context.session.thumbnails.get(*self._targets[place])
-        if found:
-            self._last[place] = found
-        return self._last.get(place), found is None
+        assert self._basis is not None
+        for number, to in enumerate(_STEPS):
+            frame = context.session.thumbnails.get(
+                direction.moved(self._basis, model.codes.mean, float(to)),
+                orbit.home(model).resized(SIZE, SIZE),
+                soon=True,
+            )
+            object_tiles.paint_frame(context, frame, corner + ImVec2(1.1 * number * side, 0), side)
+        imgui.dummy((1.1 * len(_STEPS) * side, side))
 
 
-def _small_button(label: str, text: str) -> bool:
-    push_small()
-    imgui.push_style_color(imgui.Col_.button, (0, 0, 0, 0))
-    pressed = imgui.small_button(label)
-    imgui.pop_style_color()
-    imgui.pop_font()
-    tooltip(text)
-    return pressed
-
-
-def _outline(leak: float) -> str:
-    return "Its outline moves." if leak > 0 else "Its outline stays, exactly."
+def _draw_lock(context: PanelContext, part: Part) -> None:
+    editor = context.session.editor
+    locked = part in editor.locked
+    what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or sampled"
+    colour = context.palette.accent if locked else None
+    if button(f"{_LOCKS[locked]}  {part.capitalize()}###lock {part}", what, colour=colour):
+        editor.lock(part, not locked)

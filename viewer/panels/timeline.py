@@ -12,10 +12,6 @@ from viewer.widgets.controls import action_button, button, end_gesture, flow, to
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _VIDEO = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_FILM
-_SWITCHES = (
-    ("Smooth", "smooth", "Through the keys without corners (Catmull-Rom), or straight from one to the next"),
-    ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
-)  # label, name in the timeline, tooltip
 _LENGTH = 4.5  # em
 _LOOPS = 1.5  # The step from the end to the start, in the longest of the others, that still passes for one of them
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
@@ -33,57 +29,23 @@ class TimelinePanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, the line, the keys."""
-        player = context.session.player
-        self._draw_buttons(context, player)
+        player, gap = context.session.player, hello_imgui.em_size(0.3)
+        action_button(context, "play", _PAUSE if player.playing else _PLAY)
+        imgui.same_line(0, gap)
+        action_button(context, "add_key", _ADD)
+        flow("length", _LENGTH)
+        _draw_length(context, player)
+        flow("Loop" + 6 * " ")
+        changed, on = imgui.checkbox("Loop", player.timeline.loop)
+        if changed:
+            player.loop(on)
+        tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
+        flow(f"{_VIDEO}  Share…")
+        there = bool(player.timeline.keys)
+        if button(f"{_VIDEO}  Share…###share video", "Write the timeline as a video", enabled=there):
+            context.share("video")
         _draw_line(context, player)
         self._draw_check(player)
-
-    def _draw_buttons(self, context: PanelContext, player: Player) -> None:
-        here, gap = player.key, hello_imgui.em_size(0.3)
-        action_button(context, "play", f"{_PAUSE}  Pause" if player.playing else f"{_PLAY}  Play", width=5.2)
-        imgui.same_line(0, gap)
-        action_button(context, "add_key", f"{_ADD}  Key")
-        flow("Replace")
-        if button("Replace###replace key", "What is shown takes the place of this keyframe", enabled=here is not None):
-            player.replace_key(here or 0)
-        flow("Remove")
-        if button("Remove###remove key", "Take the keyframe at this time out", enabled=here is not None):
-            player.remove_key(here or 0)
-        flow("length", _LENGTH)
-        self._draw_numbers(context, player)
-        flow(f"{_VIDEO}  Share…")
-        if button(
-            f"{_VIDEO}  Share…###share video", "Write the timeline as a video", enabled=bool(player.timeline.keys)
-        ):
-            context.share("video")
-
-    def _draw_numbers(self, context: PanelContext, player: Player) -> None:
-        timeline = player.timeline
-        imgui.set_next_item_width(hello_imgui.em_size(_LENGTH))
-        changed, length = imgui.drag_float("##length", timeline.length, 0.05, 0.2, 600.0, "%.1f s")
-        if changed:
-            player.stretch(length)
-        end_gesture(context)
-        tooltip("How long the timeline is. Drag, or Ctrl+click to type")
-        flow(10 * "0")
-        imgui.set_next_item_width(hello_imgui.em_size(5))
-        changed, turns = imgui.drag_int(
-            "##turns", timeline.turns, 0.05, -3, 3, "%d turns", imgui.SliderFlags_.always_clamp
-        )
-        if changed and turns != timeline.turns:
-            player.change(turns=turns)
-        tooltip("Full turns of the camera around the object in the whole timeline, besides what the keyframes do. Drag")
-        for label, name, text in _SWITCHES:
-            flow(label + 6 * " ")
-            changed, on = imgui.checkbox(label, getattr(timeline, name))
-            if changed:
-                player.change(**{name: on})
-            tooltip(text)
-        flow("Camera path" + 6 * " ")
-        changed, path = imgui.checkbox("Camera path", context.preferences.camera_path)
-        if changed:
-            context.set_preference(camera_path=path)
-        tooltip("Over the view, from two keyframes on: where the camera goes; drag a dot to change a keyframe's camera")
 
     def _draw_check(self, player: Player) -> None:
         timeline = player.timeline
@@ -97,6 +59,15 @@ class TimelinePanel(Panel):
         tooltip("The step from the last frame back to the first, against the longest step between any others")
 
 
+def _draw_length(context: PanelContext, player: Player) -> None:
+    imgui.set_next_item_width(hello_imgui.em_size(_LENGTH))
+    changed, length = imgui.drag_float("##length", player.timeline.length, 0.05, 0.2, 600.0, "%.1f s")
+    if changed:
+        player.stretch(length)
+    end_gesture(context)
+    tooltip("How long the timeline is. Drag, or Ctrl+click to type")
+
+
 def _draw_line(context: PanelContext, player: Player) -> None:
     timeline, em = player.timeline, hello_imgui.em_size()
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
@@ -107,11 +78,7 @@ def _draw_line(context: PanelContext, player: Player) -> None:
     if imgui.is_item_active():
         player.seek((imgui.get_mouse_pos().x - left) / width * timeline.length)
     end_gesture(context)
-    tooltip("Click or drag to move the playhead; right click to paste a keyframe")
-    if imgui.begin_popup_context_item("paste here"):
-        if imgui.menu_item_simple("Paste at the playhead", enabled=player.copied is not None):
-            player.paste_key()
-        imgui.end_popup()
+    tooltip("Click or drag to move the playhead")
     _paint_ruler(context, player, ImVec2(left, corner.y), width, ruler, side)
     for index, key in enumerate(timeline.keys):
         x = left + width * key.seconds / timeline.length - side / 2
@@ -131,7 +98,7 @@ def _draw_key(
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
     moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until the release, and in that frame still
-    if imgui.invisible_button(f"key {index + 1}", (side, side)) and not any(moved):
+    if object_tiles.tile_button(f"key {index + 1}", (side, side)) and not any(moved):
         player.go_to_key(index)
     across = imgui.get_io().mouse_delta.x
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):
@@ -141,8 +108,6 @@ def _draw_key(
     if imgui.begin_popup_context_item():
         if imgui.menu_item_simple("Replace with what is shown"):
             player.replace_key(index)
-        if imgui.menu_item_simple("Copy"):
-            player.copy_key(index)
         if imgui.menu_item_simple("Duplicate"):
             player.duplicate_key(index)
         if imgui.menu_item_simple("Remove"):

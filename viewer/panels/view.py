@@ -8,34 +8,30 @@ from core.rendering.progressive import Frame
 from viewer.actions import ACTIONS, run_keys
 from viewer.activities.viewport import Viewport
 from viewer.context import Panel, PanelContext
-from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
+from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values import orbit
-from viewer.values.preferences import TURNING
-from viewer.values.quality import QUALITIES
-from viewer.values.view_modes import MODES, in_mode
-from viewer.widgets.camera_path import CameraPath
-from viewer.widgets.controls import action_button, button, choose, end_gesture, tooltip
+from viewer.values.view_modes import USUAL_MODES, in_mode
+from viewer.widgets.controls import action_button, button, end_gesture, tooltip
 from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
 _KEY_TURN = 0.12  # rad a key press
 _REST = 0.6  # s without wheel or keys after which the next nudge is a new edit
 _FINE = 0.2
-_MODES = {mode: mode.capitalize() for mode in MODES}
 _BUTTONS = {
     "undo": icons_fontawesome_4.ICON_FA_UNDO,
     "redo": icons_fontawesome_4.ICON_FA_REDO,
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }  # actions, and the icons of their buttons
-_MODE = 7.0  # em
 _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
-_GEAR = icons_fontawesome_4.ICON_FA_COG
+_EYE = icons_fontawesome_4.ICON_FA_EYE
 _LOW = 24.0  # em: in a lower view there is no room for the hint above the way in
 _COVERED = 4
 """an object that fills three quarters of a view stands above what covers so many parts of it, if it is moved up by half
 of that"""
-_NARROW, _SMALL = 26.0, 11.0  # em: in a narrower view the mode is among the options
+_NARROW, _SMALL = 26.0, 11.0  # em: a narrower view has buttons without words, a smaller one no hint
+_ENOUGH = 0.5  # of the pixels along the view's side: a coarser image is called one
 
 
 class ViewPanel(Panel):
@@ -47,7 +43,7 @@ class ViewPanel(Panel):
 
     def __init__(self) -> None:
         self._nudged = 0.0
-        self._welcome, self._path = Welcome(), CameraPath()
+        self._welcome = Welcome()
         self._covered = 0  # px at the view's lower edge, by the way in
         self._cached: tuple[Frame, str, Frame] | None = None  # of which frame and mode, the frame that is shown
 
@@ -63,7 +59,7 @@ class ViewPanel(Panel):
         if not history.gesture and not (begins and history.past):  # the object stands still under a hand
             self._covered = round(self._welcome.covered * scale.y) if begins else 0
         covered = min(self._covered, pixels[1] // _COVERED)
-        viewport.change(panel=pixels, covered=covered, opengl=context.opengl_turns)
+        viewport.change(panel=pixels, covered=covered, opengl=context.fast_opengl)
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
@@ -84,9 +80,8 @@ class ViewPanel(Panel):
         if begins:
             self._welcome.draw(context, corner, size)
         if not begins or context.session.editor.history.past:
-            _draw_badge(viewport, viewport.frame, corner, size)
+            _draw_badge(viewport, viewport.frame, corner + ImVec2(0, size.y - context.covered))
             _draw_progress(context, corner, size)
-            self._path.draw(context, corner, size)
 
     @staticmethod
     def _draw_hint(corner: ImVec2, size: ImVec2) -> None:
@@ -100,11 +95,10 @@ class ViewPanel(Panel):
         """The picture in the view: the baked object while it is turned, else the newest frame."""
         viewport = context.session.viewport
         assert context.canvas and context.baked_canvas and viewport.full_frame
-        palette, smooth, shadow = context.palette, context.preferences.smooth, context.preferences.shadow
         if viewport.baked_frame and viewport.baked:
-            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, palette, shadow)
-        shadow = shadow and viewport.settings.mode == "colour"
-        return context.canvas.draw(self._in_mode(viewport), viewport.full_frame[1], pixels, palette, smooth, shadow)
+            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette)
+        shadow = viewport.settings.mode == "colour"
+        return context.canvas.draw(self._in_mode(viewport), viewport.full_frame[1], pixels, context.palette, shadow)
 
     def _in_mode(self, viewport: Viewport) -> Frame:
         """The frame as the mode shows it, computed once."""
@@ -131,9 +125,7 @@ class ViewPanel(Panel):
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
                 context.session.viewport.reset_view()
             if io.mouse_wheel:
-                self._nudge(
-                    context, orbit.zoomed(context.session.viewport.camera, io.mouse_wheel, editor.model), "zoom"
-                )
+                self._zoom(context, io.mouse_wheel)
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(context)
         if self._nudged and imgui.is_any_item_active():
@@ -141,6 +133,15 @@ class ViewPanel(Panel):
         if self._nudged and time.monotonic() - self._nudged > _REST:
             editor.end_gesture()
             self._nudged = 0.0
+
+    def _zoom(self, context: PanelContext, steps: float) -> None:
+        """What is under the mouse stays there."""
+        (low, high), viewport = context.view, context.session.viewport
+        nearer = orbit.zoomed(viewport.camera, steps, context.session.editor.model)
+        at = (imgui.get_mouse_pos() - (low + high) * 0.5) / min(high - low)
+        away = at - ImVec2(*viewport.settings.offset)
+        viewport.pan_by(*(away * (1 - viewport.camera.distance / nearer.distance)))
+        self._nudge(context, nearer, "zoom")
 
     def _keys(self, context: PanelContext) -> None:
         camera, step = context.session.viewport.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
@@ -164,7 +165,7 @@ class ViewPanel(Panel):
 def _turn_idly(context: PanelContext) -> None:
     """Until a key, a button of the mouse or its wheel, which are keys to imgui; an overlay is of the scene's camera."""
     idle = context.session.idle_turn
-    if idle.due and context.attended and context.preferences.idle_turn:
+    if idle.due and context.attended:
         touched = context.overlay is not None or any(map(imgui.is_key_down, _KEYS))
         idle.stop() if touched else idle.tick()
 
@@ -187,31 +188,22 @@ def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         imgui.get_window_draw_list().add_rect_filled((corner.x, low), (corner.x + share * size.x, high), colour)
 
 
-def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) -> None:
-    """Whether the image is as sharp as the view; the numbers are in its tooltip."""
-    width, height = frame.resolution
-    live = viewport.source == "fit"
-    baked = viewport.baked if viewport.baked_frame else None
-    words = "Rebuilding …" if live else "Sharp" if viewport.sharp else "Sharpening …"
-    if baked:
-        words = "Baked preview"
-    em = hello_imgui.em_size()
-    extent = imgui.calc_text_size(words)
-    low = ImVec2(corner.x + 0.7 * em, corner.y + size.y - extent.y - 1.2 * em)
-    high = ImVec2(low.x + extent.x + 2.1 * em, low.y + extent.y + 0.5 * em)
-    draw = imgui.get_window_draw_list()
-    draw.add_rect_filled(low, high, packed(PLATE, PLATE_OPACITY), 0.35 * em)
-    dot = (0.35, 0.8, 0.5) if viewport.sharp and not live else (0.95, 0.7, 0.25)
-    draw.add_circle_filled(ImVec2(low.x + 0.75 * em, (low.y + high.y) / 2), 0.24 * em, packed(dot))
-    draw.add_text(ImVec2(low.x + 1.4 * em, low.y + 0.25 * em), packed(ON_PLATE), words)
-    imgui.set_cursor_screen_pos(low)
-    imgui.invisible_button("badge", high - low)
-    if baked and viewport.baked_frame:
-        shown = f"{viewport.baked_frame.width} x {viewport.baked_frame.height} px"
-        tooltip(f"{shown}, drawn by OpenGL from {baked.cells} cells a side; the exact picture follows at rest")
+def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:
+    """What the image lacks, if anything, above the view's lower left corner ``low``; numbers are in its tooltip."""
+    (width, height), live = frame.resolution, viewport.source == "fit"
+    coarse = not viewport.baked_frame and min(width, height) < _ENOUGH * min(viewport.settings.panel)
+    if not (live or coarse):
         return
-    stage = "finished" if frame.final else f"stage {frame.stage + 1} of {frame.stage_count}"
-    tooltip(f"{width} x {height} px, {frame.samples} samples; {stage}")
+    words, em = "Rebuilding …" if live else "Sharpening …", hello_imgui.em_size()
+    size = imgui.calc_text_size(words) + ImVec2(2.1, 0.5) * em
+    low = low + ImVec2(0.7 * em, -size.y - 0.7 * em)
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled(low, low + size, packed(PLATE, PLATE_OPACITY), 0.35 * em)
+    draw.add_circle_filled(low + ImVec2(0.75 * em, size.y / 2), 0.24 * em, packed(WARM))
+    draw.add_text(low + ImVec2(1.4, 0.25) * em, packed(ON_PLATE), words)
+    imgui.set_cursor_screen_pos(low)
+    imgui.invisible_button("badge", size)
+    tooltip(f"{width} x {height} px, {frame.samples} samples; stage {frame.stage + 1} of {frame.stage_count}")
 
 
 def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
@@ -222,52 +214,17 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
             imgui.same_line(0, gap)
         labelled = action == "share" and size.x > _NARROW * em
         action_button(context, action, f"{icon}  Share" if labelled else icon)
-    gear = imgui.calc_text_size(_GEAR).x + 2 * imgui.get_style().frame_padding.x
-    wide = size.x > _NARROW * em
-    left = size.x - 0.7 * em - gear - (_MODE * em + gap if wide else 0.0)
-    imgui.set_cursor_screen_pos(corner + ImVec2(left, 0.7 * em))
-    if wide:
-        _draw_mode(context)
-        imgui.same_line(0, gap)
-    if button(f"{_GEAR}###view options", "How the view is rendered"):
-        imgui.open_popup("view options")
-    if imgui.begin_popup("view options"):
-        if not wide:
-            _draw_mode(context)
-        _draw_quality(context)
-        _draw_turning(context)
+    words = context.session.viewport.settings.mode.capitalize()
+    label = f"{_EYE}  {words}" if size.x > _NARROW * em else _EYE
+    width = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
+    imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 0.7 * em - width, 0.7 * em))
+    if button(f"{label}###mode", f"What the view shows: {ACTIONS['next_mode'].hint()}"):
+        imgui.open_popup("modes")
+    if imgui.begin_popup("modes"):
+        for mode in USUAL_MODES:
+            if imgui.menu_item_simple(mode.capitalize(), selected=mode == context.session.viewport.settings.mode):
+                context.session.viewport.change(mode=mode)
         imgui.end_popup()
-
-
-def _draw_mode(context: PanelContext) -> None:
-    hint = ACTIONS["next_mode"].hint()
-    mode = choose("mode", context.session.viewport.settings.mode, _MODES, f"What the view shows: {hint}", _MODE)
-    context.session.viewport.change(mode=mode)
-
-
-def _draw_quality(context: PanelContext) -> None:
-    imgui.align_text_to_frame_padding()
-    imgui.text("Quality")
-    imgui.same_line()
-    imgui.set_next_item_width(9 * hello_imgui.em_size())
-    level, last = context.preferences.quality, len(QUALITIES) - 1
-    quality = context.session.viewport.settings.quality
-    moved, to = imgui.slider_int("##quality", level, 0, last, "", imgui.SliderFlags_.always_clamp)
-    if moved and to != level:
-        context.set_preference(quality=to)
-        context.session.viewport.change(quality=QUALITIES[to])
-    tooltip(f"At once {quality.detail} px, {quality.samples} samples; all pixels of the view when the hand rests")
-
-
-def _draw_turning(context: PanelContext) -> None:
-    imgui.align_text_to_frame_padding()
-    imgui.text("OpenGL while turning")
-    imgui.same_line()
-    here = "as here" if context.fast_opengl else "not here"
-    text = f"Turns a baked copy at every pixel of the view. Automatic: where OpenGL is fast, {here}"
-    chosen = choose("turning", context.preferences.turning, TURNING, text)
-    if chosen != context.preferences.turning:
-        context.set_preference(turning=chosen)
 
 
 def _note(centre: ImVec2, text: str) -> None:

@@ -32,15 +32,15 @@ class BakedCanvas:
         self._shader = BakedShader(context)
         self._shown: tuple[Any, ...] = ()
 
-    def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette, shadow: bool) -> imgui.ImTextureRef:
+    def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette) -> imgui.ImTextureRef:
         """Return a texture of the crop's size; rendered again only after a change."""
-        if (baked, crop, palette, shadow) != self._shown:
+        if (baked, crop, palette) != self._shown:
             size = crop.width, crop.height
             with self._target.of_size(size):
-                self._backdrop.draw(palette, baked.shadow if shadow else None, crop)
+                self._backdrop.draw(palette, baked.shadow, crop)
                 self._shader.upload(baked)
                 self._shader.draw(crop.camera, size, (crop.left, crop.top))
-            self._shown = baked, crop, palette, shadow
+            self._shown = baked, crop, palette
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
@@ -65,7 +65,7 @@ def is_fast(context: moderngl.Context, limit: float = _FAST) -> bool:
         crop = PanelCrop(Camera(0.1 * number, 0.3, 2.0, 1.5 * _PROBE, _PROBE, _PROBE), _PROBE, _PROBE)
         context.finish()
         began = time.perf_counter()
-        canvas.draw(baked, crop, DARK, False)
+        canvas.draw(baked, crop, DARK)
         context.finish()
         seconds = time.perf_counter() - began
         if number:  # the first one uploads and compiles

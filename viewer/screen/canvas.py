@@ -98,7 +98,11 @@ class Backdrop:
         self._program["top"], self._program["bottom"] = palette.background
         self._pass.render(moderngl.TRIANGLES, vertices=3)
         if shadow:
-            self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top))
+            self.cast(shadow, crop)
+
+    def cast(self, shadow: GroundShadow, crop: PanelCrop) -> None:
+        """Darken the ground within the viewport."""
+        self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top))
 
     def release(self) -> None:
         """Release the GL objects."""
@@ -107,7 +111,7 @@ class Backdrop:
 
 
 class Canvas:
-    """The newest frame, enlarged to the view, crisp or smooth, with a background in place of white."""
+    """The newest frame, enlarged to the view, with a background in place of white."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context, self._target, self._backdrop = context, Target(context), Backdrop(context)
@@ -117,14 +121,20 @@ class Canvas:
         self._shown: tuple[Any, ...] = ()
 
     def draw(
-        self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, smooth: bool, shadow: bool
+        self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, shadow: bool
     ) -> imgui.ImTextureRef:
-        """Return a texture of this size (px) with a frame of the crop; rendered again only after a change."""
-        wanted = (frame, crop, size, palette, smooth, shadow)
+        """Return a texture of this size (px) with a frame of the crop in its own proportions.
+
+        It is rendered again only after a change.
+        """
+        wanted = (frame, crop, size, palette, shadow)
         if wanted != self._shown:
-            self._upload(frame, smooth)
+            self._upload(frame)
             with self._target.of_size(size):
-                self._backdrop.draw(palette, frame.shadow if shadow else None, crop)
+                self._backdrop.draw(palette, None, crop)
+                self._context.viewport = within(size, (crop.width, crop.height))
+                if shadow and frame.shadow:
+                    self._backdrop.cast(frame.shadow, crop)
                 self._fill()
             self._shown = wanted
         return imgui.ImTextureRef(self._target.texture.glo)
@@ -135,7 +145,7 @@ class Canvas:
             if resource is not None:
                 resource.release()
 
-    def _upload(self, frame: Frame, smooth: bool) -> None:
+    def _upload(self, frame: Frame) -> None:
         rgba = with_alpha(frame)
         if self._image is None or self._image.size != frame.resolution:
             if self._image:
@@ -143,8 +153,6 @@ class Canvas:
             self._image = self._context.texture(frame.resolution, 4)
             self._image.repeat_x = self._image.repeat_y = False
         self._image.write(rgba.tobytes())
-        kind = moderngl.LINEAR if smooth else moderngl.NEAREST
-        self._image.filter = kind, kind
 
     def _fill(self) -> None:
         assert self._image is not None
@@ -153,6 +161,18 @@ class Canvas:
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
         self._pass.render(moderngl.TRIANGLES, vertices=3)
         self._context.disable(moderngl.BLEND)
+
+
+def within(size: tuple[int, int], shape: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return the largest rectangle of a shape centred in a size (px): left, bottom, width, height.
+
+    Example:
+        >>> within((400, 200), (100, 100)), within((64, 48), (32, 24))
+        ((100, 0, 200, 200), (0, 0, 64, 48))
+    """
+    scale = min(side / own for side, own in zip(size, shape, strict=True))
+    width, height = (min(side, round(scale * own)) for side, own in zip(size, shape, strict=True))
+    return (size[0] - width) // 2, (size[1] - height) // 2, width, height
 
 
 class Images:

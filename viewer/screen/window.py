@@ -1,5 +1,6 @@
 """The operating system's window: availability, parameters and running."""
 
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import moderngl
 
 NAME = "CodeNeRF Viewer"
 SMALLEST = 900, 600  # px of a 96 ppi screen
+_SHARE = 0.85  # fraction of the screen that a new window takes
 
 
 class NoDisplayError(RuntimeError):
@@ -63,6 +65,7 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
     params = hello_imgui.RunnerParams()
     params.app_window_params.window_title = NAME
     params.app_window_params.window_geometry.size = size
+    params.app_window_params.window_geometry.position_mode = hello_imgui.WindowPositionMode.monitor_center
     params.app_window_params.restore_previous_geometry = folder is not None
     params.ini_disable = folder is None
     if folder:
@@ -78,6 +81,16 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
         hello_imgui.DefaultImGuiWindowType.provide_full_screen_dock_space
     )
     return params
+
+
+def usual_size(headless: bool) -> tuple[int, int]:
+    """Return the size of a new window in px of a 96 ppi screen; call :func:`prepare` before."""
+    monitor = None if headless else glfw.get_primary_monitor()
+    if monitor is None:
+        return 1280, 800
+    width, height = glfw.get_monitor_workarea(monitor)[2:]
+    scale = 1.0 if sys.platform == "darwin" else glfw.get_monitor_content_scale(monitor)[0]  # there px are points
+    return max(SMALLEST[0], round(_SHARE * width / scale)), max(SMALLEST[1], round(_SHARE * height / scale))
 
 
 def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) -> None:

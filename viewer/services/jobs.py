@@ -9,7 +9,8 @@ from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
-BACKGROUND_SHARE = 0.05  # fraction of the worker's time for invisible work beside other jobs
+FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.3, 0.1, 0.03, 0.01
+"""Shares of the worker's time beside an export (1.0): a fit, tiles, the view's last pixels, and invisible work."""
 
 
 @dataclass(eq=False)

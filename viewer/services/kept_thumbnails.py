@@ -1,4 +1,4 @@
-"""Thumbnails of a model's objects, kept between launches: a file for each model."""
+"""Thumbnails kept between launches: a file for each model's objects, and one for the session."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -25,21 +25,28 @@ class KeptThumbnails:
 
     def load(self, model: Model) -> dict[str, Pixels]:
         """Load the thumbnails of a model; none if unreadable."""
-        if self._folder:
-            with suppress(OSError, SafetensorError, ValueError):
-                found = load_file(self._path(model))
-                return {key: one for key, one in found.items() if one.dtype == np.uint8 and one.shape[2:] == (4,)}
-        return {}
+        return read_pictures(self._path(model)) if self._folder else {}
 
     def save(self, model: Model, thumbnails: Mapping[str, Pixels]) -> None:
         """Store exactly these thumbnails of a model, if the folder is writable."""
         if self._folder:
-            with suppress(OSError, SafetensorError, ValueError):
-                path = self._path(model)
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with atomic_file(path) as partial:
-                    save_file(dict(thumbnails), partial)
+            write_pictures(self._path(model), thumbnails)
 
     def _path(self, model: Model) -> Path:
         assert self._folder is not None, "nothing is kept"
         return self._folder / f"{model.fingerprint}.{_FORMAT}.safetensors"
+
+
+def read_pictures(path: Path) -> dict[str, Pixels]:
+    """Load the pictures of a file by their names; none if unreadable."""
+    with suppress(OSError, SafetensorError, ValueError):
+        return {key: one for key, one in load_file(path).items() if one.dtype == np.uint8 and one.shape[2:] == (4,)}
+    return {}
+
+
+def write_pictures(path: Path, pictures: Mapping[str, Pixels]) -> None:
+    """Store pictures in a file, if its folder is writable."""
+    with suppress(OSError, SafetensorError, ValueError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(path) as partial:
+            save_file(dict(pictures), partial)

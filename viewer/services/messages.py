@@ -20,8 +20,8 @@ _SHORT, _LONG = 5.0, 10.0  # s on screen: of plain notes, and of messages to rea
 _LOGGED = 500  # lines kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
-"""folders of an absolute path"""
-UNFORESEEN = "an error in the program; the log has it (menu Panels)"
+"""the folders of an absolute path"""
+UNFORESEEN = "an error in the program; it is listed in Developer (menu Panels)"
 
 
 class MessageKind(Enum):

@@ -1,4 +1,4 @@
-"""User objects kept between launches: a file for each fitted object, and one per model for its named directions."""
+"""User objects kept between launches: a file for each fitted object."""
 
 import json
 import re
@@ -9,16 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import torch
-
-from core.models.codes import Codes
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.scene import Scene, scene_model
 from core.runtime.files import atomic_file
-from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
+from core.runtime.reading import optional, parse_json, read_text, reading, typed
 from viewer.values import orbit
-from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject, unique_name
 
 
@@ -65,28 +61,6 @@ class UserObjects:
         for name in self._stored.keys() - wanted.keys():
             self._stored.pop(name).path.unlink(missing_ok=True)
 
-    def directions(self, model: Model) -> tuple[Direction, ...]:
-        """Return the named directions of a model, or of the latest model it extends; none if unreadable."""
-        paths = [self._directions(one) for one in (model.fingerprint, *model.extends)] if self._folder else []
-        path = next((path for path in paths if path.exists()), None)
-        found = (optional(lambda: _read_directions(path)) or ()) if path else ()
-        sizes = [tuple(code.shape) for code in (model.codes.mean.shape, model.codes.mean.texture)]
-        fits = (one for one in found if [tuple(one.step.shape.shape), tuple(one.step.texture.shape)] == sizes)
-        return tuple(replace(one, step=replace(one.step, model=model.fingerprint)) for one in fits)
-
-    def keep_directions(self, models: OpenModels, directions: Iterable[Direction]) -> None:
-        """Store exactly these directions of the open models. Raises ``ValueError`` or ``OSError`` if that fails."""
-        for model in models if self._folder else ():
-            path, own = self._directions(model.fingerprint), (one for one in directions if models.of(one.step) is model)
-            steps = [(one.name, one.step.shape.tolist(), one.step.texture.tolist()) for one in own]
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_file(path, _read_directions) as partial:
-                partial.write_text(json.dumps(steps))
-
-    def _directions(self, fingerprint: str) -> Path:
-        assert self._folder is not None, "nothing is kept"
-        return self._folder / "directions" / f"{fingerprint}.json"
-
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
     return first.codes is second.codes and first.confidence == second.confidence
@@ -118,11 +92,3 @@ def _read(path: Path, model: Model) -> EditableObject:
         text = read_text(path)
         about = typed(_About, parse_json(text), name="object")
         return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence, about.photo)
-
-
-def _read_directions(path: Path) -> tuple[Direction, ...]:
-    with reading(path, "directions"):
-        stored = typed(tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...], read_json(path), name="directions")
-        return tuple(
-            Direction(name, Codes(torch.tensor(shape), torch.tensor(texture))) for name, shape, texture in stored
-        )

@@ -111,7 +111,7 @@ class Worker:
 
     def _run(self) -> None:
         if sys.platform == "linux":  # the window keeps its frame rate beside torch on few cores
-            os.nice(10)  # only this thread
+            os.nice(2)  # only this thread
         while (entry := self._pick()) is not None:
             began = self._clock()
             self._step(entry)

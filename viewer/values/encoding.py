@@ -146,7 +146,7 @@ def _decode_codes(about: Any, store: BlobStore) -> Codes:
     model = store.models[codes.model or store.model]
     sizes = model.field.config.shape_latent, model.field.config.texture_latent
     if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
-        raise ValueError(f"it does not fit its model of {model.category or 'unnamed objects'}")
+        raise ValueError(f"it does not match its model of {model.category or 'unnamed objects'}")
     return replace(codes, model=model.fingerprint)
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import NamedTuple
 
 import torch
 
 from core.export.keyframes import Timeline
 from core.models.scene import Scene
-from viewer.values.direction import Direction
 from viewer.values.part import PARTS
 from viewer.values.variety import readable
 
@@ -23,10 +23,16 @@ class Pair(NamedTuple):
     shape: str
     texture: str
 
+    @property
+    def words(self) -> str:
+        """Name of the object for people."""
+        shape, texture = map(readable, self)
+        return shape if self.shape == self.texture else f"{shape} as {texture}"
+
 
 @dataclass(frozen=True)
 class Mix:
-    """Objects between which the two sliders mix, and the sliders' values (0 is A, 1 is B)."""
+    """Objects between which shape and texture are mixed, and how far from A (0) to B (1)."""
 
     a: Pair
     b: str
@@ -34,7 +40,7 @@ class Mix:
     texture: float = 0.0
 
     def with_amount(self, part: str, amount: float) -> Mix:
-        """Move the slider of one part."""
+        """Change the amount of B in one part."""
         return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
 
     @property
@@ -49,29 +55,30 @@ class Mix:
 
 @dataclass(frozen=True)
 class State:
-    """The edited state: scene, mixing sliders, timeline and named directions."""
+    """The edited state: scene, mix and timeline."""
 
     scene: Scene
     mix: Mix
     timeline: Timeline = field(default_factory=Timeline)
-    directions: tuple[Direction, ...] = ()
-
-    def moved_from(self, before: State) -> bool:
-        """True if the states differ only in the camera."""
-        return replace(self, scene=before.scene) == before and self.scene.codes == before.scene.codes
 
     def change_from(self, before: State) -> str:
         """Describe the edit since an earlier state in a few words."""
         mix, was = self.mix, before.mix
         if mix.a != was.a:
-            return readable(mix.a.shape) + ("" if mix.a.shape == mix.a.texture else f" as {readable(mix.a.texture)}")
+            return mix.a.words
         if (mix.shape, mix.texture) != (was.shape, was.texture):
             return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        if self.scene.codes == before.scene.codes:
-            return "timeline" if self.timeline != before.timeline else "B" if mix.b != was.b else "names of directions"
         now, then = self.scene.codes, before.scene.codes
         parts = (part for part in PARTS if not torch.equal(getattr(now, part), getattr(then, part)))
         return " and ".join(parts) or "photo detail"
+
+
+class Edit(NamedTuple):
+    """An edit of the codes; later changes of camera, B or timeline alone belong to it."""
+
+    last: int  # index of the last state
+    words: str  # description
+    of: Pair  # object A
 
 
 @dataclass(frozen=True)
@@ -114,13 +121,15 @@ class History:
         return (*self.past, self.now, *self.future)
 
     @property
-    def edits(self) -> tuple[tuple[int, str], ...]:
-        """Index of each edit's last state, and the edit's description; later camera moves belong to the edit."""
+    def edits(self) -> tuple[tuple[Edit, ...], ...]:
+        """Edits in groups of one object each, the oldest first."""
         states = self.states
-        begins = [0, *(at for at in range(1, len(states)) if not states[at].moved_from(states[at - 1]))]
+        changed = (at for at in range(1, len(states)) if states[at].scene.codes != states[at - 1].scene.codes)
+        begins = [0, *changed]
         ends = (*(begin - 1 for begin in begins[1:]), len(states) - 1)
-        named = (states[at].change_from(states[at - 1]) if at else "at first" for at in begins)
-        return tuple(zip(ends, named, strict=True))
+        words = (states[at].change_from(states[at - 1]) if at else "at first" for at in begins)
+        found = [Edit(end, what, states[end].mix.a) for end, what in zip(ends, words, strict=True)]
+        return tuple(tuple(group) for _, group in groupby(found, lambda edit: edit.of))
 
     def at(self, index: int) -> History:
         """Make another state current; all states stay."""
@@ -140,11 +149,6 @@ class History:
     def renamed(self, names: Mapping[str, str]) -> History:
         """Rename some objects in every state."""
         return self.everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
-
-    def with_directions(self, directions: tuple[Direction, ...]) -> History:
-        """Add named directions to every state unless the current state has them."""
-        more = tuple(one for one in directions if one not in self.now.directions)
-        return self.everywhere(lambda state: replace(state, directions=(*state.directions, *more))) if more else self
 
     def everywhere(self, change: Callable[[State], State]) -> History:
         """Change every state in the same way."""

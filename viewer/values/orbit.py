@@ -8,11 +8,10 @@ from core.models.model import Model
 from core.rendering.progressive import Frame
 
 HIGHEST = math.radians(89.0)  # short of the pole, where the image would spin
-_ZOOM_STEP = 1.1
+_ZOOM_STEP = 1.06
 REACH = 0.4, 3.0  # nearest and farthest distance, relative to the training distance
 VIEWS = {"front": (FRONT_AZIMUTH, 0.0), "side": (FRONT_AZIMUTH - math.pi / 2, 0.0), "top": (FRONT_AZIMUTH, HIGHEST)}
 """Azimuth and elevation (rad) of the standard views."""
-_FAR = 30.0  # distance of the orthographic camera, relative to the perspective one
 _MAX_PAN = 1.0  # largest pan of the object, relative to the view's shorter side
 
 
@@ -61,21 +60,6 @@ def seen_from(camera: Camera, view: str) -> Camera:
 def same_direction(one: Camera, other: Camera) -> bool:
     """True if both cameras see the object from the same side, at any distance."""
     return (one.azimuth, one.elevation) == (other.azimuth, other.elevation)
-
-
-def is_orthographic(camera: Camera, model: Model) -> bool:
-    """True if the camera is so far away that almost no perspective is left."""
-    return camera.focal / camera.height > _FAR / 2 * model.focal / model.image_size
-
-
-def with_perspective(camera: Camera, model: Model, perspective: bool) -> Camera:
-    """Switch the perspective of the model's focal length on or off; the object keeps its size.
-
-    Without perspective the distance and the focal length are many times as large.
-    """
-    wanted = (1.0 if perspective else _FAR) * model.focal / model.image_size
-    ratio = wanted / (camera.focal / camera.height)
-    return replace(camera, distance=ratio * camera.distance, focal=ratio * camera.focal)
 
 
 def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:

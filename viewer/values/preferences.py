@@ -7,14 +7,11 @@ from typing import Any
 
 from core.runtime.files import write_json
 from core.runtime.reading import optional, read_json
-from viewer.values.quality import DEFAULT_QUALITY, QUALITIES
 from viewer.values.share_settings import ShareSettings
 
 _FILE = "preferences.json"
 _RECENT = 8  # files remembered
-TURNING = {"automatic": "Automatic", "on": "On", "off": "Off"}
-"""Labels of choices: draw a baked object by OpenGL while it turns; automatic: if OpenGL is fast."""
-SMALLEST, LARGEST = 0.75, 2.0  # text sizes, relative to the default
+SMALLEST, LARGEST = 0.75, 2.0  # of the text, relative to the default
 
 
 @dataclass(frozen=True)
@@ -22,14 +19,8 @@ class Preferences:
     """A person's choices. Changes make a new object."""
 
     dark: bool = True
-    smooth: bool = True  # hide pixels of the finished render; previews show theirs
     text: float = 1.0  # size of the text, relative to the default
-    quality: int = DEFAULT_QUALITY  # index into :data:`viewer.values.quality.QUALITIES`
-    turning: str = "automatic"  # one of :data:`TURNING`
-    idle_turn: bool = True  # a fitted object turns slowly until something is touched
-    shadow: bool = True  # on the ground below the object, in the view and in shared files
     newcomer: bool = True  # the object has never been turned
-    camera_path: bool = True  # drawn over the view if the timeline has one
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()  # paths of opened images and scenes, the latest first
 
@@ -57,9 +48,7 @@ class Preferences:
         recent = stored.get("recent")
         names = tuple(name for name in recent if isinstance(name, str)) if isinstance(recent, list) else ()
         share = _share(stored.get("share"))
-        found = cls(**kept, share=share, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
-        quality = found.quality if 0 <= found.quality < len(QUALITIES) else default.quality
-        return replace(found, quality=quality, turning=found.turning if found.turning in TURNING else default.turning)
+        return cls(**kept, share=share, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
 
 
 def _share(stored: object) -> ShareSettings:

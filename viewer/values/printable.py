@@ -1,4 +1,6 @@
-"""Text that the window can draw."""
+"""Text as the window can draw it, and as names of files."""
+
+import re
 
 _CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
 _JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))  # join parts of an emoji: no glyphs
@@ -16,3 +18,13 @@ def printable(text: object) -> str:
         '\u2764'
     """
     return str(text).encode("utf-8", "replace").decode().translate(_CONTROLS | _JOINERS)
+
+
+def file_name(words: str) -> str:
+    """Words as a name that every system takes, without its ending.
+
+    Example:
+        >>> file_name("Police car (2)"), file_name("?")
+        ('police-car-2', 'object')
+    """
+    return re.sub(r"\W+", "-", printable(words).lower()).strip("-")[:60] or "object"

@@ -39,14 +39,13 @@ class Project:
     """Everything needed to resume a session."""
 
     history: History
-    objects: tuple[EditableObject, ...] = ()  # those added to the models' own, the oldest first
-    removed: tuple[str, ...] = ()  # names of added objects that no list shows
-    grid: tuple[str, ...] = ()  # objects in the grid
-    fit: FitHistory = field(default_factory=FitHistory)  # the last finished fit
-    tiles: tuple[SavedTile, ...] = ()  # candidates of that fit
-    pending: tuple[FitRequest, ...] = ()  # the fit under way, and waiting ones
-    models: tuple[str, ...] = ()  # names and paths of the open models
-    path: Path | None = None  # last path chosen by a person, if the project is kept between launches
+    objects: tuple[EditableObject, ...] = ()  # those that are no model's own, the oldest first
+    removed: tuple[str, ...] = ()  # those of them that are in no list any more
+    fit: FitHistory = field(default_factory=FitHistory)  # the last one that is over
+    tiles: tuple[SavedTile, ...] = ()  # its candidates
+    pending: tuple[FitRequest, ...] = ()  # the fit under way, and those that wait
+    models: tuple[str, ...] = ()  # names and paths of the models that were open
+    path: Path | None = None  # where a person saved it last, if it is kept from launch to launch
 
     @property
     def is_empty(self) -> bool:
@@ -81,10 +80,9 @@ class Project:
         fitted = self if self.fit.sources else earlier
         return replace(
             self,
-            history=self.history.after(before).with_directions(before.now.directions),
+            history=self.history.after(before),
             objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
             removed=(*(names.get(name, name) for name in earlier.removed), *self.removed),
-            grid=self.grid or tuple(names.get(name, name) for name in earlier.grid),
             fit=fitted.fit,
             tiles=fitted.tiles,
             pending=(*self.pending, *earlier.pending),
@@ -182,8 +180,8 @@ def _completed(value: Any, store: BlobStore) -> Any:
     if not isinstance(value, dict):
         return value
     found = {name: _completed(one, store) for name, one in value.items()}
-    if isinstance(found.get("photo"), dict) and "name" in found:
-        found |= {"photo": "", "fitted": True}  # an object, whose photo is now identified by its digest
+    if {"name", "codes", "photo"} <= found.keys() and not isinstance(found["photo"], str):
+        found |= {"photo": "", "fitted": found["photo"] is not None}  # an object: its photo is now known by its digest
     if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
         found["crop_transform"] = len(store.tensors)
         store.tensors.append(torch.zeros(len(found["cameras"]), 4))

@@ -12,7 +12,8 @@ from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient
 
-KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # labels
+KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # names
+TURN, RATE = 72, 24  # frames of one turn, and a second
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
 """labels of the backgrounds behind the object"""
 
@@ -26,15 +27,11 @@ class ShareSettings:
     picture: str = ".png"
     mesh: str = ".glb"  # endings of names
     size: int = 512  # px, width and height
-    rate: int = 24  # frames per second
-    quality: int = 85  # 1 to 100
-    frames: int = 72  # of one turn
-    fill: bool = True  # the object fills the frame; else it has the view's size
+    fill: bool = True  # the object fills the frame; else it is as large as in the view
     background: str = "view"  # one of :data:`BACKGROUNDS`
     red: int = 255
     green: int = 255
-    blue: int = 255  # 0..255, for the background "colour"
-    shadow: bool = False  # on the ground, as in the view
+    blue: int = 255  # 0..255, the colour of that background
     view_background: Gradient | None = None
     exact: bool = False  # every pixel of an image or a video by the network; else baked
     cells: int = 0  # of a mesh along the object; 0: as many as the detail needs
@@ -50,11 +47,11 @@ class ShareSettings:
         for chosen, among in choices:
             if chosen not in among:
                 raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
-        if not all(0 <= part <= 255 for part in (self.red, self.green, self.blue)) or self.frames < 1:
-            raise ValueError(f"colour channels must be 0 to 255 and frames positive, got {self}")
+        if not all(0 <= part <= 255 for part in (self.red, self.green, self.blue)):
+            raise ValueError(f"a colour has parts of 0 to 255, got {self}")
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
-        VideoSettings(self.size, self.rate, self.quality)
+        VideoSettings(self.size)
         MeshSettings(None, self.metres or 1.0, self.texture, self.triangles)
 
     @property
@@ -71,9 +68,8 @@ class ShareSettings:
 
     @property
     def shows_shadow(self) -> bool:
-        """True if a shadow is requested and the file supports it."""
-        able = self.kind == "picture" or (self.kind != "mesh" and video.FORMATS[self.video].shows_shadow(self.behind))
-        return self.shadow and able
+        """The file can have a shadow on the ground."""
+        return self.kind == "picture" or (self.kind != "mesh" and video.FORMATS[self.video].shows_shadow(self.behind))
 
     @property
     def behind(self) -> Background | None:
@@ -86,8 +82,8 @@ class ShareSettings:
 
     @property
     def video_settings(self) -> VideoSettings:
-        """Settings for writing videos."""
-        return VideoSettings(self.size, self.rate, self.quality, self.behind, self.exact, self.shadow)
+        """As videos are written with."""
+        return VideoSettings(self.size, RATE, background=self.behind, exact=self.exact, shadow=self.shows_shadow)
 
     def mesh_settings(self, usual: float) -> MeshSettings:
         """Return the settings for writing meshes: on the ground, in metres.
@@ -112,9 +108,9 @@ class ShareSettings:
         if self.kind == "turntable":
             nearest = models.of(scene.codes).distance if self.fill else 0.0
             camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))
-            shots = turntable(scene.codes, camera, self.frames)
+            shots = turntable(scene.codes, camera, TURN)
         elif self.kind == "video":
-            shots = timeline.views(self.rate)
+            shots = timeline.views(RATE)
         else:
             shots = [View(scene.codes, scene.camera)]
         return [View(codes, camera.resized(self.size, self.size)) for codes, camera in shots]

@@ -117,4 +117,5 @@ MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
     "samples": _samples,
     "source": _source,
 }
-_WITHOUT_BACKGROUND = ("opacity", "samples")  # their images have no background to shine through
+USUAL_MODES = ("colour", "depth", "normals")  # the others are for developers
+_WITHOUT_BACKGROUND = ("opacity", "samples")  # Modes whose images have no background to shine through

@@ -1,20 +1,30 @@
 """Everything that the image in the view depends on, as one record."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from viewer.values import orbit
-from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
+
+
+class Quality(NamedTuple):
+    """Of the image that is rendered at once."""
+
+    detail: int = 256  # px along its shorter side, if the view has as many
+    samples: int = 192  # intervals along the longest side of the scene's box
+
+
+USUAL = Quality()
 
 
 @dataclass(frozen=True)
 class ViewSettings:
     """Settings of the view, independent of the open model."""
 
-    panel: tuple[int, int] = (512, 512)  # px, size of the view
-    pan: tuple[float, float] = (0.0, 0.0)  # right and down, relative to the view's shorter side
-    quality: Quality = QUALITIES[DEFAULT_QUALITY]
+    panel: tuple[int, int] = (512, 512)  # px, the size of the view
+    pan: tuple[float, float] = (0.0, 0.0)  # right and down, in shares of the view's shorter side
+    quality: Quality = USUAL
     mode: str = "colour"  # one of :data:`viewer.values.view_modes.MODES`
     opengl: bool = False  # draw a baked object while it turns; else every image is exact
     covered: int = 0  # px covered at the view's lower edge, above which the object is placed

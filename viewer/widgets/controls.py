@@ -29,17 +29,11 @@ def tooltip(text: str) -> None:
         imgui.set_item_tooltip(text)
 
 
-def tooltip_beside(text: str, more: str = "") -> None:
-    """A tooltip for the last item at the left of its panel, where it hides nothing of that; not while it is dragged."""
-    if imgui.is_item_active() or not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
-        return
+def begin_tooltip_beside() -> bool:
+    """Begin a tooltip at the left of the panel, where it hides nothing of that; imgui's ``end_tooltip`` ends it."""
     place = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
     imgui.set_next_window_pos(place, imgui.Cond_.always, (1, 0))
-    if imgui.begin_tooltip():
-        imgui.text(text)
-        if more:
-            imgui.text_disabled(more)
-        imgui.end_tooltip()
+    return imgui.begin_tooltip()
 
 
 def end_gesture(context: PanelContext) -> None:

@@ -11,7 +11,7 @@ from viewer.services.messages import Button, MessageKind
 from viewer.values.part import Part
 
 THUMBNAIL = 4.5  # em, of most thumbnails: 72 px at the usual size of text
-_DIMMED = 0.55  # how much of what is stale is hidden
+DIMMED = 0.55  # how much of what is stale is hidden
 DRAGGED = "object"  # the kind of payload that is dragged to a slot
 ICONS: dict[Part, str] = {
     "shape": icons_fontawesome_4.ICON_FA_CUBE,
@@ -39,9 +39,14 @@ def paint_frame(
     texture = context.images.texture(thumbnail, context.palette)
     draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
     if stale:
-        draw.add_rect_filled(corner, opposite, packed(context.palette.panel, _DIMMED), rounding())
+        draw.add_rect_filled(corner, opposite, packed(context.palette.panel, DIMMED), rounding())
     if not context.preferences.dark:
         draw.add_rect(corner, opposite, packed(context.palette.line), rounding())
+
+
+def tile_button(name: str, size: tuple[float, float] | ImVec2) -> bool:
+    """Draw nothing, but take clicks and the keyboard's focus at the cursor; True if pressed."""
+    return imgui.invisible_button(name, size, imgui.ButtonFlags_.enable_nav)
 
 
 def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) -> None:
@@ -68,18 +73,16 @@ def mark(corner: ImVec2, label: str, colour: Colour) -> None:
     draw.add_text(place, packed(on(colour)), label)
 
 
-def dropped(context: PanelContext, mixed: bool = True) -> str:
-    """The object that was dropped on the last item, if any.
-
-    Args:
-        mixed: it is to be mixed with the one that is shown; one of another model is not, and a message says so.
+def dropped(context: PanelContext) -> str:
+    """The object that was dropped on the last item, to be mixed with the one that is shown, if any; one of another
+    model cannot be, and a message says so.
     """
     if not imgui.begin_drag_drop_target():
         return ""
     payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
     imgui.end_drag_drop_target()
     session, name = context.session, context.dragged
-    if payload and mixed and not session.editor.is_mixable(name):
+    if payload and not session.editor.is_mixable(name):
         show = Button("Show it", lambda: session.editor.show_object(name))
         session.messages.notify(unmixable(context, name), MessageKind.NOTE, buttons=(show,))
         return ""

@@ -27,14 +27,16 @@ def push_small() -> None:
     imgui.push_font(None, SMALL * imgui.get_style().font_size_base)
 
 
-def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: float) -> None:
-    """Small and quiet, in the middle of a line of this width (px); what is too long ends in an ellipsis."""
+def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: float, across: float = 0.5) -> None:
+    """Small and quiet, in a line of this width (px), from its left end (0) to its right one (1); what is too long ends
+    in an ellipsis.
+    """
     push_small()
     if imgui.calc_text_size(words).x > width:
         while words and imgui.calc_text_size(f"{words}…").x > width:
             words = words[:-1]
         words += "…"
-    place = corner + ImVec2((width - imgui.calc_text_size(words).x) / 2, 0)
+    place = corner + ImVec2(across * (width - imgui.calc_text_size(words).x), 0)
     imgui.get_window_draw_list().add_text(place, packed(context.palette.quiet), words)
     imgui.pop_font()
 

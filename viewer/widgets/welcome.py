@@ -31,7 +31,7 @@ class Welcome:
         return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Into the bottom of a rectangle (px); at its right the photos alone in a low one, and once the object has been
+        """Into the bottom of a rectangle (px); a smaller card at its right in a low one, and once the object has been
         turned.
         """
         em = hello_imgui.em_size()
@@ -45,16 +45,18 @@ class Welcome:
         shape = flags.auto_resize_y | flags.always_use_window_padding
         # The arrow keys turn the object; they are not to walk through the card as well.
         if imgui.begin_child("welcome", (width, 0), shape, imgui.WindowFlags_.no_nav):
-            if not small:
-                self._draw_open(context)
+            self._draw_open(context, small)
             draw_samples(context, _SAMPLE * em)
         imgui.end_child()
         self.covered = imgui.get_item_rect_size().y + _MARGIN * em
         imgui.pop_style_var()
         imgui.pop_style_color()
 
-    def _draw_open(self, context: PanelContext) -> None:
+    def _draw_open(self, context: PanelContext, small: bool) -> None:
         """The sentence, and the button at the left of the photos: a low card, which hides no legs."""
+        if small:
+            action_button(context, "fit_image", _OPEN, -1, context.palette.accent)
+            return
         caption(context, f"Drop a photo of {nouns(context)}, or open one: it is rebuilt in 3-D.")
         em = hello_imgui.em_size()
         photos = len(context.session.samples) * (_SAMPLE + _GAP)
@@ -84,7 +86,7 @@ def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
         if number % across:
             imgui.same_line(0, gap)
         corner = imgui.get_cursor_screen_pos()
-        if imgui.invisible_button(f"sample {path.stem}", (side, side)):
+        if object_tiles.tile_button(f"sample {path.stem}", (side, side)):
             context.fit(path)
         hovered = imgui.is_item_hovered()
         tooltip(f"Rebuild this photo: {path.stem}")

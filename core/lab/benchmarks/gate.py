@@ -35,7 +35,8 @@ from core.runtime.precision import use_dtype
 TOLERANCE = 2.0  # times the baseline that a ratio may be
 _EXACT, _NAIVE_STEPS = 64, 20  # px and samples of the exact render; steps of the paper's recipe
 _IMPORT = (sys.executable, "-c", "import torch")
-_SPIN = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: sum(range(10000))"
+_BEGIN = "import os; parent = os.getppid()\n"
+_SPIN = "while os.getppid() == parent: sum(range(10000))"
 """ends with the program that started it, however that ends"""
 
 
@@ -124,9 +125,9 @@ def _commands(category: str) -> Iterator[Ratio]:
 
 
 @contextmanager
-def busy_processes(count: int) -> Iterator[list[subprocess.Popen[bytes]]]:
+def busy_processes(count: int, program: str = _SPIN) -> Iterator[list[subprocess.Popen[bytes]]]:
     """So many processes that do nothing but keep a core busy, until the end of a ``with``."""
-    processes = [subprocess.Popen([sys.executable, "-c", _SPIN]) for _ in range(count)]
+    processes = [subprocess.Popen([sys.executable, "-c", _BEGIN + program]) for _ in range(count)]
     try:
         yield processes
     finally:

@@ -1,7 +1,7 @@
 """Milliseconds against decibels: the naive renderer, the fast one in each number format, and without each of its parts.
 
 PSNR is against the exact renderer with 256 samples a ray in float32. Times of the network on a processor are processor
-times in one thread, which other load changes little; all settings take turns, so that it affects all of them, and times
+times of all threads, which other load changes little. Settings take turns, so that it affects all of them, and times
 are medians over the turns: read them as ratios. A turn of a setting is a row, so a run can be resumed. Only how long
 images take while something moves is told by the clock.
 """

@@ -1,6 +1,7 @@
 """The files and the chart of :mod:`core.lab.benchmarks.rendering`, and the chart of films."""
 
 from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from core.lab.benchmarks.csv_files import Results, Row, append_record, read_reco
 from core.lab.benchmarks.drawing import draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.films import DEFAULT, Film
 from core.lab.benchmarks.rendering import Interaction, RenderRow, RenderTiming, median_turns
+from core.lab.benchmarks.threads import ThreadTiming
 from core.rendering.progressive import RenderSettings
 
 if TYPE_CHECKING:
@@ -61,6 +63,21 @@ def rendering_chart(found: Results[RenderRow]) -> "Figure":
         axes.grid(alpha=0.3)
         axes.legend()
     figure.suptitle(f"{found.about['machine']}, {found.about['views']} views", fontsize=9)
+    return figure
+
+
+def threads_chart(found: Results[ThreadTiming]) -> "Figure":
+    """Seconds of each job against threads, a line for each load."""
+    steps, loads = (list(dict.fromkeys(map(attrgetter(name), found.rows))) for name in ("step", "busy"))
+    figure, plots = new_figure(len(steps), width=3.2)
+    for axes, step in zip(plots, steps, strict=True):
+        for busy in loads:
+            some = [row for row in found.rows if (row.step, row.busy) == (step, busy)]
+            axes.plot([one.threads for one in some], [one.seconds for one in some], "o-", label=f"{busy} busy programs")
+        axes.set(title=step, xlabel="threads", ylabel="s", ylim=(0, None), xticks=sorted({one.threads for one in some}))
+        axes.grid(alpha=0.3)
+    plots[0].legend(loc="lower left")
+    figure.suptitle(found.about["machine"], fontsize=9)
     return figure
 
 

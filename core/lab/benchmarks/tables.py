@@ -1,5 +1,6 @@
 """The measurements of the benchmarks as Markdown tables: lists of columns, and the lines around them."""
 
+import math
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -23,6 +24,7 @@ from core.lab.benchmarks.robustness import (
     success_rates,
 )
 from core.lab.benchmarks.stressors import STRESSORS
+from core.lab.benchmarks.threads import ThreadTiming
 from core.lab.evaluation.protocol import ViewScore
 from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
 
@@ -87,6 +89,21 @@ def rendering_table(found: Results[RenderRow]) -> str:
         markdown_table(_SIZES, curves["sizes"]),
         markdown_table(_INTERACTIONS, [row for row in found.rows if isinstance(row, Interaction)]),
     )
+
+
+def threads_table(found: Results[ThreadTiming]) -> str:
+    """Seconds of each job with each number of threads, against those of one thread beside the same load."""
+    alone = {(row.step, row.busy): row.seconds for row in found.rows if row.threads == 1}
+    columns: list[Column] = [
+        ("job", "step", "{}"),
+        ("busy programs", "busy", "{}"),
+        ("threads", "threads", "{}"),
+        ("s", "seconds", "{:.2f}"),
+        ("over one thread", lambda one: one.seconds / alone.get((one.step, one.busy), math.nan), "{:.2f}"),
+        ("s of processors", "processor", "{:.2f}"),
+    ]
+    text = "{machine}; {category}. Busy programs multiply matrices in two torch threads each."
+    return _text(text.format(**found.about), markdown_table(columns, found.rows))
 
 
 def films_table(found: Results[Film]) -> str:

@@ -1,8 +1,11 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from core.runtime.threads import VARIABLE, available_cores, thread_count
 
 _COUNT = "import torch, numpy; print(torch.get_num_threads())"
 
@@ -14,8 +17,8 @@ def run(program: str, **environment: str) -> str:
     return done.stdout.strip()
 
 
-def test_a_program_computes_in_one_thread_whatever_the_environment_says():
-    begun = f"from core.runtime.threads import use_one_thread; use_one_thread(); {_COUNT}"
+def test_torch_computes_in_one_thread_in_a_program_whatever_the_environment_says():
+    begun = f"from core.runtime.threads import use_one_torch_thread; use_one_torch_thread(); {_COUNT}"
     assert run(begun, OMP_NUM_THREADS="3", MKL_NUM_THREADS="3") == "1"
 
 
@@ -25,6 +28,40 @@ def test_programs_begin_with_that(module: str):
     assert run(tried, OMP_NUM_THREADS="3").splitlines()[-1] == "1"
 
 
-def test_the_library_leaves_threads_to_its_caller():
-    used = "import torch; torch.set_num_threads(3); import core.fitting.fit, core.photos.photo, core.models.library; "
-    assert run(f"{used}core.models.library.load_model('chairs'); {_COUNT}") == "3"
+def test_the_library_leaves_the_threads_of_torch_to_its_caller():
+    """Threads begin with the first piece, and change the number neither of old threads nor of new ones."""
+    program = """
+import threading, torch
+torch.set_num_threads(3)
+import core.fitting.fit, core.photos.photo, core.models.library
+core.models.library.load_model("chairs")
+from core.runtime.pool import map_pieces
+print(threading.active_count(), *map_pieces(lambda _: torch.get_num_threads(), range(2)), torch.get_num_threads())
+new = threading.Thread(target=lambda: print(torch.get_num_threads()))
+new.start(), new.join()
+"""
+    assert run(program, **{VARIABLE: "2"}).split() == ["1", "1", "1", "3", "3"]
+
+
+def test_threads_are_as_many_as_the_environment_says_else_as_cores(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(VARIABLE, "5")
+    assert thread_count() == 5
+    monkeypatch.delenv(VARIABLE)
+    assert thread_count() == available_cores() >= 1
+    for wrong in ("0", "-1", "two", ""):
+        monkeypatch.setenv(VARIABLE, wrong)
+        with pytest.raises(ValueError, match=VARIABLE):
+            thread_count()
+
+
+def test_a_container_limits_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: range(16), raising=False)
+    limits = {"cpu.max": "250000 100000", "cpu.cfs_quota_us": "400000", "cpu.cfs_period_us": "100000"}
+    for cores, version, files in ((3, "two", ["cpu.max"]), (4, "one", ["cpu.cfs_quota_us", "cpu.cfs_period_us"])):
+        folder = tmp_path / version
+        (folder / "cpu").mkdir(parents=True)
+        for name in files:
+            (folder / name if version == "two" else folder / "cpu" / name).write_text(limits[name] + "\n")
+        assert available_cores(folder) == cores
+    (tmp_path / "cpu.max").write_text("max 100000\n")
+    assert available_cores(tmp_path) == available_cores(tmp_path / "nothing") == 16

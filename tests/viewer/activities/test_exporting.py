@@ -12,7 +12,7 @@ from viewer.values.share_settings import ShareSettings
 
 
 def test_a_saved_image_brings_its_scene_back_exactly(session: Session, editor: Editor, tmp_path: Path) -> None:
-    editor.sample("texture")
+    editor.sample()
     editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
     scene = editor.scene
     session.exporting.share(tmp_path / "mine.png", ShareSettings("picture", size=24))

@@ -82,7 +82,7 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Sessio
     session.viewport.pan_by(0.1, 0.0)
     assert session.viewport.following
     assert not session.jobs.busy("view")
-    editor.set_to_mean("shape")
+    editor.sample()
     assert not session.viewport.following
     editor.undo()
     assert session.viewport.following
@@ -196,7 +196,7 @@ def test_photos_dropped_during_a_fit_wait_and_none_is_lost(
     fitting.results.show("block c")
     assert editor.state.mix.a.shape == "block c"
     assert set(fitting.results.unseen) == {"block b"}
-    editor.set_to_mean("shape")
+    editor.sample()
     editor.show_object("block b")
     assert not fitting.results.unseen
 
@@ -317,7 +317,7 @@ def test_a_better_result_waits_where_the_first_one_was_edited(
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
     session.fitting.start(photo)
     deliver(session, lambda: session.fitting.results.checking is not None)
-    editor.set_to_mean("texture")
+    editor.sample()
     before = editor.state
     fit.may_end.set()
     finish(session, lambda: not session.fitting.running)

@@ -58,7 +58,7 @@ def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> No
     first, length = player.timeline.keys, player.timeline.length
     player.seek(length)
     for count in range(3, 8):
-        editor.sample_all()
+        editor.sample()
         player.add_key()
         assert len(player.timeline.keys) == count
         assert player.timeline.keys[-1].view.codes == editor.scene.codes
@@ -67,7 +67,7 @@ def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> No
 
 
 def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> None:
-    player.change(loop=False)
+    player.loop(False)
     player.play()
     clock.now += 9.0
     player.tick()

@@ -27,7 +27,7 @@ def test_a_render_that_fails_is_reported(session: Session, editor: Editor, error
         yield
 
     session.jobs.backend = replace(session.jobs.backend, frames=broken)
-    editor.sample("shape")
+    editor.sample()
     finish(session)
     assert session.messages.errors == ["Cannot render the object: not enough memory; try a smaller size"]
 
@@ -66,8 +66,8 @@ def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(session: Session, 
     viewport, editor = session.viewport, session.editor
     viewport.change(opengl=True)
     finish(session, lambda: viewport.baked is not None)
-    for kind in ("shape", "texture"):
-        editor.sample(kind)
+    for _ in range(2):
+        editor.sample()
         assert viewport.baked_frame is None
         assert viewport.baked is None
         finish(session, lambda: viewport.is_baked(editor.scene.codes))
@@ -111,6 +111,6 @@ def test_a_timeline_of_a_baked_object_is_turned_by_opengl(session: Session, bake
 
 def test_what_is_on_screen_is_not_sharp_once_the_scene_has_changed(session: Session, editor: Editor) -> None:
     finish(session, lambda: session.viewport.sharp)
-    editor.sample("texture")
+    editor.sample()
     assert not session.viewport.sharp  # its render is still to come
     finish(session, lambda: session.viewport.sharp)

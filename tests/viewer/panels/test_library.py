@@ -1,6 +1,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from imgui_bundle import imgui
 
 from core.models.codes import Entry
@@ -32,7 +33,7 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
 
 def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
-        window.click("Library/###fit_image")
+        window.click("View/**/###fit_image")
         window.type(str(photo))
         window.wait(lambda: not window.session.fitting.running)
         window.wait()
@@ -91,7 +92,7 @@ def test_chairs_and_cars_are_one_library(drive: Drive, both: Backend) -> None:
         assert editor.model is cars and editor.state.mix.b.startswith("car")
         window.click(f"Library/###{chairs.fingerprint}")
         assert not window.exists("Library/**/show car 2")
-        window.drop("Library/**/show object 3", "Mix/slot texture")
+        window.drop("Library/**/show object 3", "Mix/slot B")
         assert editor.model is cars
         (said,) = session.messages.shown
         assert said.text == "A chair cannot be mixed with a car: show it to begin with it"
@@ -112,3 +113,23 @@ def test_chairs_and_cars_are_one_library(drive: Drive, both: Backend) -> None:
         assert editor.model is chairs and not editor.history.past
 
     drive(act, both)
+
+
+def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor, key = window.session.editor, imgui.Key
+        window.click("Library/**/show object 2")
+        window.press(key.down_arrow)
+        window.press(key.right_arrow)
+        focused = imgui.internal.get_focus_id()
+        (name,) = (
+            name for name in editor.objects.names if window.ctx.item_info(f"//Library/**/show {name}").id_ == focused
+        )
+        box = window.ctx.item_info(f"//Library/**/show {name}").rect_full
+        around = window.capture()[int(box.min.y) - 6 : int(box.max.y) + 6, int(box.min.x) - 6 : int(box.max.x) + 6]
+        ring = np.abs(around / 255 - window.context.palette.accent).max(-1) < 0.02
+        assert ring.sum() > box.max.x - box.min.x
+        window.press(key.enter)
+        assert name != "object 2" and editor.state.mix.a.shape == name
+
+    drive(act)

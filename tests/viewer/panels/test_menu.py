@@ -4,9 +4,9 @@ import pytest
 from imgui_bundle import imgui
 
 from tests.viewer.driver import Drive, Driver
-from viewer.actions import ACTIONS, find_actions
+from viewer.actions import ACTIONS
+from viewer.panels.help import find
 from viewer.panels.menu import MENUS
-from viewer.services.backend import Backend
 
 
 def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -20,7 +20,7 @@ def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path
         window.wait(lambda: not session.fitting.running)
         window.wait()
         assert [Path(name).name for name in window.context.preferences.recent] == ["block.png", "mine.json"]
-        window.menu("File/Open recent/###recent 2")
+        window.menu("File/Recent/###recent 2")
         assert editor.scene == scene
 
     drive(act)
@@ -44,49 +44,52 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         window.menu("Help/###help")
         assert context.help_open
         window.menu("View/###dark")
-        window.menu("View/###smooth")
         assert not context.preferences.dark
         assert imgui.get_style().window_border_size == 1.0  # floating windows have an edge on light colours
-        assert not context.preferences.smooth
         window.drag("View/orbit", 30)
         window.menu("Edit/###undo")
         assert not editor.history.past
-        window.menu("File/###fit_image")
+        window.menu("File/###open_scene")
         assert context.files.asking
         ctx.item_click("//Choose a file###ask/Cancel")
 
     drive(act)
 
 
-def test_the_keyboard_alone_reaches_every_action(drive: Drive) -> None:
-    """What has no key is found in the help by typing its words, and done by Enter."""
-    assert {id for id in ACTIONS if find_actions(ACTIONS[id].words)[0].id != id} == set()
+def test_everything_that_has_a_name_is_found_by_typing(drive: Drive) -> None:
     in_menus = {entry for entries in MENUS.values() for entry in entries if isinstance(entry, str)}
     assert {action.id for action in ACTIONS.values() if not action.keys} <= in_menus  # and by the mouse too
 
     def act(window: Driver) -> None:
-        context = window.context
-        assert context.preferences.smooth
-        window.press(imgui.Key.f1)
+        context, editor, key = window.context, window.session.editor, imgui.Key
+        for action in ACTIONS.values():
+            if action.enabled(context):
+                assert find(context, action.words)[0].words.lower() == action.words.lower()
+
+        def search(words: str) -> None:
+            window.press(key.mod_ctrl, key.k)
+            window.ctx.yield_(3)
+            window.ctx.key_chars(words)
+            window.ctx.yield_(2)
+
+        search("dark")
+        window.press(key.enter)
+        assert not context.preferences.dark and not context.help_open
+        search("object 4")
+        window.press(key.enter)
+        assert editor.state.mix.a.shape == "object 4"
+        search("normals")
+        window.press(key.enter)
+        assert window.session.viewport.settings.mode == "normals"
+        search("object")
+        window.click("Help/**/###found 1")
+        assert editor.state.mix.a.shape != "object 4" and not context.help_open
+        search("timeline")
+        window.press(key.enter)
         window.ctx.yield_(3)
-        window.ctx.key_chars("smooth")
-        window.press(imgui.Key.enter)
-        assert not context.preferences.smooth
-        assert not context.help_open
+        assert window.exists("Timeline/###add_key")
 
     drive(act, size=(900, 600))
-
-
-def test_samples_of_every_category_are_in_a_menu(drive: Drive, both: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
-    def act(window: Driver) -> None:
-        started = list[Path]()
-        monkeypatch.setattr(window.session.fitting, "start", started.append)
-        window.menu("File/Samples/cushion")
-        window.menu("File/Samples/sports")
-        assert [path.name for path in started] == ["cushion.png", "sports.png"]
-        assert started[0].is_file()
-
-    drive(act, both)
 
 
 def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +111,7 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
         window.press(imgui.Key.mod_ctrl, imgui.Key.v)
         window.wait(lambda: len(session.messages.errors) == 2)
         assert "xclip" in session.messages.errors[1]
-        window.menu("File/###paste")
+        window.menu("Edit/###paste")
         window.wait(lambda: bool(session.fitting.history.steps) and not session.fitting.running)
         assert editor.objects.names[0] == "block"
         imgui.set_clipboard_text(photo.as_uri())
@@ -120,14 +123,14 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
 
 def test_panels_are_closed_and_opened_in_the_menu_panels(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        window.show("Camera")
-        assert window.exists("Camera/###see_front")
-        window.menu("Panels/Camera")
+        window.show("Timeline")
+        assert window.exists("Timeline/###add_key")
+        window.menu("Panels/Timeline")
         window.ctx.yield_(3)
-        assert not window.exists("Camera/###see_front")
-        window.menu("Panels/Camera")
-        window.show("Camera")
-        assert window.exists("Camera/###see_front")
+        assert not window.exists("Timeline/###add_key")
+        window.menu("Panels/Timeline")
+        window.show("Timeline")
+        assert window.exists("Timeline/###add_key")
 
     drive(act)
 
@@ -155,18 +158,18 @@ def test_projects_are_saved_opened_dropped_and_recent(drive: Drive, photo: Path,
         window.context.drop([str(tmp_path / "chair.codenerf")])
         assert window.session.editor.history == again
         window.menu("File/###new_project")
-        window.menu("File/Open recent/###recent 1")
+        window.menu("File/Recent/###recent 1")
         assert window.session.editor.history == again
         window.undo()
         assert window.session.editor.state == made.now
-        window.menu("File/###save_project_as")
+        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
         window.type(str(tmp_path / "chair.codenerf"))  # it is there: that asks
         assert window.context.files.asking
         before = (tmp_path / "chair.codenerf").read_bytes()
         window.ctx.item_click("//Choose a file###ask/Cancel")
         window.ctx.yield_(2)
         assert (tmp_path / "chair.codenerf").read_bytes() == before
-        window.menu("File/###save_project_as")
+        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
         window.type(str(tmp_path / "chair.codenerf"))
         window.ctx.item_click("//Choose a file###ask/###choose")
         window.ctx.yield_(2)

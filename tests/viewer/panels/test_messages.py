@@ -16,9 +16,9 @@ def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(drive: Drive) -> 
         box = window.ctx.window_info("//Messages").window
         assert low.x < box.pos.x
         assert box.pos.y > high.y - 0.1 * (high.y - low.y)  # not over the object
-        window.menu("Panels/Log")
+        window.menu("Panels/Developer")
         window.ctx.yield_(3)
-        assert window.ctx.window_info("//Log").window.active
+        assert window.ctx.window_info("//Developer").window.active
         assert [message.text for message in messages.log][-4:] == [f"wrong {number}" for number in range(4)]
 
     drive(act)
@@ -28,14 +28,14 @@ def test_esc_closes_what_is_on_top(drive: Drive) -> None:
     def act(window: Driver) -> None:
         context = window.context
         window.press(imgui.Key.f1)
-        window.click("View/###view options")
+        window.click("View/###mode")
         assert imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         window.press(imgui.Key.escape)
         assert not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         assert context.help_open
         window.press(imgui.Key.escape)
         assert not context.help_open
-        window.menu("File/###fit_image")
+        window.menu("File/###open_scene")
         window.ctx.yield_(3)
         window.press(imgui.Key.escape)
         window.wait(lambda: not context.files.asking)

@@ -1,30 +1,43 @@
-import numpy as np
+from pathlib import Path
+
 import pytest
-import torch
-from imgui_bundle import ImVec2
+from imgui_bundle import ImVec2, imgui
 
 from core.models.model import Model
+from tests.conftest import image_size
 from tests.viewer.driver import Drive, Driver
 
 
-def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
+def test_b_is_chosen_and_the_mixes_are_saved(drive: Drive, model: Model, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
         editor = window.session.editor
         window.click("Library/**/show object 2")
         window.choose("object 4", "Make it B")
         assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
-        assert editor.scene.codes == model.codes[2]
-        window.set("Mix/##mix shape", 1.0)
-        window.ctx.yield_(2)
-        np.testing.assert_allclose(editor.code("shape"), model.codes[4].shape)
-        np.testing.assert_allclose(editor.code("texture"), model.codes[2].texture)
-        window.drag("Mix/##mix texture", 60)
-        assert 0 < editor.state.mix.texture <= 1
-        assert editor.state.mix.shape == 1.0
-        past = len(editor.history.past)
-        window.undo()
-        assert editor.state.mix.texture == 0
-        assert len(editor.history.past) == past - 1
+        window.choose("object 3", "Take only its texture")
+        assert editor.scene.codes == model.codes[2].taking("texture", model.codes[3])
+        window.drop("Library/**/show object 5", "Mix/slot B")
+        assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 3"), "object 5")
+        window.click("Mix/###save mixes")
+        window.type(str(tmp_path / "mixes.png"))
+        window.wait(lambda: (tmp_path / "mixes.png").exists() and not window.session.exporting.running)
+        assert image_size(tmp_path / "mixes.png") == (1280, 1280)
+        assert window.session.messages.errors == []
+
+    drive(act)
+
+
+def test_the_keyboard_reaches_every_mix(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        key, mix = imgui.Key, lambda: window.session.editor.state.mix
+        window.click("Mix/slot B")
+        for pressed in (key.down_arrow, key.down_arrow, key.up_arrow, key.up_arrow, key.space):
+            window.press(pressed)  # from the button below the pad into its second row
+        shape, texture = mix().shape, mix().texture
+        assert texture == 0.25
+        window.press(key.right_arrow)
+        window.press(key.space)
+        assert (mix().shape, mix().texture) == (shape + 0.25, texture)
 
     drive(act)
 
@@ -62,38 +75,5 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
         assert editor.state == middle
         window.undo()
         assert editor.state == before
-
-    drive(act)
-
-
-def test_shape_and_texture_are_taken_from_different_thumbnails(drive: Drive, model: Model) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        window.drop("Library/**/show object 3", "Mix/slot shape")
-        window.choose("object 2", "Take only its texture")
-        assert editor.scene.codes == model.codes[3].taking("texture", model.codes[2])
-        window.drop("Library/**/show object 5", "Mix/slot B")
-        assert (editor.state.mix.a, editor.state.mix.b) == (("object 3", "object 2"), "object 5")
-        window.click("Mix/###swap")
-        assert editor.scene.codes == model.codes[2].taking("texture", model.codes[3])
-        assert len(editor.history.past) == 4
-
-    drive(act)
-
-
-def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        window.click("Mix/###lock shape")
-        window.click("Library/**/show object 2")
-        window.drop("Library/**/show object 3", "Mix/slot shape")
-        window.show("Sliders")
-        window.click("Sliders/**/###Random texture")
-        window.show("Mix")
-        assert torch.equal(editor.code("shape"), model.codes[0].shape)
-        assert len(editor.history.past) == 2
-        window.click("Mix/###lock shape")
-        window.drop("Library/**/show object 3", "Mix/slot shape")
-        assert torch.equal(editor.code("shape"), model.codes[3].shape)
 
     drive(act)

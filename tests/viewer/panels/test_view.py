@@ -14,8 +14,8 @@ from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import Bakery, endless_fit
 from viewer.services.backend import Backend
 from viewer.values import orbit
-from viewer.values.quality import Quality
 from viewer.values.view_modes import MODES
+from viewer.values.view_request import Quality
 
 
 def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
@@ -57,14 +57,13 @@ def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeyp
         window.drag("View/orbit", 40)
         window.ctx.yield_(2)
         assert window.exists("View/**/sample cushion")  # to turn the object makes nothing
-        assert not window.exists("View/**/###fit_image")
-        assert window.exists("View/badge")
+        assert window.exists("View/**/###fit_image") and not window.exists("Library/###fit_image")
         window.show("Photo")
         assert window.exists("Photo/sample cushion")
         window.press(imgui.Key.r)
         window.ctx.yield_(2)
         assert not window.exists("View/**/sample cushion")
-        assert window.exists("View/badge")
+        assert not window.exists("View/**/###fit_image") and window.exists("Library/**/###fit_image")
 
     drive(act, size=(900, 600))
 
@@ -79,6 +78,11 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
             ctx.mouse_wheel_y(1.0)
         window.wait()
         assert editor.scene.camera.distance < home.distance
+        assert max(map(abs, window.session.viewport.settings.pan)) < 0.1
+        low, high = window.context.view
+        ctx.mouse_move_to_pos(low + (high - low) * 0.75)
+        ctx.mouse_wheel_y(1.0)
+        assert max(window.session.viewport.settings.pan) < -0.01  # what is under the mouse stays there
         time.sleep(0.7)
         ctx.yield_(2)
         window.press(imgui.Key.right_arrow)
@@ -88,7 +92,7 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
         io.mouse_single_click_delay, io.mouse_double_click_time = 11.0, 10.0  # s: frames of a busy machine take long
         ctx.item_double_click("//View/orbit")
         ctx.yield_(2)
-        assert editor.scene.camera == home
+        assert (editor.scene.camera, window.session.viewport.settings.pan) == (home, (0.0, 0.0))
         window.drag("View/orbit", 60)
         window.click("View/###reset_view")
         assert editor.scene.camera == home
@@ -98,7 +102,6 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
 
 def test_the_image_on_screen_is_the_newest_frame_over_the_background(drive: Drive, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        window.context.set_preference(smooth=False)
         window.drag("View/orbit", 60)
         window.wait(lambda: window.session.viewport.sharp)  # a finer frame comes once the hand has rested
         shown = window.capture_view()
@@ -161,38 +164,26 @@ def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_backend:
     def act(window: Driver) -> None:
         session = window.session
         shown = []
-        for _ in MODES:
+        for mode in MODES:
+            session.viewport.change(mode=mode)
+            window.ctx.yield_(2)
             shown.append(window.capture_view(border=60))
+        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(shown, 2))
+        window.click("View/###mode")
+        window.click("**/Depth")
+        for mode in ("normals", "colour", "depth"):
             window.ctx.mouse_move("//View/orbit")
             window.press(imgui.Key.v)
-        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(shown, 2))
-        window.click("View/##mode")
-        window.click("**/Normals")
-        window.click("View/##mode")
-        window.click("**/Colour")
+            assert session.viewport.settings.mode == mode
         assert session.messages.errors == []
 
     drive(act, real_backend)
 
 
-def test_the_size_of_the_finished_image_can_be_chosen(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        window.set_quality(2)
-        window.wait(lambda: bool(session.viewport.times) and session.viewport.frame.samples == 128)
-        window.wait(lambda: session.viewport.sharp)
-        sizes = [min(size) for size, _ in session.viewport.times]
-        assert sizes[-1] == min(session.viewport.settings.panel)
-        assert 192 in sizes
-        assert editor.scene.camera == orbit.home(session.editor.model)
-
-    drive(act)
-
-
 def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
     def act(window: Driver) -> None:
         def image() -> np.ndarray:
-            window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
+            window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view
             window.wait()
             window.wait(lambda: window.session.viewport.sharp)  # every pixel comes once the hand rests
             return window.capture_view(border=80)
@@ -216,7 +207,7 @@ def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
     drive(act)
 
 
-def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_follows(
+def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(
     drive: Drive, real_backend: Backend
 ) -> None:
     stools = replace(tiny_model(), category="chairs")
@@ -225,13 +216,8 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
         context, viewport = window.context, window.session.viewport
         viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
-        window.click("View/###view options")
-        window.click("$FOCUSED/##turning")
-        window.click("**/On")
-        window.press(imgui.Key.escape)
-        window.press(imgui.Key.escape)
-        assert context.preferences.turning == "on"
-        window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
+        context.fast_opengl = True
+        window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view
         window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
         exact = window.capture_view(border=80)
         window.app.each_frame = viewport.render  # as a hand that never rests
@@ -251,35 +237,30 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
 
 
-def test_the_shadow_stays_while_the_object_turns_and_can_be_switched_off(drive: Drive, real_backend: Backend) -> None:
+def test_the_shadow_stays_while_the_object_turns(drive: Drive, real_backend: Backend) -> None:
     stools = replace(tiny_model(), category="chairs")
 
     def act(window: Driver) -> None:
-        context, viewport, editor = window.context, window.session.viewport, window.session.editor
+        context, viewport = window.context, window.session.viewport
 
         def seen() -> np.ndarray:
-            window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view, the hint in its border
+            window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view, the hint in its border
             return window.capture_view(border=100)
 
         viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
-        context.set_preference(turning="on")
+        context.fast_opengl = True
         window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
-        with_shadow = seen()
-        window.menu("View/###shadow")
-        assert not context.preferences.shadow
+        with_shadow, (frame, crop) = seen(), viewport.full_frame
+        viewport.full_frame = replace(frame, shadow=None), crop
+        viewport.frame = viewport.full_frame[0]
         plain = seen()
         ground = (plain - with_shadow).mean(-1) > 3
         assert 200 < ground.sum() < 0.3 * ground.size
         assert (with_shadow <= plain + 1).all()
-        window.menu("View/###shadow")
         window.app.each_frame = viewport.render  # as a hand that never rests
         window.wait(lambda: viewport.baked_frame is not None)
         assert np.median(np.abs(seen() - with_shadow)[ground]) < 2  # it does not jump
-        editor.set_camera(replace(editor.scene.camera, elevation=-0.5))
-        below = seen()
-        window.menu("View/###shadow")
-        assert np.array_equal(seen(), below)
         assert window.session.messages.errors == []
 
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
@@ -296,7 +277,7 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
 
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
-            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 64)
+            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 192)
             shown = render_frame(stools, editor.scene.codes, crop.camera).opacity > 0.2
             ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
             return max(np.abs(2 * both - 1).max() for both in ends)
@@ -348,7 +329,7 @@ def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(
     def act(window: Driver) -> None:
         session, editor = window.session, window.session.editor
         idle = session.idle_turn
-        window.context.set_preference(turning="on")
+        window.context.fast_opengl = True
         window.fit(photo)
         assert idle.due
         window.wait(lambda: session.viewport.is_baked(editor.scene.codes) and session.viewport.sharp)
@@ -361,12 +342,5 @@ def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(
         assert not idle.due
         assert editor.scene.camera.azimuth != before.camera.azimuth
         assert len(editor.history.past) == edits
-        window.menu("View/###idle_turn")
-        assert not window.context.preferences.idle_turn
-        window.press(imgui.Key.escape)
-        window.fit(photo)
-        window.wait(lambda: session.viewport.is_baked(editor.scene.codes) and session.viewport.sharp)
-        window.ctx.yield_(3)
-        assert not idle.turning
 
     drive(act, replace(backend, bake=Bakery()), size=(900, 600))

@@ -31,7 +31,7 @@ def baked(stool: Model) -> tuple[BakedField, ...]:
 
 def drawn(gl: moderngl.Context, baked: BakedField, crop: PanelCrop, palette: Palette = WHITE) -> np.ndarray:
     canvas = BakedCanvas(gl)
-    canvas.draw(baked, crop, palette, False)
+    canvas.draw(replace(baked, shadow=None), crop, palette)
     picture = canvas.pixels() / 255
     canvas.release()
     return picture
@@ -79,7 +79,7 @@ def test_another_camera_or_object_is_drawn_at_once(
     canvas = BakedCanvas(gl)
     for one, azimuth in ((baked[1], 0.0), (baked[1], 1.0), (baked[0], 1.0), (baked[1], 0.0)):
         crop = fit_to_panel(stool.camera(azimuth, 0.4), 60, 60, 60)
-        canvas.draw(one, crop, WHITE, False)
+        canvas.draw(replace(one, shadow=None), crop, WHITE)
         assert psnr(canvas.pixels() / 255, render_baked(one, crop.camera).colour.numpy()) > 42
     canvas.release()
 

@@ -2,15 +2,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from core.models.model import Model
 from core.models.scene import open_scene
 from tests.conftest import open_models, random_model
 from viewer.services.user_objects import UserObjects
-from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject
-from viewer.values.part import PARTS
 
 
 @pytest.fixture
@@ -81,26 +78,3 @@ def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) 
     user_objects = UserObjects()
     user_objects.sync(open_models(model), [fitted])
     assert user_objects.open(model) == ()
-
-
-def test_named_directions_last_for_their_model_alone(tmp_path: Path, model: Model) -> None:
-    directions = tuple(replace(Direction.principal(model.codes, part, 0), name="sportier") for part in PARTS)
-    UserObjects(tmp_path).keep_directions(open_models(model), directions)
-    assert UserObjects(tmp_path).directions(model) == directions
-    other = random_model(seed=7)
-    assert UserObjects(tmp_path).directions(other) == ()
-    extended = replace(other, extends=(model.fingerprint,))
-    found = UserObjects(tmp_path).directions(extended)
-    assert all(torch.equal(one.step.shape, before.step.shape) for one, before in zip(found, directions, strict=True))
-    UserObjects(tmp_path).keep_directions(open_models(extended), found[:1])
-    assert UserObjects(tmp_path).directions(extended) == found[:1]
-    UserObjects(tmp_path).keep_directions(open_models(model), ())
-    assert UserObjects(tmp_path).directions(model) == ()
-
-
-@pytest.mark.parametrize("text", ["", "7", "[1]", "{}", '[["a", [1.0], [2.0]]]', '[["a", ["b"], [2.0]]]', '[["a"]]'])
-def test_directions_that_cannot_be_read_are_none(tmp_path: Path, model: Model, text: str) -> None:
-    UserObjects(tmp_path).keep_directions(open_models(model), ())
-    (path,) = (tmp_path / "directions").iterdir()
-    path.write_text(text)
-    assert UserObjects(tmp_path).directions(model) == ()

@@ -4,7 +4,6 @@ import pytest
 
 from core.models.model import Model
 from core.models.scene import Scene
-from viewer.values.direction import Direction
 from viewer.values.history import History, Mix, Pair, State
 
 
@@ -65,9 +64,18 @@ def test_any_state_can_be_gone_to_and_none_is_lost(states: list[State]) -> None:
         assert (there.now, len(there.past), there.states) == (state, index, tuple(states))
 
 
-def test_directions_that_are_lacking_now_come_to_every_state(states: list[State], model: Model) -> None:
-    first, second = (Direction.principal(model.codes, "shape", index) for index in (0, 1))
-    history = History(states[0]).changed(replace(states[1], directions=(first,)))
-    assert history.with_directions((first,)) is history
-    found = history.with_directions((first, second))
-    assert [state.directions for state in found.states] == [(second,), (first, second)]
+def test_edits_are_grouped_by_object_and_what_changes_no_code_is_none(states: list[State], model: Model) -> None:
+    first = states[0]
+    moved = replace(first, scene=replace(first.scene, camera=model.camera(1.0, 0.5)))
+    other_b = replace(moved, mix=replace(moved.mix, b="c"))
+    shown = State(replace(first.scene, codes=model.codes[1]), Mix(Pair("b", "b"), "c"))
+    mixed = State(replace(first.scene, codes=model.codes[2]), replace(shown.mix, shape=0.5))
+    back = State(first.scene, first.mix)
+    history = History(first)
+    for state in (moved, other_b, shown, mixed, back):
+        history = history.changed(state)
+    assert [[(edit.last, edit.words) for edit in group] for group in history.edits] == [
+        [(2, "at first")],
+        [(3, "b"), (4, "c mixed in: shape 50%, texture 0%")],
+        [(5, "a")],
+    ]

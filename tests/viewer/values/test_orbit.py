@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -98,20 +97,3 @@ def test_home_sees_the_whole_object_from_its_front(model: Model) -> None:
     assert camera.distance <= model.distance
     assert abs(camera.azimuth - math.pi / 2) < math.radians(45)
     assert camera.elevation > 0
-
-
-def test_an_orthographic_view_is_as_large_and_has_no_perspective(model: Model) -> None:
-    camera = replace(model.camera(0.4, 0.2), distance=1.7)
-    flat = orbit.with_perspective(camera, model, False)
-    assert orbit.is_orthographic(flat, model)
-    assert not orbit.is_orthographic(camera, model)
-
-    def width(camera: Camera, x: float) -> float:
-        """px, of something a tenth wide, nearer or further away"""
-        ends = camera.project(torch.tensor([[x, 0.0, 0.0], [x, 0.1, 0.0]]))
-        return float((ends[1] - ends[0]).norm())
-
-    assert width(flat, 0.0) == pytest.approx(width(camera, 0.0), rel=0.03)
-    assert width(flat, -0.4) == pytest.approx(width(flat, 0.4), rel=0.02)
-    back = orbit.with_perspective(flat, model, True)
-    assert (back.distance, back.focal) == pytest.approx((camera.distance, camera.focal))

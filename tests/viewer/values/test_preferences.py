@@ -9,7 +9,7 @@ from viewer.values.share_settings import ShareSettings
 
 def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
     share = ShareSettings("picture", size=1024, background="colour", red=3)
-    chosen = replace(Preferences(), dark=False, text=1.25, quality=5, turning="on", newcomer=False, share=share)
+    chosen = replace(Preferences(), dark=False, text=1.25, newcomer=False, share=share)
     chosen = chosen.with_recent(tmp_path / "a.png")
     chosen.save(tmp_path / "deep" / "folder")
     assert Preferences.load(tmp_path / "deep" / "folder") == chosen
@@ -21,9 +21,8 @@ def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
         "",
         "[]",
         "nonsense",
-        '{"dark": 3, "quality": "large", "text": null, "recent": 7}',
-        '{"quality": -5, "text": NaN, "recent": [1, {}], "other": 1}',
-        '{"turning": "sometimes"}',
+        '{"dark": 3, "text": null, "recent": 7}',
+        '{"text": NaN, "recent": [1, {}], "other": 1}',
         '{"share": 3}',
         '{"share": {"kind": "poster", "size": 1024}}',
         '{"share": {"size": "large", "frames": null, "more": 1}}',

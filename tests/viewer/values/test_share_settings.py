@@ -6,7 +6,7 @@ from core.export.keyframes import Keyframe, Timeline, View
 from core.models.model import Model
 from core.models.scene import Scene
 from tests.conftest import open_models
-from viewer.values.share_settings import ShareSettings
+from viewer.values.share_settings import RATE, TURN, ShareSettings
 
 
 @pytest.fixture
@@ -22,9 +22,6 @@ def scene(model: Model) -> Scene:
         {"picture": ".bmp"},
         {"mesh": ".dae"},
         {"size": 1},
-        {"rate": 0},
-        {"quality": 101},
-        {"frames": 0},
         {"background": "black"},
         {"red": 256},
         {"cells": 4},
@@ -50,7 +47,7 @@ def test_the_views_colour_stands_in_for_the_view_alone() -> None:
 
 
 def test_a_mesh_and_a_transparent_gif_have_no_shadow() -> None:
-    gif = ShareSettings(video=".gif", background="transparent", shadow=True)
+    gif = ShareSettings(video=".gif", background="transparent")
     assert not gif.shows_shadow
     assert replace(gif, background="white").shows_shadow
     assert replace(gif, video=".webp").shows_shadow
@@ -59,8 +56,8 @@ def test_a_mesh_and_a_transparent_gif_have_no_shadow() -> None:
 
 
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
-    views = ShareSettings(frames=5, size=40, fill=False).views(open_models(model), scene, Timeline())
-    assert len(views) == 5
+    views = ShareSettings(size=40, fill=False).views(open_models(model), scene, Timeline())
+    assert len(views) == TURN
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
 
 
@@ -69,7 +66,7 @@ def test_a_turntable_that_fills_its_frame_keeps_the_usual_perspective(
     model: Model, scene: Scene, fill: bool, nearest: float
 ) -> None:
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    settings = ShareSettings(frames=3, size=40, fill=fill)
+    settings = ShareSettings(size=40, fill=fill)
     for views in (
         settings.views(open_models(model), near, Timeline()),
         settings.unframed_views(open_models(model), near, Timeline()),
@@ -78,10 +75,10 @@ def test_a_turntable_that_fills_its_frame_keeps_the_usual_perspective(
 
 
 def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
-    video = ShareSettings("video", rate=10)
+    video = ShareSettings("video")
     for distance, nearer in ((6.0, True), (0.5, False)):
         key = Keyframe(0.0, View(scene.codes, replace(scene.camera, distance=distance)))
         shown = video.views(open_models(model), scene, Timeline((key,), 1.0))
-        assert len(shown) == 10
+        assert len(shown) == RATE
         before = replace(video, fill=False).views(open_models(model), scene, Timeline((key,), 1.0))
         assert (shown[0].camera.focal > before[0].camera.focal) == nearer

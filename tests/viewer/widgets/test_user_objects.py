@@ -16,7 +16,6 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         colour = user_objects.colour_of(editor.objects["block"])
         window.fit(photo)
         assert editor.objects.names[:2] == ["block (2)", "block"]
-        session.grid.add("block")
         window.ctx.mouse_move("//View/orbit")
         whole, box = window.capture(), window.ctx.item_info("//Library/**/show block").rect_full
         tile = whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
@@ -27,7 +26,6 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         window.ctx.key_chars_replace_enter("Red chair")
         window.ctx.yield_(3)
         assert editor.objects.names[:2] == ["block (2)", "Red chair"]
-        assert session.grid.names == ("Red chair",)
         window.undo()
         assert editor.state.mix.a.shape == "Red chair"
         window.choose("Red chair", "###export object")

@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,20 +6,15 @@ import torch
 
 from core.fitting.confidence import confidence, explained
 from core.fitting.fit import PRESETS, FitSettings
-from core.geometry.camera import Camera
-from core.lab.benchmarks import fits, held_out_views
+from core.lab.benchmarks import fits
 from core.lab.benchmarks.charts import redraw, write
 from core.lab.benchmarks.csv_files import Results, read_results
 from core.lab.benchmarks.drawing import prepare
 from core.lab.benchmarks.fits import FitMethod, FitTrial, fit_views, summarise_presets
-from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, is_symmetric_view, random_camera, training_object_views
+from core.lab.benchmarks.held_out_views import training_object_views
 from core.lab.datasets.srn import ObjectViews
-from core.metrics import psnr
-from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.reference import render_exact
-from tests.conftest import image_size, random_model
-from tests.core.tiny import tiny_model
+from tests.conftest import image_size
 
 QUICK = {
     "normal": FitSettings(hypotheses=6, steps=40, rays=96, samples=20),
@@ -43,26 +37,6 @@ def _enlarged(views: ObjectViews) -> ObjectViews:
     cameras = tuple(camera.resized(2 * camera.width, 2 * camera.height) for camera in views.cameras)
     images, masks = (part.repeat(2, 1).repeat(2, 2) for part in (views.images, views.masks))
     return replace(views, images=images, masks=masks, cameras=cameras)
-
-
-def test_training_objects_are_rendered_from_the_upper_hemisphere():
-    model = tiny_model()
-    targets = tuple(training_object_views(model, 2, torch.Generator().manual_seed(1)))
-    assert [target.views.name for target in targets] == ["stool0", "stool2"]
-    for target, codes in zip(targets, (model.codes[0], model.codes[2]), strict=True):
-        assert len(target.views.cameras) == 1 + HELD_OUT_VIEWS
-        exact = render_exact(model, codes, target.camera, 96).colour.clamp(0, 1)
-        assert psnr(torch.from_numpy(target.views.images[target.index]) / 255, exact) > 35
-        assert 0.01 < target.views.masks[target.index].mean() < 0.9
-    generator = torch.Generator().manual_seed(0)
-    heights = [math.sin(random_camera(model, generator).elevation) for _ in range(300)]
-    assert min(heights) >= 0
-    assert sum(heights) / len(heights) == pytest.approx(0.5, abs=0.05)
-
-
-def test_a_network_that_renders_its_background_has_views_too():
-    target, *_ = training_object_views(random_model(1, True), 1, torch.Generator().manual_seed(0))
-    assert target.views.images.shape[-1] == 3
 
 
 def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Results[FitTrial]):
@@ -108,18 +82,3 @@ def test_fits_that_end_before_the_first_time_are_drawn_too(found: Results[FitTri
     at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.rows)
     write(tmp_path, "fit", replace(found, rows=at_once))
     assert (tmp_path / "fit.png").exists()
-
-
-def test_a_symmetric_view_is_one_from_which_the_object_looks_the_same(monkeypatch: pytest.MonkeyPatch):
-    model, truth = tiny_model(), tiny_model().camera(0.7, 0.4)
-    lopsided = model.codes[0]
-    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.75), truth, 5.0)
-    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
-    plain = held_out_views.render_on_white
-
-    def symmetric(model: Model, codes: Codes, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
-        return plain(model, codes, replace(camera, azimuth=camera.azimuth % math.pi))
-
-    monkeypatch.setattr(held_out_views, "render_on_white", symmetric)
-    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
-    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)

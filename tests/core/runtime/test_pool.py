@@ -1,0 +1,159 @@
+"""Pieces come back in order, whatever thread computes them, and as many threads as there are give the same bits."""
+
+import os
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import chain
+
+import pytest
+import torch
+from torch import Tensor
+
+from core.export.mesh import extract_mesh
+from core.fitting.fit import FitJob, fit
+from core.models.model import Model
+from core.photos.view_bank import build_view_bank
+from core.rendering import fast
+from core.rendering.baking import bake
+from core.rendering.reference import render_exact
+from core.runtime.caches import CACHE, CacheKind
+from core.runtime.pool import map_pieces
+from core.runtime.threads import VARIABLE
+from core.streams import run_to_end
+from tests.conftest import make_view_bank
+from tests.core.fitting.inputs import SHORT
+from tests.core.tiny import photo_of
+
+
+def thread(piece: object) -> int:
+    return threading.get_ident()
+
+
+@pytest.mark.parametrize("count", ["1", "2", "8"])
+def test_results_come_in_the_order_of_the_pieces(monkeypatch: pytest.MonkeyPatch, count: str):
+    monkeypatch.setenv(VARIABLE, count)
+    first = threading.Event()
+
+    def late(piece: int) -> int:
+        if piece or count == "1":
+            first.set()
+        else:
+            first.wait()  # for another thread to take the next piece
+        return piece
+
+    assert list(map_pieces(late, range(50))) == list(range(50))
+    assert list(map_pieces(late, [])) == []
+
+
+def test_one_thread_is_the_callers_own(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(VARIABLE, "1")
+    assert set(map_pieces(thread, range(9))) == {threading.get_ident()}
+
+
+def test_a_piece_that_maps_pieces_computes_them_alone(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(VARIABLE, "2")
+    for own, *inner in map_pieces(lambda _: (thread(0), *map_pieces(thread, range(3))), range(4)):
+        assert set(inner) == {own} != {threading.get_ident()}
+
+
+@pytest.mark.parametrize("count", ["1", "2"])
+def test_an_error_comes_in_the_place_of_its_piece(monkeypatch: pytest.MonkeyPatch, count: str):
+    monkeypatch.setenv(VARIABLE, count)
+    stream = map_pieces(lambda piece: 1 // piece, [1, 0, 1])
+    assert next(stream) == 1
+    with pytest.raises(ZeroDivisionError):
+        next(stream)
+    assert list(stream) == []
+
+
+def test_a_closed_stream_begins_no_more_pieces(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(VARIABLE, "2")
+    begun = list[int]()
+    stream = map_pieces(begun.append, range(1000))
+    next(stream)
+    stream.close()
+    count = len(begun)
+    assert count < 10
+    assert list(map_pieces(thread, range(4)))  # behind whatever were left
+    assert len(begun) == count
+
+
+def test_modes_of_the_caller_hold_in_the_threads(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(VARIABLE, "2")
+    seen: Callable[[int], tuple[bool, bool, bool]] = lambda _: (  # noqa: E731
+        torch.is_inference_mode_enabled(),
+        torch.is_grad_enabled(),
+        torch.is_autocast_enabled("cpu"),
+    )
+    assert list(map_pieces(seen, range(2))) == [(False, True, False)] * 2
+    with torch.no_grad(), torch.autocast("cpu", dtype=torch.bfloat16):
+        assert list(map_pieces(seen, range(2))) == [(False, False, True)] * 2
+    with torch.inference_mode():
+        assert list(map_pieces(seen, range(2))) == [(True, False, False)] * 2
+    assert list(map_pieces(lambda _: torch.get_num_threads(), range(2))) == [1, 1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have a priority of their own on Linux only")
+def test_threads_have_the_priority_of_their_caller(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(VARIABLE, "2")
+    found = list[int]()
+
+    def priority(piece: object) -> int:
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    def call() -> None:
+        os.nice(3)
+        found.extend((priority(0), *map_pieces(priority, range(4))))
+
+    caller = threading.Thread(target=call)
+    caller.start()
+    caller.join()
+    assert set(found) == {found[0]}
+
+
+def same(*runs: list[Tensor]) -> bool:
+    return all(torch.equal(one, other) for run in runs for one, other in zip(runs[0], run, strict=True))
+
+
+def of_render(model: Model) -> list[Tensor]:
+    fast.clear_cache()
+    codes, camera = model.codes[1], model.camera(0.5, 0.5).resized(90, 90)
+    first = fast.render(model, codes, camera, 48)
+    again = fast.render(model, replace(codes, texture=model.codes[2].texture), camera, 48)  # of the cached shape
+    return [first.colour, first.depth, again.colour, render_exact(model, codes, camera, 32).colour]
+
+
+def of_bake(model: Model) -> list[Tensor]:
+    fast.clear_cache()
+    return [torch.from_numpy(baked.texels) for baked in bake(model, model.codes[1]) if baked]
+
+
+def of_mesh(model: Model) -> list[Tensor]:
+    mesh = run_to_end(extract_mesh(model, model.codes[1], 48))
+    return [torch.from_numpy(part) for part in (mesh.vertices, mesh.faces, mesh.colours)]
+
+
+def of_fit(model: Model) -> list[Tensor]:
+    make_view_bank(model)
+    *_, last = fit(model, FitJob((photo_of(model, model.codes[1], model.camera(0.5, 0.5)),), SHORT))
+    cameras = chain.from_iterable((one.azimuth, one.elevation, one.distance) for one in last.cameras)
+    return [last.codes.shape, last.codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
+
+
+def of_view_bank(model: Model) -> list[Tensor]:
+    CACHE.clear(CacheKind.BANK)
+    bank = run_to_end(build_view_bank(model))
+    return [bank.silhouettes, bank.luminance, bank.offsets]
+
+
+@pytest.mark.parametrize("job", [of_render, of_bake, of_mesh, of_fit, of_view_bank])
+def test_any_number_of_threads_gives_the_same_bits(
+    tiny: Model, job: Callable[[Model], list[Tensor]], monkeypatch: pytest.MonkeyPatch
+):
+    found = []
+    for count in ("1", "2", "8"):
+        monkeypatch.setenv(VARIABLE, count)
+        found.append(job(tiny))
+    assert same(*found)

@@ -1,0 +1,91 @@
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from imgui_bundle import imgui
+
+from core.fitting.fit import FitJob, FitStep
+from core.models.model import Model
+from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import quick_fit
+from viewer.services.backend import Backend
+
+
+def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backend, photo: Path) -> None:
+    fits = [quick_fit]
+
+    def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        """The first one ends; the later ones stay where four hypotheses are active."""
+        if fits:
+            yield from fits.pop()(model, job)
+            return
+        while True:
+            for step in islice(quick_fit(model, job), 5):
+                time.sleep(0.01)
+                yield step
+
+    def act(window: Driver) -> None:
+        editor, fitting = window.session.editor, window.session.fitting
+        window.fit(photo)
+        assert [tile.frame is not None for tile in fitting.candidates.tiles] == [True] * 4
+        window.context.drop([str(photo)])
+        window.wait(lambda: len(fitting.candidates.tiles) == 4 and fitting.running)
+        third = fitting.candidates.tiles[2].hypothesis
+        window.click("Photo/Details")
+        window.click("Photo/###show candidates")
+        window.click("Developer/**/candidate 3")
+        window.wait(lambda: fitting.running and fitting.candidates.tiles[0].hypothesis.origin == third.origin)
+        assert fitting.candidates.tiles[0].hypothesis.cameras[0].azimuth == third.cameras[0].azimuth
+        window.click("Photo/###stop fit")
+        assert editor.scene.camera.azimuth == third.cameras[0].azimuth
+        window.wait()
+        assert window.exists("Library/**/show block")
+        window.show("Developer")
+        assert window.exists("Developer/**/candidate 1")
+
+    drive(act, replace(backend, fit=fit))
+
+
+def test_numbers_describe_the_frame_on_screen_and_move_the_camera(drive: Drive, real_backend: Backend) -> None:
+    def act(window: Driver) -> None:
+        session, own = window.session, window.context.frame_times
+        window.show("Developer")
+        window.set("Developer/##azimuth", 30.0)
+        window.set("Developer/##elevation", 10.0)
+        camera = session.editor.scene.camera
+        assert (camera.azimuth, camera.elevation) == pytest.approx((math.radians(30), math.radians(10)), abs=1e-4)
+        window.set("Developer/##distance", 1.2)
+        assert session.editor.scene.camera.distance == pytest.approx(1.2)
+        window.click("Developer/##mode")
+        window.click("**/Opacity")
+        window.wait(lambda: session.viewport.frame.final and not session.jobs.busy("view"))
+        sizes, seconds = zip(*session.viewport.times, strict=True)
+        assert sizes[-1] == session.viewport.full_frame[0].resolution
+        assert list(seconds) == sorted(seconds)
+        window.wait(lambda: len(own) == own.maxlen == 120)
+        assert all(seconds >= 0 for seconds in own)
+        assert session.messages.errors == []
+
+    drive(act, real_backend)
+
+
+def test_the_camera_is_copied_and_pasted(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor = window.session.editor
+        window.drag("View/orbit", 90, -20)
+        here = editor.scene.camera
+        window.menu("Edit/###copy_camera")
+        window.click("View/###reset_view")
+        window.menu("Edit/###paste_camera")
+        back = editor.scene.camera
+        assert (back.azimuth, back.elevation) == pytest.approx((here.azimuth, here.elevation), abs=1e-5)
+        imgui.set_clipboard_text("no camera at all")
+        window.menu("Edit/###paste_camera")
+        assert editor.scene.camera == back
+        assert "no camera" in window.session.messages.errors[0]
+
+    drive(act)

@@ -1,0 +1,168 @@
+"""What a developer looks at: the view's other modes, the camera, speed, the candidates of a fit, and all messages."""
+
+import math
+from collections.abc import Collection
+from dataclasses import replace
+from statistics import median
+from typing import Any
+
+from imgui_bundle import ImVec2, hello_imgui, imgui
+
+from core.rendering.progressive import Frame
+from core.runtime.caches import CACHE
+from core.runtime.precision import matmul_dtype
+from viewer.activities.candidates import Tile
+from viewer.context import Panel, PanelContext
+from viewer.screen.theme import packed
+from viewer.services.messages import MessageKind
+from viewer.values import orbit
+from viewer.values.view_modes import MODES
+from viewer.widgets import object_tiles
+from viewer.widgets.controls import choose, end_gesture, flow, tooltip
+from viewer.widgets.text import caption
+
+_STEEPEST = math.degrees(orbit.HIGHEST)
+_NUMBER, _TILE = 9, 3.4  # em: a number to drag, and a candidate
+_FADING, _FADED = 2.0, 0.75  # s of the fit that an eliminated candidate takes to fade, and how far
+_FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
+
+
+class DeveloperPanel(Panel):
+    """Sections that are folded away but for the first."""
+
+    title = "Developer"
+    dock = "Right"
+    folded = True
+
+    def draw(self, context: PanelContext) -> None:
+        """Mode and camera above the sections."""
+        viewport = context.session.viewport
+        mode = choose(
+            "mode", viewport.settings.mode, {mode: mode.capitalize() for mode in MODES}, "What the view shows"
+        )
+        viewport.change(mode=mode)
+        _draw_camera(context)
+        sections = {"Performance": _draw_speed, "Candidates": _draw_candidates, "Messages": _draw_messages}
+        for title, draw in sections.items():
+            if imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open):
+                draw(context)
+
+
+def _draw_camera(context: PanelContext) -> None:
+    """The camera in numbers, to drag or to type."""
+    editor, camera = context.session.editor, context.session.editor.scene.camera
+    numbers = {
+        "azimuth": (math.degrees(camera.azimuth), 1.0, (-360.0, 360.0), "%.1f°"),
+        "elevation": (math.degrees(camera.elevation), 0.5, (-_STEEPEST, _STEEPEST), "%.1f°"),
+        "distance": (camera.distance, 0.01, orbit.reach(camera, editor.model), "%.2f"),
+    }
+    for name, (value, speed, limits, form) in numbers.items():
+        if name != "azimuth":
+            flow(name, _NUMBER)
+        imgui.set_next_item_width(min(hello_imgui.em_size(_NUMBER), imgui.get_content_region_avail().x))
+        clamp = imgui.SliderFlags_.always_clamp
+        changed, to = imgui.drag_float(f"##{name}", value, speed, *limits, f"{name.capitalize()}  {form}", clamp)
+        if changed:
+            moved: dict[str, Any] = {name: to if name == "distance" else math.radians(to)}
+            editor.set_camera(replace(camera, **moved), name)
+        end_gesture(context)
+        tooltip("Drag, or Ctrl+click to type; the front is at an azimuth of 90°, an object's diagonal is 1")
+
+
+def _draw_speed(context: PanelContext) -> None:
+    """How long the frame on screen took, and what it was rendered with."""
+    viewport = context.session.viewport
+    if viewport.frame is None:
+        return
+    if imgui.begin_table("stages", 3, _FLAGS):
+        started = 0.0
+        for size, seconds in viewport.times:
+            rate = size[0] * size[1] / max(seconds - started, 1e-6)
+            started = seconds
+            _row(f"{size[0]} x {size[1]} px", f"{1000 * seconds:.0f} ms", f"{rate:,.0f} rays/s")
+        imgui.end_table()
+    if imgui.begin_table("machine", 2, _FLAGS):
+        for what, value in _machine(context, viewport.frame):
+            _row(what, value)
+        imgui.end_table()
+
+
+def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
+    budget, device = context.session.viewport.budget, context.session.editor.model.device
+    baked = context.session.viewport.baked if context.session.viewport.settings.baked else None
+    evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
+    return [
+        ("Samples a ray", f"{frame.samples}{evaluated}"),
+        ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.limit:.0f} ms"),
+        ("Turning", f"OpenGL, {baked.cells} cells a side" if baked else "rendered"),
+        ("Number format", str(matmul_dtype(device.type)).removeprefix("torch.")),
+        ("Kept", f"{CACHE.used / 2**20:.0f} of {CACHE.limit / 2**20:.0f} MB"),
+        ("Device", device.type if device.type == "cpu" else str(device)),
+        ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
+        ("Its own time", _own_time(context.frame_times)),
+    ]
+
+
+def _own_time(seconds: Collection[float]) -> str:
+    """Median and longest processor time of the window's thread in the last frames: what it takes besides rendering."""
+    return f"{1000 * median(seconds):.1f} ms, of {len(seconds)} at most {1000 * max(seconds):.0f}"
+
+
+def _row(*cells: str) -> None:
+    imgui.table_next_row()
+    for cell in cells:
+        imgui.table_next_column()
+        imgui.text_wrapped(cell)
+
+
+def _draw_candidates(context: PanelContext) -> None:
+    """The hypotheses of a fit ranked by loss, live; a click prefers one to all others."""
+    tiles, side = context.session.fitting.candidates.tiles, _TILE * hello_imgui.em_size()
+    if not tiles:
+        caption(context, "While a photo is rebuilt: the cameras and shapes that are tried for it, the best first")
+    for rank, tile in enumerate(tiles):
+        if rank:
+            flow("candidate", _TILE)
+        _draw_tile(context, tile, rank, side)
+
+
+def _draw_tile(context: PanelContext, tile: Tile, rank: int, side: float) -> None:
+    fitting, corner = context.session.fitting, imgui.get_cursor_screen_pos()
+    preferable = fitting.can_resume(tile.hypothesis)
+    if object_tiles.tile_button(f"candidate {rank + 1}", (side, side)) and preferable:
+        fitting.resume(tile.hypothesis)
+    tooltip(_label(tile, rank, preferable))
+    object_tiles.paint_frame(context, tile.frame, corner, side)
+    if faded := _fading(context, tile):
+        veil = packed(context.palette.panel, _FADED * faded)
+        imgui.get_window_draw_list().add_rect_filled(corner, corner + ImVec2(side, side), veil)
+    if rank == 0:
+        object_tiles.outline(corner, side, context.palette.accent)
+
+
+def _fading(context: PanelContext, tile: Tile) -> float:
+    """How far a tile has faded, 0..1."""
+    last = context.session.fitting.history.last
+    if tile.eliminated_at is None or last is None:
+        return 0.0
+    return min(1.0, 0.3 + (last.seconds - tile.eliminated_at) / _FADING)
+
+
+def _label(tile: Tile, rank: int, preferable: bool) -> str:
+    camera = tile.hypothesis.cameras[0]
+    place = f"azimuth {math.degrees(camera.azimuth):.0f}, elevation {math.degrees(camera.elevation):.0f} degrees"
+    place += f"\ndistance {camera.distance:.2f}, focal length {camera.focal / camera.height:.2f} of the image's height"
+    state = f"Rank {rank + 1}" if tile.eliminated_at is None else f"Eliminated after {tile.eliminated_at:.1f} s"
+    prefer = "\nClick to prefer it: the search continues from here alone" if preferable else ""
+    return f"{state}, loss {tile.hypothesis.loss:.4f}\n{place}{prefer}"
+
+
+def _draw_messages(context: PanelContext) -> None:
+    """All messages of this run, the newest first, and under each what is for developers alone."""
+    for message in reversed(context.session.messages.log):
+        colour = context.palette.error if message.kind is MessageKind.PROBLEM else context.palette.text
+        imgui.push_style_color(imgui.Col_.text, (*colour, 1.0))
+        imgui.text_wrapped(f"{message.written:%H:%M:%S}  {message.text}")
+        imgui.pop_style_color()
+        if message.detail:
+            caption(context, message.detail)
