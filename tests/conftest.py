@@ -49,7 +49,6 @@ from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
 from core.models.open_models import OpenModels  # noqa: E402
-from core.photos.view_bank import ViewBank, build_view_bank, view_bank  # noqa: E402
 from core.runtime.precision import use_dtype  # noqa: E402
 
 torch.set_num_threads(1)  # where it was imported before
@@ -94,13 +93,6 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no shared data at {folder} (set CODENERF_SHARED)")
     return folder
-
-
-def make_view_bank(model: Model) -> ViewBank:
-    """Run the job that fits need done."""
-    for _ in build_view_bank(model):
-        pass
-    return view_bank(model)
 
 
 def no_opengl(error: Exception) -> NoReturn:

@@ -106,7 +106,7 @@ def parser() -> argparse.ArgumentParser:
     words.add_argument("--model", help="show an object of this model: a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--threads", type=_count, metavar="N", help="threads that compute (default: one for each core)")
-    words.add_argument("--image", type=_image, help="rebuild this photo at once")
+    words.add_argument("--image", type=_image, help="fit this photo at once")
     words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")
     words.add_argument("--size", type=_size, metavar="WxH", help="of the window (most of the screen; image: 1280x800)")
     return words

@@ -11,7 +11,7 @@ from core.runtime.signals import TERMINATION, on_signals
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
-from viewer.panels import all_panels, menu, messages, running_fit
+from viewer.panels import all_panels, menu, messages
 from viewer.panels.help import Help
 from viewer.panels.history import HistoryStrip
 from viewer.panels.segmenting import SegmentingDialog
@@ -333,7 +333,6 @@ class App:
         self._guard("The help failed", lambda: self._help.draw(context))
         if self._guard("The Share dialog failed", lambda: self._share.draw(context)):
             context.share_open = False
-        self._guard("The search cannot be shown", lambda: running_fit.draw(context))
         self._guard("Cannot take this file", context.files.draw)
         if self._guard("The photo cannot be segmented", lambda: self._segmenting.draw(context)):
             context.session.segmenting.close()

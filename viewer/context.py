@@ -47,6 +47,7 @@ class PanelContext:
     images: Images | None = None
     bold: imgui.ImFont | None = None  # the font of headings
     focus: str = "Mix"  # the panel to bring to the front
+    tool: str = "turn"  # what a drag in the view does: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
     dragged: str = ""  # the object that is dragged to a slot
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
     frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
@@ -85,6 +86,12 @@ class PanelContext:
         """Make what is shown a keyframe, and show the timeline."""
         self.session.player.add_key()
         self.focus = "Timeline"
+
+    def see_photo(self) -> None:
+        """See the object from its photo's camera, the photo over it to be wiped away; and without the photo again."""
+        wiped = self.tool == "wipe" and self.session.photo_camera == self.session.editor.scene.camera
+        self.tool = "turn" if wiped else "wipe"
+        self.session.see_from("photo")
 
     def copy_image(self) -> None:
         """The view on white, without its shadow, into the clipboard."""
@@ -128,9 +135,9 @@ class PanelContext:
         for path in paths:
             if path.suffix.lower() in IMAGE_SUFFIXES:
                 self._remember(path)
-        self.rebuild(*paths)
+        self.fit_unlisted(*paths)
 
-    def rebuild(self, *paths: Path) -> None:
+    def fit_unlisted(self, *paths: Path) -> None:
         """Fit images that are not to be among the recent files, and show how it goes."""
         self.focus = "Photo"
         self.session.fitting.start(*paths)
@@ -139,7 +146,7 @@ class PanelContext:
         """Fit the images in the clipboard."""
         jobs, images = self.session.jobs, partial(self.clipboard.images, imgui.get_clipboard_text())
         ended = jobs.reporting("Cannot paste")
-        jobs.submit(Job("paste", images, lambda paths: self.rebuild(*paths), ended))
+        jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), ended))
 
     def open_file(self) -> None:
         """Ask for a photo, a project, a scene, an image that holds one, or a model, and take it."""

@@ -97,6 +97,10 @@ class Editor:
         codes = replace(self.scene.codes, detail=detail)
         self._edit(replace(self.scene, codes=codes), gesture=gesture)
 
+    def set_texture(self, texture: Tensor, gesture: str = "") -> None:
+        """Give the object another texture code."""
+        self._set_codes(replace(self.scene.codes, texture=texture), self.state.mix, gesture)
+
     def reset(self) -> None:
         """Back to object A."""
         self._set_codes(self.pair(self.state.mix.a), replace(self.state.mix, shape=0.0, texture=0.0))

@@ -32,7 +32,7 @@ class Screenshot:
 
     def _check(self) -> None:
         session, now = self._app.session, time.monotonic()
-        if session.jobs.busy("view", "fit", "fit frame"):
+        if session.jobs.busy("view", "fit"):
             self._busy, self._still = now, 0
         elif not session.jobs.busy() or now - self._busy > _FOR_THUMBNAILS:
             self._still += 1

@@ -6,16 +6,20 @@ from pathlib import Path
 
 import torch
 
+from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
 from core.models.open_models import OpenModels
+from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
-from core.photos.direction_words import Words
+from core.rendering.direction_words import Words
 from core.runtime.folders import THUMBNAILS, cache_folder
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
+from viewer.activities.grabbing import Grabbing
 from viewer.activities.idle_turn import IdleTurn
+from viewer.activities.painting import Painting
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.thumbnails import Thumbnails
@@ -30,7 +34,7 @@ from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
 from viewer.values import orbit
-from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
+from viewer.values.fit_history import FitHistory
 from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.project import Project, left_out
@@ -71,7 +75,6 @@ class Session:
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
         self._words: dict[str, Words | None] = {}  # by fingerprint, of principal directions
-        self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         for fingerprint in self._user_objects.fingerprints():
@@ -86,15 +89,13 @@ class Session:
         self._initially_there = frozenset[str]()  # names of objects that were there from the beginning
         for model in self.models:
             self._add_user_objects(model)
-        self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()  # to be pointed out next
-        self._prompting: tuple[PhotoSource, ...] = ()  # whose object is being pointed out, as it was not found
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._kept_thumbnails, self._pictures)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
-        self.segmenting = Segmenting(jobs, self.editor, self.fitting.fit)
-        self.fitting.no_background.connect(self._ask_for_box)
+        self.segmenting = Segmenting(jobs, self.fitting.fit)
+        self.painting, self.grabbing = Painting(jobs, self.editor), Grabbing(jobs, self.editor, self.viewport)
         self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
@@ -110,10 +111,6 @@ class Session:
         self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
-        if self._awaiting_box and not self.segmenting.active:
-            first, *others = self._awaiting_box
-            self._awaiting_box, self._prompting = tuple(others), first[0]
-            self.segmenting.open(*first)
         if self._kept != self.editor.objects.version:
             self._keep_user_objects()
 
@@ -121,6 +118,7 @@ class Session:
         """End what is under way."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
+        self.jobs.cancel("paint", "paint colour", "pull")
         self.exporting.cancel()
 
     # Models and their objects
@@ -170,17 +168,13 @@ class Session:
     @property
     def preparing(self) -> float | None:
         """Which share (0..1) of the view banks is made; None once all are there."""
-        busy = [key for key in self._banks if self.jobs.busy(f"view bank {key}")]
-        return sum(self._banks.values()) / len(self._banks) if busy else None
+        shares = [self.jobs.banks.shares.get(model.fingerprint, 0.0) for model in self.models]
+        busy = self.jobs.busy(*(f"view bank {model.fingerprint}" for model in self.models))
+        return sum(shares) / len(shares) if busy else None
 
     def _build_view_bank(self, model: Model) -> None:
-        key, build = model.fingerprint, self.jobs.backend.view_bank
-        self._banks[key] = 0.0
-
-        def keep(share: float) -> None:
-            self._banks[key] = share
-
-        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=FIT_SHARE))
+        name, banks = f"view bank {model.fingerprint}", self.jobs.banks
+        self.jobs.submit(Job(name, lambda: banks.wait(model), lambda _: None, share=FIT_SHARE))
 
     def rename(self, name: str, to: str) -> None:
         """Give an added object another name, wherever it is mentioned."""
@@ -229,27 +223,23 @@ class Session:
         """One of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
         if view == "home":
             self.viewport.reset_view()
-        elif view == "photo" and self.fitting.history.last:
-            self.editor.set_camera(self.fitting.view.camera)
+        elif view == "photo" and (camera := self.photo_camera):
+            self.viewport.change(pan=(0.0, 0.0))
+            self.editor.set_camera(camera)
         elif view in orbit.VIEWS:
             self.editor.set_camera(orbit.seen_from(self.viewport.camera, view))
 
-    # Photos whose object a person points out
-
-    def segment_photo(self) -> None:
-        """Point out the object in the photo of the fit that is shown."""
-        history = self.fitting.history
-        self.segmenting.open(history.sources, history.photo_index, history.model)
+    @property
+    def photo_view(self) -> PhotoView | None:
+        """The photo of the object in the view that is shown, as its camera sees it; None where there is none."""
+        detail = self.editor.scene.codes.detail
+        return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
 
     @property
-    def _not_found(self) -> tuple[tuple[PhotoSource, ...], ...]:
-        """Photos whose object is still to be pointed out."""
-        asked = self.segmenting.active and self._prompting and self.segmenting.sources == self._prompting
-        return (*((self._prompting,) if asked else ()), *(sources for sources, _ in self._awaiting_box))
-
-    def _ask_for_box(self, sources: tuple[PhotoSource, ...], index: int) -> None:
-        """In this photo the object was not found: a person is asked, for one photo at a time."""
-        self._awaiting_box = (*self._awaiting_box, (sources, index))
+    def photo_camera(self) -> Camera | None:
+        """From where that photo was taken."""
+        view = self.photo_view
+        return orbit.photo_camera(view.camera, self.editor.model) if view else None
 
     # Scenes and projects
 
@@ -277,7 +267,7 @@ class Session:
             tuple(objects.removed),
             FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
             fitting.candidates.saved(),
-            (*fitting.pending, *(FitRequest(FitHistory(sources)) for sources in self._not_found)),
+            fitting.pending,
             self.models.names,
             self.project_path,
         )
@@ -286,11 +276,11 @@ class Session:
     def parts(self) -> tuple[object, ...]:
         """Everything :meth:`project` is made of: as long as these are the same, so is that."""
         objects, fitting = self.editor.objects, self.fitting
-        fit = fitting.request, fitting.queue, fitting.results.checking, fitting.history.photos
+        fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
         named = self.editor.history, objects.removed, self.project_path
-        return (*named, *fit, steps, *self._not_found, *added)
+        return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
         """Go on with a project: its states come before those of now, its objects join the others. Raises ``ValueError``

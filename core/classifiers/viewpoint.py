@@ -7,14 +7,21 @@ codes: its output is a prior on the camera's direction, on a grid.
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 
 import torch
 from jaxtyping import Bool, Float
-from torch import Tensor
+from torch import Tensor, nn
+from torch.nn import functional
 
-from core.classifiers.crops import CropClassifier, crop_to_object
 from core.geometry.camera import camera_rotation
+from core.geometry.pixels import bounding_box
 
+SIDE = 48  # px, of the input
+CROP_MARGIN = 1.12  # side of the square input, over the longer side of the object's box
+_CHANNELS = (20, 40, 64, 80)
+_BOTTLENECK = 32
+_HIDDEN = 96
 AZIMUTHS = 24
 ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
 """degrees; near the pole azimuth is image roll, so every elevation has all azimuths"""
@@ -31,11 +38,24 @@ composites of validation chairs is constant; that of other renders falls by 0.07
 """
 
 
-class ViewpointClassifier(CropClassifier):
-    """A classifier whose classes are the directions of :func:`directions`."""
+class ViewpointClassifier(nn.Module):
+    """Convolutional network from (images, 4, SIDE, SIDE) of :func:`crop_to_object` to :func:`directions`."""
 
     def __init__(self) -> None:
-        super().__init__(_DIRECTIONS)
+        super().__init__()
+        sizes = (4, *_CHANNELS)
+        self.layers = nn.ModuleList(nn.Conv2d(one, other, 3, 2, 1) for one, other in pairwise(sizes))
+        self.fewer = nn.Conv2d(sizes[-1], _BOTTLENECK, 1)
+        self.hidden = nn.Linear(_BOTTLENECK * (SIDE // 2 ** len(_CHANNELS)) ** 2, _HIDDEN)
+        self.last = nn.Linear(_HIDDEN, _DIRECTIONS)
+
+    def forward(self, images: Float[Tensor, "images 4 side side"]) -> Float[Tensor, "images directions"]:
+        """Return logits of the directions; applies dropout while training."""
+        y = 2 * images - 1
+        for layer in (*self.layers, self.fewer):
+            y = layer(y).relu()
+        y = self.hidden(y.flatten(1)).relu()
+        return self.last(functional.dropout(y, 0.1, self.training))
 
 
 @lru_cache(maxsize=1)
@@ -54,6 +74,21 @@ def direction_weights(
     turned = camera_rotation(azimuth, elevation).flatten(-2) @ camera_rotation(*directions()).flatten(-2).T
     angle = ((turned - 1) / 2).clamp(-1, 1).acos()
     return (-(angle / width).square() / 2).softmax(-1)
+
+
+def crop_to_object(
+    pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]
+) -> Float[Tensor, "4 side side"]:
+    """Crop an image to a square around the object, as the network's input: rgb on white and the mask."""
+    left, top, right, bottom = bounding_box(mask)
+    middle, half = ((top + bottom) / 2, (left + right) / 2), CROP_MARGIN * max(right - left, bottom - top) / 2
+    steps = (torch.arange(2 * SIDE) + 0.5) / SIDE - 1
+    y, x = ((one + half * steps) / length * 2 - 1 for one, length in zip(middle, mask.shape, strict=True))
+    grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)
+    inside = mask[..., None].float()
+    seen = torch.cat(((pixels - 1) * inside, inside), -1).movedim(-1, 0)[None]
+    found = functional.avg_pool2d(functional.grid_sample(seen, grid[None], align_corners=False), 2)[0]
+    return torch.cat((found[:3] + 1, found[3:]))
 
 
 @torch.no_grad()

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from core.fitting.explain import Explanation
 from core.fitting.hypotheses import Hypothesis
-from core.fitting.steps import FitJob, FitStep
+from core.fitting.problem import FitJob
+from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
@@ -22,7 +23,7 @@ from core.models.model import Model
 from core.photos.chair_box import EDGES
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut
-from core.photos.view_bank import view_bank
+from core.photos.view_bank import ViewBank
 from core.rendering.images import render_image
 
 _SMALL, _LARGE, _DETECTIONS = 80, 160, 480  # px, of images
@@ -47,7 +48,7 @@ def write_page(model: Model, job: FitJob, found: Explanation, folder: Path, seen
         for title, parts in (
             ("What the detectors see", _detections(sections, found.categories, seen)),
             ("The photo and how it is cut out", _photo(sections, job.photos[0])),
-            ("Where the search begins: the best views of the view bank", _candidates(sections, found)),
+            ("Where the search begins: the best views of the view bank", _candidates(sections, job.bank, found)),
             ("What each stage keeps: the least loss first", _stages(sections, found.stages)),
             ("The result, and the best hypothesis of another basin", _finalists(sections, job.photos[0], found)),
             ("Terms of the objective", _terms(found.terms)),
@@ -119,17 +120,16 @@ def _detections(images: _Images, guess: dict[str, float], seen: Image.Image | No
     yield _table(("category", "probability"), ((name, f"{share:.2f}") for name, share in (guess | none).items()))
 
 
-def _candidates(images: _Images, found: Explanation) -> Iterator[str]:
+def _candidates(images: _Images, bank: ViewBank, found: Explanation) -> Iterator[str]:
     candidates = found.candidates
     if candidates is None:
         yield "<p>The camera was given.</p>"
         return
-    shapes = view_bank(images.model).codes
     for index, prototype in enumerate(candidates.prototype.tolist()):
         angles = float(candidates.azimuth[index]), float(candidates.elevation[index])
         caption = f"{_degrees(*angles)}, score {candidates.score[index]:.2f}"
         yield images.render(
-            Codes(shapes.shape[prototype], shapes.texture[prototype]), images.model.camera(*angles), caption
+            Codes(bank.codes.shape[prototype], bank.codes.texture[prototype]), images.model.camera(*angles), caption
         )
 
 

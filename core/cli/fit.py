@@ -35,6 +35,7 @@ from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
+from core.photos.view_bank import ViewBank
 from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
 _AS_PROMINENT = 0.7  # of the first object's prominence, from which a second object is mentioned
@@ -66,15 +67,15 @@ def fit(chosen: argparse.Namespace) -> None:
     cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
     model = load_model(chosen.model or probable_model(cuts[0]), chosen.device)
     with clock("view_bank"):
-        wait_for_view_bank(model)
-    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
+        bank = wait_for_view_bank(model)
+    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), repeat(bank), poses, repeat(chosen.pose_axes)))
     guess, *others = (photo.categories for photo in photos)
     for path, other in zip(chosen.images[1:], others, strict=True):
         _say(path, describe_difference(guess, other))
     if said := describe_category(guess, model.category) or ("" if chosen.model else other_model(guess)):
         print(f"python -m core: {said}", file=sys.stderr)
     with clock("search"):
-        job = FitJob(photos, settings, chosen.seed)
+        job = FitJob(photos, bank, settings, chosen.seed)
         steps = _search(model, job, chosen.log)
     last = steps[-1]
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
@@ -147,9 +148,9 @@ def _say(path: Path, text: str) -> None:
         print(f"python -m core: {path}: {text}", file=sys.stderr)
 
 
-def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) -> Photo:
+def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, pose: Path | None, axes: str) -> Photo:
     with naming(path):
-        return prepare_photo(cut, model, read_pose(pose, axes) if pose else None)
+        return prepare_photo(cut, model, bank, read_pose(pose, axes) if pose else None)
 
 
 def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:

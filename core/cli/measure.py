@@ -16,16 +16,15 @@ from core.fitting.settings import PRESETS
 from core.lab.benchmarks import (
     ablations,
     charts,
+    detail_gains,
     drawing,
     films,
     fits,
     gate,
-    photo_detail,
     photos,
     rendering,
     rendering_charts,
     robustness,
-    threads,
 )
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
 from core.lab.benchmarks.figures import fit_photo, write_figures
@@ -95,10 +94,10 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 def figures(chosen: argparse.Namespace) -> None:
     """Run ``figures``: fit photos one by one, make the paper's figures of them, and print each path."""
     model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
-    wait_for_view_bank(model)
-    shown = [load_photo(image, model) for image in chosen.images]
+    bank = wait_for_view_bank(model)
+    shown = [load_photo(image, model, bank) for image in chosen.images]
     chosen.out.mkdir(parents=True, exist_ok=True)
-    fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
+    fitted = [fit_photo(model, bank, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
     for path in write_figures(model, fitted, chosen.out):
         print(path, flush=True)
 
@@ -137,15 +136,6 @@ def bench_gate(chosen: argparse.Namespace) -> None:
         raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
 
 
-def bench_threads(chosen: argparse.Namespace) -> None:
-    """``bench threads``: seconds of whole jobs against threads and load, as CSV, table and chart."""
-    drawing.prepare(chosen.out)
-    model = load_model(chosen.model, chosen.device)
-    about = {"machine": describe_machine(model.device), "category": model.category}
-    rows = tuple(_reported(threads.measure_threads(model, chosen.counts, chosen.busy)))
-    print(charts.write(chosen.out, "threads", Results(about, rows)), flush=True)
-
-
 def bench_fit(chosen: argparse.Namespace) -> None:
     """Run ``bench fit``: speed and accuracy of blind fits."""
     drawing.prepare(chosen.out)
@@ -180,14 +170,14 @@ def bench_detail(chosen: argparse.Namespace) -> None:
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
     views, about = (chosen.input_view, chosen.view_stride), {"machine": describe_machine(model.device)}
-    measure = partial(photo_detail.measure_detail, model, entries, chosen.renderer, *views)
-    _bench(chosen, "photo_detail", photo_detail.DetailView, about, measure)
+    measure = partial(detail_gains.measure_detail, model, entries, chosen.renderer, *views)
+    _bench(chosen, "photo_detail", detail_gains.DetailView, about, measure)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
     """Run ``bench photos``: photographs against judgement by eye."""
     drawing.prepare(chosen.out)
-    seen = photos.read_seen(chosen.by_eye)
+    seen = photos.read_judgements(chosen.by_eye)
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
     files = [file for folder in chosen.folders for file in sorted(folder.iterdir()) if file.stem in seen]
     if not files:

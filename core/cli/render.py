@@ -8,8 +8,8 @@ from itertools import chain, pairwise
 from tqdm import tqdm
 
 from core.cli.progress import run_with_progress
-from core.detail.frames import render_frame, render_reference
 from core.detail.paint import Paint, paint
+from core.detail.rendering import render_frame, render_reference
 from core.export import keyframes as timeline
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
@@ -20,7 +20,7 @@ from core.models.codes import Codes
 from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Model
 from core.models.scene import Scene, open_scene, save_image, scene_model
-from core.photos.direction_words import direction_words, moved
+from core.rendering.direction_words import direction_words, moved
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 

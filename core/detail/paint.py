@@ -69,6 +69,17 @@ def paint_colour(model: Model, codes: Codes, part: str = "") -> Generator[None, 
     return red, green, blue
 
 
+def paint_parts(model: Model) -> tuple[str, ...]:
+    """Return the materials and parts of a model's objects that take paint, the usual one first; none is one part."""
+    names = model.part_head.names if model.part_head else ()
+    return (*_materials(names), *(name for name in names if name not in UNPAINTED))
+
+
+def _materials(names: tuple[str, ...]) -> dict[str, str]:
+    """The materials of objects with these parts, each with the part that has it for certain."""
+    return MATERIALS if set(MATERIALS.values()) <= set(names) else {}
+
+
 @dataclass(frozen=True, eq=False)
 class _Surface:
     """Points on an object's surface."""
@@ -141,8 +152,7 @@ def _part_share(
     folded = FoldedField(model, codes)
     features = folded.density(pad_rows(points))[1][: len(points)]
     shares = dict(zip(head.names, head(features).T, strict=True))
-    materials = MATERIALS if set(MATERIALS.values()) <= shares.keys() else {}
-    known = [*materials, *(name for name in shares if name not in UNPAINTED)]
+    materials, known = _materials(head.names), paint_parts(model)
     part = part or known[0]
     if part in shares:
         return shares[part]

@@ -46,8 +46,9 @@ def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: b
 def filling_distance(model: Model, codes: Codes, camera: Camera, share: float) -> float:
     """Return the distance (scene units) at which the object fills a fraction (0..1) of the frame's width or height."""
     local = camera.to_camera_axes(_opaque_points(model, codes, 1))
+    reach = local[:, :2].abs() + max(model.extent) / CELLS  # the points are the middles of cells
     half = share * torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
-    return camera.distance + float((local[:, :2].abs() / half + local[:, 2:]).amax())
+    return camera.distance + float((reach / half + local[:, 2:]).amax())
 
 
 def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:

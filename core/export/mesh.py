@@ -33,7 +33,7 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy
 from core.runtime.files import atomic_file
 from core.runtime.pool import map_pieces
-from core.streams import run_to_end, subprogress
+from core.streams import subprogress
 
 MAX_RESOLUTION = 1024  # cells along the longest side; a cell is then a thousandth of the object
 RESOLUTIONS = (96, 128, 192, 256, 384)
@@ -94,7 +94,7 @@ def export_mesh(
         end = _MESH_SHARE if settings.texture else 1.0
         most = settings.triangles or (TRIANGLES if settings.texture else 0)
         mesh = yield from subprogress(extract_mesh(model, codes, settings.resolution, most), 0.0, end)
-        detail = run_to_end(detail_maps(model, codes))
+        detail = yield from subprogress(detail_maps(model, codes), end, end)
         origin, scale = _placing(mesh.vertices, settings.metres)
         if settings.texture:
             found = yield from subprogress(_textured(model, codes, mesh, settings.texture, detail), end, 1.0)

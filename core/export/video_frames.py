@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from core.detail.frames import render_progressively
 from core.detail.maps import detail_maps
+from core.detail.rendering import render_progressively
 from core.export.keyframes import View
 from core.geometry.camera import Camera
 from core.metrics import psnr

@@ -8,12 +8,11 @@ import torch
 from core.fitting.hypotheses import Hypothesis
 from core.fitting.initial import resume_from
 from core.fitting.objective import evaluate_objective
-from core.fitting.problem import Problem
+from core.fitting.problem import FitJob, Problem
 from core.fitting.schedule import build_schedule
-from core.fitting.steps import FitJob, FitStep
+from core.fitting.steps import FitStep
 from core.models.model import Model
 from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras
-from core.photos.view_bank import view_bank
 
 _CANDIDATES = 12
 
@@ -35,11 +34,11 @@ def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
     """
     stages = _last_of_stages(steps)
     photo, generator = job.photos[0], torch.Generator().manual_seed(job.seed)
-    problem = Problem.of(model, job.photos, job.settings, job.components, generator)
+    problem = Problem.of(model, job, generator)
     candidates = None
     if photo.camera is None:
         image = ObjectImage(photo.pixels, photo.mask, problem.cameras[0].focal, photo.unseen)
-        candidates = rank_cameras(view_bank(model), image, _CANDIDATES, problem.viewpoints[0], photo.cropped)
+        candidates = rank_cameras(job.bank, image, _CANDIDATES, problem.viewpoints[0], photo.cropped)
     terms = tuple(_terms(problem, job, one) for one in stages[-1].hypotheses[:2])
     return Explanation(photo.categories, candidates, stages, terms)
 

@@ -16,12 +16,12 @@ from core.fitting.category_check import category_likelihood
 from core.fitting.confidence import witness_odds
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
-from core.fitting.photo_detail import with_photo_detail
-from core.fitting.problem import Problem, told_direction
+from core.fitting.photo_views import with_photo_detail
+from core.fitting.problem import FitJob, Problem, told_direction
 from core.fitting.schedule import Schedule, build_schedule, stage_numbers
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
-from core.fitting.steps import FitJob, FitStep, RunnerUp, SearchState
+from core.fitting.steps import FitStep, RunnerUp, SearchState
 from core.models.model import Model
 
 __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerUp", "fit"]
@@ -32,14 +32,14 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
     The search is of the field without contrast (:attr:`core.models.model.Model.soft`), the result is shown with it.
     The model stays as it is; the same seed gives the same steps; to stop, ask for no more, and of the last step take
-    :func:`core.fitting.photo_detail.with_photo_detail`. Raises ``ValueError`` where a photo shows nothing, or where
+    :func:`core.fitting.photo_views.with_photo_detail`. Raises ``ValueError`` where a photo shows nothing, or where
     every hypothesis diverged.
     """
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
     job = replace(job, settings=job.settings.for_box(model.extent))
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
-    problem = Problem.of(model.soft, job.photos, job.settings, job.components, generator)
+    problem = Problem.of(model.soft, job, generator)
     unknown = int(problem.unknown.sum())
     schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
@@ -120,8 +120,7 @@ def _initial(
     numbers = stage_numbers(schedule.coarse * len(unknown))
     for view in unknown:
         views, own = [*known, view], torch.Generator().manual_seed(job.seed)
-        photos = tuple(job.photos[other] for other in views)
-        part = Problem.of(problem.model, photos, job.settings, job.components, own)
+        part = Problem.of(problem.model, replace(job, photos=tuple(job.photos[other] for other in views)), own)
         batch = first = initial_hypotheses(part, count, own)
         for batch in optimise(part, first, schedule.coarse, own):
             yield SearchState(part, views, next(numbers), batch)

@@ -29,7 +29,6 @@ from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras, shape_similarity
-from core.photos.view_bank import EmptyBankError, view_bank
 
 _SHAPE_BLEND = 0.6  # How much of a prototype's shape a hypothesis begins with, the rest being the mean shape.
 _MIN_DIFFERENCE = 1e-3
@@ -60,8 +59,8 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
         parameters.zoom[:, problem.unknown] = zooms[:, None]
     for view, found in candidates.items():
         _place(problem, view, parameters, found)
-        if problem.components.prototype_shapes and problem.components.view_bank:
-            prototypes = space.coordinates(view_bank(model).codes.shape)[found.prototype[:count]]
+        if problem.bank and problem.components.prototype_shapes:
+            prototypes = space.coordinates(problem.bank.codes.shape)[found.prototype[:count]]
             parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))
     return batch
 
@@ -92,12 +91,12 @@ def random_angles(count: int, generator: torch.Generator) -> Float[Tensor, "coun
 
 def _candidates(problem: Problem, view: int, count: int, generator: torch.Generator) -> CandidateCameras:
     model, photo = problem.model, problem.photos[view]
-    if not problem.components.view_bank:
+    if problem.bank is None:
         azimuth, elevation = random_angles(count, generator).unbind(-1)
         distance, zeros = torch.full((count,), model.distance), torch.zeros(count)
         return CandidateCameras(azimuth, elevation, distance, torch.zeros(count, 2), zeros.long(), zeros)
     image = ObjectImage(photo.pixels, photo.mask, problem.cameras[view].focal, photo.unseen)
-    return rank_cameras(view_bank(model), image, count, problem.viewpoints[view], photo.cropped)
+    return rank_cameras(problem.bank, image, count, problem.viewpoints[view], photo.cropped)
 
 
 def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "count rank"]) -> Parameters:
@@ -118,11 +117,10 @@ def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> F
     mean = torch.zeros(1, len(space.std))
     if count == 1:
         return mean
-    if not problem.components.prototype_shapes:
+    bank = problem.bank
+    if bank is None or not problem.components.prototype_shapes:
         return mean.expand(count, -1)
-    try:
-        bank = view_bank(problem.model)
-    except EmptyBankError:  # where the camera is known, even a mist can be fitted
+    if bank.is_empty:  # If the camera is known, even a mist can be fitted.
         return mean
     shapes, similarity = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
     for photo, camera in zip(problem.photos, cameras, strict=True):

@@ -14,9 +14,9 @@ from core.fitting.hypotheses import HypothesisBatch, Parameters, clamp_parameter
 from core.fitting.initial import random_angles, resume_from
 from core.fitting.objective import ObjectiveValue, paper_objective
 from core.fitting.observations import Observation, sample_pixels
-from core.fitting.problem import SCORING_RAYS, nominal_camera
+from core.fitting.problem import SCORING_RAYS, FitJob, nominal_camera
 from core.fitting.settings import FitSettings, PaperSettings
-from core.fitting.steps import FitJob, FitStep
+from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
 from core.models.codes import CodeSpace

@@ -1,7 +1,7 @@
-"""The fixed part of a fit: photos as observations, known cameras, the objective and the pixels to score by."""
+"""A fit's input, the job, and its fixed part: observations, known cameras, the objective and the pixels to score by."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import predict_viewpoint, with_witness
+from core.fitting.hypotheses import Hypothesis
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
@@ -19,16 +20,34 @@ from core.fitting.objective import (
     Objective,
 )
 from core.fitting.observations import Observation, PixelBatch, sample_pixels
-from core.fitting.settings import Components, FitSettings
+from core.fitting.settings import ALL_COMPONENTS, Components, FitSettings
 from core.geometry.camera import Camera
 from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.ranking import ObjectImage, expected_scales
-from core.photos.view_bank import view_bank
+from core.photos.view_bank import ViewBank
 
 SCORING_RAYS = 2048  # per photo, always the same ones
 _VALIDATION_RAYS = 512  # per photo, that are not those of the steps: they say how uncertain a camera is
+
+
+@dataclass(frozen=True, eq=False)
+class FitJob:
+    """Photos of one object, to be fitted. Raises ``ValueError`` where there are none."""
+
+    photos: tuple[Photo, ...]
+    bank: ViewBank  # of the model that is fitted
+    settings: FitSettings = field(default_factory=FitSettings)
+    seed: int = 0
+    resume_from: Hypothesis | None = None  # refine this one, without a search
+    components: Components = ALL_COMPONENTS  # what is switched on; for ablations
+
+    def __post_init__(self) -> None:
+        if not self.photos:
+            raise ValueError("there is no photo to fit")
+        if self.resume_from and len(self.resume_from.cameras) != len(self.photos):
+            raise ValueError("a fit resumes with the photos that it had")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +55,7 @@ class Problem:
     """Photos of one object to find codes and cameras for, as all steps of a fit see them."""
 
     model: Model
+    bank: ViewBank | None  # None: begin from random cameras and the mean shape
     settings: FitSettings
     components: Components
     photos: tuple[Photo, ...]
@@ -48,15 +68,9 @@ class Problem:
     occluded: bool = False  # whether something in front may hide parts of the object
 
     @classmethod
-    def of(
-        cls,
-        model: Model,
-        photos: tuple[Photo, ...],
-        settings: FitSettings,
-        components: Components,
-        generator: torch.Generator,
-    ) -> "Problem":
+    def of(cls, model: Model, job: FitJob, generator: torch.Generator) -> "Problem":
         """Raises ``ValueError`` where a photo shows no object."""
+        photos, settings, components = job.photos, job.settings, job.components
         if settings.estimate_focal:
             photos = tuple(replace(photo, focal=None) for photo in photos)
         observations = tuple(Observation.of(photo, model) for photo in photos)
@@ -65,7 +79,8 @@ class Problem:
         scoring, validation = (
             sample_pixels(observations, count, generator) for count in (SCORING_RAYS, _VALIDATION_RAYS)
         )
-        return cls(model, settings, components, photos, observations, cameras, viewpoints, scoring, validation)
+        bank = job.bank if components.view_bank else None
+        return cls(model, bank, settings, components, photos, observations, cameras, viewpoints, scoring, validation)
 
     @property
     def unknown(self) -> Bool[Tensor, "views"]:
@@ -114,13 +129,13 @@ class Problem:
     def expected_scale(self) -> Float[Tensor, "views directions"] | None:
         """Of photos that were scaled, the scale (logarithm) at which they show objects from all directions."""
         scaled = self.unknown & torch.tensor([photo.scaled and photo.focal is None for photo in self.photos])
-        if not (bool(scaled.any()) and self.components.view_bank):
+        if self.bank is None or not bool(scaled.any()):
             return None
         images = [
             ObjectImage(photo.pixels, photo.mask, camera.focal)
             for photo, camera in zip(self.photos, self.cameras, strict=True)
         ]
-        scales = torch.stack([expected_scales(view_bank(self.model), image) for image in images])
+        scales = torch.stack([expected_scales(self.bank, image) for image in images])
         return scales * scaled[:, None]
 
 

@@ -1,36 +1,17 @@
-"""The input of a fit, a job, and its output, a stream of steps."""
+"""The output of a fit: a stream of steps."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from core.fitting.confidence import confidence, plausible
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras, to_hypotheses
 from core.fitting.problem import Problem
 from core.fitting.search import SearchResult
-from core.fitting.settings import ALL_COMPONENTS, Components, FitSettings
 from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
 from core.models.codes import Codes
-from core.photos.photo import Photo
-
-
-@dataclass(frozen=True)
-class FitJob:
-    """Photos of one object, to be fitted. Raises ``ValueError`` where there are none."""
-
-    photos: tuple[Photo, ...]
-    settings: FitSettings = field(default_factory=FitSettings)
-    seed: int = 0
-    resume_from: Hypothesis | None = None  # refine this one, without a search
-    components: Components = ALL_COMPONENTS  # what is switched on; for ablations
-
-    def __post_init__(self) -> None:
-        if not self.photos:
-            raise ValueError("there is no photo to fit")
-        if self.resume_from and len(self.resume_from.cameras) != len(self.photos):
-            raise ValueError("a fit resumes with the photos that it had")
 
 
 class RunnerUp(NamedTuple):

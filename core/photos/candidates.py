@@ -10,8 +10,7 @@ from jaxtyping import Bool, Float
 from PIL import Image
 from scipy.ndimage import binary_erosion, label
 
-from core.geometry.pixels import bounding_box
-from core.photos.detector import Box, box_overlap
+from core.photos.detector import Box, box_overlap, share_box
 from core.photos.grabcut import grabcut
 from core.photos.saliency import predict_saliency
 
@@ -97,9 +96,9 @@ def by_place(image: Image.Image, boxes: list[Box]) -> Candidate:
     return Candidate("nothing but its place", opacity)
 
 
-def salient_box(image: Image.Image, inside: tuple[int, int, int, int]) -> Box:
-    """Return the box of the salient object in a part of an image (px); the middle for a speck or nothing."""
-    salient = _salient(image, inside) > 0.5
+def salient_box(image: Image.Image) -> Box:
+    """Return the box of the salient object of an image; the middle for a speck or nothing."""
+    salient = _salient(image, (0, 0, *image.size)) > 0.5
     if not salient.any():
         return _MIDDLE
     left, top, right, bottom = box = share_box(salient)
@@ -130,13 +129,6 @@ def _piece_at(mask: Bool[np.ndarray, "height width"], point: tuple[float, float]
     pieces, _ = label(mask, np.ones((3, 3)))
     number = pieces[min(height - 1, int(point[1] * height)), min(width - 1, int(point[0] * width))]
     return (pieces == number) & mask
-
-
-def share_box(mask: Bool[np.ndarray, "height width"]) -> Box:
-    """Return the bounding box of a mask in fractions of width and height."""
-    height, width = mask.shape
-    left, top, right, bottom = bounding_box(mask)
-    return left / width, top / height, right / width, bottom / height
 
 
 def mask_overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "height width"]) -> float:

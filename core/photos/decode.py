@@ -55,6 +55,11 @@ def read_rgba(path: Path) -> Image.Image:
             return found
 
 
+def on_white(image: Image.Image) -> Image.Image:
+    """Composite an image over white, as RGB."""
+    return Image.alpha_composite(Image.new("RGBA", image.size, "white"), image.convert("RGBA")).convert("RGB")
+
+
 def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     """Read a photo's mask from an image that is white on the object, or transparent elsewhere.
 
@@ -137,8 +142,7 @@ def _seek_clearest(image: Image.Image) -> None:
     contrast = list[float]()
     for number in range(frames):
         image.seek(number)
-        frame = _shrunk(image, WORKING_SIDE // 4).convert("RGBA")  # a fully expanded frame takes four times the memory
-        contrast.append(float(np.asarray(Image.alpha_composite(Image.new("RGBA", frame.size, "white"), frame)).std()))
+        contrast.append(float(np.asarray(on_white(_shrunk(image, WORKING_SIDE // 4))).std()))
     image.seek(next(number for number, one in enumerate(contrast) if one >= _FADED * max(contrast)))
 
 

@@ -55,14 +55,12 @@ class Detection(NamedTuple):
 
 
 def detect(image: Image.Image) -> tuple[Detection, ...] | None:
-    """Find chairs and cars in an RGBA image, the most prominent first.
+    """Find chairs and cars in an RGB image, the most prominent first.
 
     None, with a warning, if the network's files are missing or damaged.
     """
-    white = Image.new("RGBA", image.size, "white")
-    small = Image.alpha_composite(white, image.convert("RGBA")).convert("RGB")
     try:
-        return _detect(small.resize((_SIDE, _SIDE), Image.Resampling.BICUBIC).tobytes())
+        return _detect(image.resize((_SIDE, _SIDE), Image.Resampling.BICUBIC).tobytes())
     except ValueError as error:
         logging.getLogger(__name__).warning("objects are found without the detector: %s", error)
         return None
@@ -70,9 +68,7 @@ def detect(image: Image.Image) -> tuple[Detection, ...] | None:
 
 def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detection]) -> Detection | None:
     """Return the detection whose box fits a mask best; None if none overlaps it by half."""
-    height, width = mask.shape
-    left, top, right, bottom = bounding_box(mask)
-    box = left / width, top / height, right / width, bottom / height
+    box = share_box(mask)
     best = max(found, key=lambda one: box_overlap(one.box, box), default=None)
     return best if best and box_overlap(best.box, box) >= _SAME else None
 
@@ -80,6 +76,13 @@ def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detecti
 def missed() -> dict[str, float]:
     """Return the category probabilities of a photograph without detections."""
     return dict.fromkeys(_CLASSES, _MISSED)
+
+
+def share_box(mask: Bool[np.ndarray, "height width"]) -> Box:
+    """Return the bounding box of a mask."""
+    height, width = mask.shape
+    left, top, right, bottom = bounding_box(mask)
+    return left / width, top / height, right / width, bottom / height
 
 
 def box_overlap(one: Box, other: Box) -> float:

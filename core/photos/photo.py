@@ -22,7 +22,7 @@ from core.photos.plain_background import NoBackgroundError
 from core.photos.ranking import ObjectImage, offset_from_expected
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.sharpness import edge_softness, measure_blur
-from core.photos.view_bank import SizeRange, apparent_size, view_bank
+from core.photos.view_bank import SizeRange, ViewBank, apparent_size
 
 DOUBTFUL_MASK = 0.5  # confidence of a mask below which people are warned
 _MAX_OFFSET = 0.02  # focal lengths: an object further from its expected position was moved in its image
@@ -67,25 +67,12 @@ class Photo:
             raise ValueError(f"the camera is for {self.camera.width}x{self.camera.height} px, not {width}x{height}")
 
 
-@dataclass(frozen=True)
-class Crop:
-    """Shift and scale of an object against the usual crop. Raises ``ValueError`` for a size of 0."""
-
-    scale: float = 1.0  # relative to the usual size
-    right: float = 0.0  # fraction of the image
-    down: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (0 < self.scale < math.inf and math.isfinite(self.right) and math.isfinite(self.down)):
-            raise ValueError(f"invalid crop: {self}")
-
-
 def load_photo(
     path: Path | str,
     model: Model,
+    bank: ViewBank,
     pose: Path | None = None,
     hints: Hints | None = None,
-    crop: Crop | None = None,
     pose_axes: str = "opencv",
 ) -> Photo:
     """Read an image in any common format, cut out its object and crop it for a model.
@@ -96,20 +83,19 @@ def load_photo(
     pixels are unknown.
 
     Args:
+        bank: the model's view bank (:func:`core.photos.view_bank.build_view_bank`), which gives the usual size.
         pose: a text file with SRN's camera-to-world matrix (16 numbers); the image is then only resized.
         hints: to the object, for an image without a plain background.
-        crop: against the usual one.
         pose_axes: of the pose, see :func:`core.geometry.pose_files.read_pose`.
 
-    Without a pose the model's view bank must exist (:func:`core.photos.view_bank.build_view_bank`). Raises
-    ``ValueError`` naming the file if it does not, or for anything but an image of an object, and
+    Raises ``ValueError`` naming the file for anything but an image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` if hints could help.
     """
     path = Path(path)
     matrix = None if pose is None else read_pose(pose, pose_axes)
     cut = read_cut_out(path, hints)
     with naming(path):
-        return prepare_photo(cut, model, matrix, crop)
+        return prepare_photo(cut, model, bank, matrix)
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
@@ -131,6 +117,7 @@ def naming(path: Path) -> Iterator[None]:
 def photo_from_array(
     pixels: UInt8[np.ndarray, "height width channels"] | Float[np.ndarray, "height width channels"],
     model: Model,
+    bank: ViewBank,
     pose: Float[Tensor, "4 4"] | None = None,
 ) -> Photo:
     """Prepare pixels in memory like :func:`load_photo`: 3 or 4 channels, bytes or numbers in [0, 1]."""
@@ -140,12 +127,10 @@ def photo_from_array(
         if not np.isfinite(pixels).all():
             raise ValueError("an image's pixels must be finite")
         pixels = to_bytes(pixels)
-    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, pose)
+    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, bank, pose)
 
 
-def prepare_photo(
-    cut: CutOut, model: Model, pose: Float[Tensor, "4 4"] | None = None, crop: Crop | None = None
-) -> Photo:
+def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, pose: Float[Tensor, "4 4"] | None = None) -> Photo:
     """Prepare a cut-out at the model's size like a training image; with a pose it is only resized."""
     height, width = cut.mask.shape
     size = model.image_size
@@ -153,20 +138,20 @@ def prepare_photo(
         across = max(1, round(size * width / height))
         photo = _resampled(cut, (0, 0, width, height), (across, size))
         return replace(photo, camera=Camera.from_pose(pose, model.focal, across, size))
-    usual, crop = apparent_size(model), crop or Crop()
-    if crop == Crop() and cut.focal is None and _like_training(cut, usual):
+    usual = apparent_size(bank, model)
+    if cut.focal is None and _like_training(cut, usual):
         photo = _resampled(cut, (0, 0, width, width), (size, size))
         if not bool(photo.mask.any()):
             raise ValueError(f"the object is too thin to be seen at {size} px")
-        if offset_from_expected(view_bank(model), ObjectImage(photo.pixels, photo.mask, model.focal)) < _MAX_OFFSET:
+        if offset_from_expected(bank, ObjectImage(photo.pixels, photo.mask, model.focal)) < _MAX_OFFSET:
             return photo
         scaled, half = False, width / 2  # recentre only: the apparent size determines the distance
     else:
-        scaled, half = True, _half(cut, usual.median * crop.scale)
-    square = _square(cut, half, crop)
+        scaled, half = True, _half(cut, usual.median)
+    square = _square(cut, half)
     photo = _resampled(cut, square, (size, size))
     if not bool(photo.mask.any()):
-        raise ValueError("the crop moves the object out of the image")
+        raise ValueError(f"the object is too thin to be seen at {size} px")
     focal = cut.focal and cut.focal * size / (2 * half)
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 
@@ -190,11 +175,10 @@ def _half(cut: CutOut, share: float) -> float:
     return max(right - left, bottom - top) / share / 2
 
 
-def _square(cut: CutOut, half: float, crop: Crop) -> tuple[float, float, float, float]:
-    """Return the square, in px of the cut-out, that centres the object, changed by ``crop``."""
+def _square(cut: CutOut, half: float) -> tuple[float, float, float, float]:
+    """Return the square, in px of the cut-out, that centres the object."""
     left, top, right, bottom = bounding_box(cut.mask)
-    across = (left + right) / 2 - crop.right * 2 * half
-    down = (top + bottom) / 2 - crop.down * 2 * half
+    across, down = (left + right) / 2, (top + bottom) / 2
     return across - half, down - half, across + half, down + half
 
 

@@ -60,7 +60,10 @@ def rank_cameras(
     Args:
         viewpoint: direction probabilities of :func:`core.classifiers.viewpoint.predict_viewpoint`.
         cropped: the image was moved and perhaps scaled, so ignore size and position in it.
+
+    Raises ``ValueError`` for an empty bank.
     """
+    bank.require_prototypes()
     templates = _templates(image)
     scores = _match(bank.silhouettes, bank.luminance, bank.contrast, templates)
     sizes = torch.tensor([template.size for template in templates])

@@ -9,14 +9,13 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
 
-from core.geometry.pixels import bounding_box, to_bytes
-from core.photos.borders import fill, find_frame, is_sliver
+from core.geometry.pixels import bounding_box
 from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
 from core.photos.chair_box import chair_corners, chair_direction
-from core.photos.decode import NOTE, lens_focal
-from core.photos.detector import Box, Detection, detect, detection_of, missed
+from core.photos.decode import NOTE, lens_focal, on_white
+from core.photos.detector import Box, Detection, box_overlap, detect, detection_of, missed, share_box
 from core.photos.grabcut import grabcut
-from core.photos.plain_background import NoBackgroundError, find_background
+from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
 
 MIN_SIDE = 8  # px: images with a shorter side are not fitted
 _MIN_OBJECT_PIXELS = 12  # px: smaller objects are not fitted
@@ -24,6 +23,10 @@ _PIECE, _SPECK = 0.2, 0.01  # relative to the largest piece: pieces always kept,
 _NEAR = 0.1  # distance of kept specks, relative to the largest piece's size
 _FAINT = 0.1  # opacities further than this from 0 and 1 are undecided
 _SAME = 0.97  # intersection over union from which two masks count as equal
+_CORNERS = 0.03  # largest fraction of an image cut off by rounded corners
+_FILLED = 0.98  # an object that fills so much of its box may be a photo in a frame
+_RINGING = 3  # px beside a frame in which JPEG mixes colours
+_SAME_BOX = 0.5  # overlap with the detected box below which a frame was taken for a plain background
 _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
@@ -99,18 +102,18 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     """
     if min(image.size) < MIN_SIDE:
         raise ValueError(f"an image of {image.width}x{image.height} px is too small; each side needs {MIN_SIDE} px")
-    hints, found = hints or Hints(), detect(image)
+    hints, rgb = hints or Hints(), on_white(image)
+    found = detect(rgb)
     if hints.object >= max(1, len(found or ())):
         raise ValueError(f"there is no object {hints.object + 1}: only {len(found or ())} chairs and cars were found")
-    cut = _cut_out(image, hints, found or ())
+    cut = _cut_out(rgb, np.asarray(image.getchannel("A"), np.float32) / 255, hints, found or ())
     if hints.strokes:
-        cut = _stroked(cut, image, hints.strokes)
-    return _described(
-        replace(cut, focal=lens_focal(image), note=image.info.get(NOTE, ""), detections=found or ()), image, found
-    )
+        cut = _stroked(cut, rgb, hints.strokes)
+    cut = replace(cut, focal=lens_focal(image), note=image.info.get(NOTE, ""), detections=found or ())
+    return _described(cut, rgb, found)
 
 
-def _described(cut: CutOut, image: Image.Image, found: tuple[Detection, ...] | None) -> CutOut:
+def _described(cut: CutOut, rgb: Image.Image, found: tuple[Detection, ...] | None) -> CutOut:
     """Add the results of the detector and of the network for chairs."""
     seen = detection_of(cut.mask, found or ())
     if seen is None:
@@ -118,40 +121,53 @@ def _described(cut: CutOut, image: Image.Image, found: tuple[Detection, ...] | N
         return replace(cut, categories={} if cut.white or found is None else missed())
     # The viewpoint classifier, trained on renders, is better for renders and cut-outs on white.
     boxed = seen.category == "chairs" and not cut.white
-    corners = chair_corners(_rgb(image), seen.box) if boxed else None
+    corners = chair_corners(rgb, seen.box) if boxed else None
     return replace(cut, categories=seen.probabilities, corners=corners)
 
 
-def _cut_out(image: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
+def _cut_out(
+    rgb: Image.Image, alpha: Float[np.ndarray, "height width"], hints: Hints, found: tuple[Detection, ...]
+) -> CutOut:
     """Cut out without strokes."""
-    rgb = _rgb(image)
     if boxes := _pointed_out(rgb, hints, found):
         return _in_boxes(rgb, boxes, hints)
-    values = np.asarray(image, dtype=np.float32) / 255
-    colours, alpha = values[..., :3], values[..., 3]
-    clear = alpha < 0.5
-    if clear.any() and is_sliver(clear):
-        rgb = Image.fromarray(to_bytes(fill(colours, clear)))
-    elif clear.mean() > 0.001:
-        opaque = Candidate("alpha channel", alpha, white=True, certain=True)
-        return _on_white(np.asarray(rgb, np.float32) / 255, opaque, hints.threshold)
-    return _automatically(rgb, hints, found)
-
-
-def _automatically(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
-    """Cut out by a plain background within the frame, else in the box of the most prominent object."""
     colours = np.asarray(rgb, np.float32) / 255
-    frame = find_frame(colours)
-    left, top, right, bottom = inside = frame or (0, 0, *rgb.size)
-    plain = find_background(colours[top:bottom, left:right])
+    if _is_cut_out(alpha < 0.5):
+        return _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True), hints.threshold)
+    plain = _plain_background(colours, found)
     if plain is None:
-        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb, inside)], hints)
+        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints)
     if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
-    opacity = np.zeros(colours.shape[:2], np.float32)
-    opacity[top:bottom, left:right] = ~plain.mask
-    white = plain.white and frame is None
-    return _on_white(colours, Candidate("plain background", opacity, white=white, certain=True))
+    opacity = (~plain.mask).astype(np.float32)
+    return _on_white(colours, Candidate("plain background", opacity, white=plain.white, certain=True))
+
+
+def _is_cut_out(clear: Bool[np.ndarray, "height width"]) -> bool:
+    """True if an image is transparent around an object, not only at rounded corners."""
+    border = np.concatenate((clear[0], clear[-1], clear[:, 0], clear[:, -1]))
+    return bool(clear.mean() > (_CORNERS if border.mean() < 0.5 else 0.001))
+
+
+def _plain_background(
+    colours: Float[np.ndarray, "height width 3"], found: tuple[Detection, ...]
+) -> PlainBackground | None:
+    """Find a plain background, also within a frame; None if it is only the frame of a photo."""
+    plain = find_background(colours)
+    if plain is None or plain.mask.all():
+        return plain
+    if found and not plain.white and box_overlap(share_box(~plain.mask), found[0].box) < _SAME_BOX:
+        return None
+    left, top, right, bottom = bounding_box(~plain.mask)
+    rows, columns = (slice(first + _RINGING, last - _RINGING) for first, last in ((top, bottom), (left, right)))
+    if min(right - left, bottom - top) < 4 * _RINGING or (~plain.mask[rows, columns]).mean() < _FILLED:
+        return plain
+    inner = find_background(colours[rows, columns])
+    if inner is None or inner.mask.all():
+        return inner and plain  # a photo, or a block of one colour
+    mask = np.ones_like(plain.mask)
+    mask[rows, columns] = inner.mask
+    return PlainBackground(mask, white=False)
 
 
 def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
@@ -186,11 +202,6 @@ def _box_at(rgb: Image.Image, point: tuple[float, float], found: tuple[Detection
     return min(there, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None) or box_at(rgb, point)
 
 
-def _rgb(image: Image.Image) -> Image.Image:
-    """Composite over white."""
-    return Image.alpha_composite(Image.new("RGBA", image.size, "white"), image.convert("RGBA")).convert("RGB")
-
-
 def _on_white(
     pixels: Float[np.ndarray, "height width 3"],
     found: Candidate,
@@ -207,19 +218,22 @@ def _on_white(
         raise NoBackgroundError
     # On white, half-covered pixels around the object are right; on a colour they are left out.
     near = binary_dilation(mask, iterations=2)
-    on_white = np.where((near if white else _eroded(mask))[..., None], pixels, np.float32(1))
+    shown = near if white else mask
+    if not white and min(mask.shape) >= 200:
+        shown = binary_erosion(mask, iterations=1, border_value=1)
+    pixels = np.where(shown[..., None], pixels, np.float32(1))
     opacity = np.where(near, opacity, 0).astype(np.float32)
     undecided = float(((opacity > _FAINT) & (opacity < 1 - _FAINT)).sum() / mask.sum())
-    return CutOut(on_white, mask, white, opacity, found.edge_error, undecided, found.found_by, confidence)
+    return CutOut(pixels, mask, white, opacity, found.edge_error, undecided, found.found_by, confidence)
 
 
 # Strokes
 
 
-def _stroked(cut: CutOut, image: Image.Image, strokes: tuple[Stroke, ...]) -> CutOut:
+def _stroked(cut: CutOut, rgb: Image.Image, strokes: tuple[Stroke, ...]) -> CutOut:
     """Apply strokes: pixels below are certain, GrabCut decides near them."""
-    colours = np.asarray(_rgb(image), np.float32) / 255
-    mask = grabcut(colours, _corrected(cut.mask, strokes), (0, 0, *image.size))
+    colours = np.asarray(rgb, np.float32) / 255
+    mask = grabcut(colours, _corrected(cut.mask, strokes), (0, 0, *rgb.size))
     mask = _apply_strokes(mask, strokes, True, False).astype(bool)
     return _on_white(colours, Candidate("strokes", mask.astype(np.float32), certain=True))
 
@@ -272,8 +286,3 @@ def _without_specks(mask: Bool[np.ndarray, "height width"], far: bool) -> Bool[n
         near = minimum(distance, pieces, np.arange(count + 1)) < _NEAR * max(right - left, bottom - top)
         kept |= smaller & near
     return kept[pieces]
-
-
-def _eroded(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """Remove pixels shared with the background, in images large enough."""
-    return binary_erosion(mask, iterations=1, border_value=1) if min(mask.shape) >= 200 else mask

@@ -1,8 +1,8 @@
 """The view bank: small views of a model's prototypes from all sides, used to rank cameras for a photo.
 
 Prototypes are clouds of surface points, splatted onto small images. Every view is normalised to its bounding box, so a
-match gives the direction independent of the size; the ratio of the sizes then gives the distance. A bank is made by
-:func:`build_view_bank`, once per model and user, and kept in the cache folder.
+match gives the direction independent of the size; the ratio of the sizes then gives the distance.
+:func:`build_view_bank` builds a bank once per model and user, and keeps it in the cache folder.
 """
 
 import math
@@ -24,10 +24,8 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.occupied_cells import pack
 from core.rendering.surface import surface_points
-from core.runtime.caches import CACHE, CacheKind
 from core.runtime.files import atomic_file
 from core.runtime.folders import VIEW_BANKS, cache_folder
-from core.runtime.pool import map_pieces
 
 PROTOTYPES = 120
 """With 60, fits of a model's own objects end in worse codes; with 240, fits of other objects are no better."""
@@ -76,50 +74,26 @@ class ViewBank:
         return directions()[1]
 
     @property
-    def size(self) -> int:
-        """bytes"""
-        return sum(getattr(self, name).nbytes for name in _TENSORS)
+    def is_empty(self) -> bool:
+        """The bank has no prototypes, as the model renders nothing."""
+        return not len(self.codes.shape)
 
-
-class EmptyBankError(ValueError):
-    """A model renders nothing to put into a view bank."""
-
-
-_in_progress: dict[str, Generator[float, None, ViewBank]] = {}  # unfinished builds, which the next caller continues
-
-
-def view_bank(model: Model) -> ViewBank:
-    """Return the view bank made by :func:`build_view_bank`, in this process or an earlier one.
-
-    Raises ``ValueError`` if there is none, :class:`EmptyBankError` if the model shows no objects.
-    """
-    bank = _kept(model)
-    if bank is None:
-        raise ValueError("this model has no view bank yet: run build_view_bank(model) to its end first")
-    if not len(bank.codes.shape):
-        raise EmptyBankError("the model shows no objects: all of its prototypes are empty")
-    return bank
+    def require_prototypes(self) -> None:
+        """Raise ``ValueError`` if the bank is empty."""
+        if self.is_empty:
+            raise ValueError("the model shows no objects: all of its prototypes are empty")
 
 
 def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
-    """Load the bank of a model (immediate), or build it, a prototype at a time (seconds), and save it.
+    """Read the view bank of a model from the cache folder, or compute it (seconds) and keep it there.
 
-    :func:`core.photos.photo.load_photo` and fits require it. Yields the fraction (0..1) done; returns the bank.
-    Alternating callers share the work. If the cache folder is not writable, the bank lasts as long as the process.
+    Yields the finished share (0..1) after each prototype; returns the bank.
     """
-    key = model.fingerprint
-    while (bank := _kept(model)) is None:
-        building = _in_progress.pop(key, None) or _build(model)
-        try:
-            done = next(building)
-        except StopIteration as made:
-            CACHE.put(CacheKind.BANK, key, made.value, made.value.size)
-            if len(made.value.codes.shape):
-                _save(made.value, _path(key))
-            return made.value
-        else:
-            _in_progress[key] = building
-            yield done
+    path = cache_folder() / VIEW_BANKS / f"{model.fingerprint}.{FORMAT}.safetensors"
+    if (bank := _read(path)) is None:
+        bank = yield from _build(model)
+        if not bank.is_empty:
+            _save(bank, path)
     return bank
 
 
@@ -131,9 +105,9 @@ class SizeRange(NamedTuple):
     max: float
 
 
-def apparent_size(model: Model) -> SizeRange:
-    """Return the sizes of the model's objects in images like those of training. Raises like :func:`view_bank`."""
-    bank = view_bank(model)
+def apparent_size(bank: ViewBank, model: Model) -> SizeRange:
+    """Return how large objects are in the model's training images. Raises ``ValueError`` for an empty bank."""
+    bank.require_prototypes()
     scale = model.focal / model.image_size
     from_above = (bank.elevation > 0) & (bank.elevation < math.radians(50))
     median = float(bank.sizes[:, from_above].median())
@@ -143,21 +117,8 @@ def apparent_size(model: Model) -> SizeRange:
 # Keeping
 
 
-def _path(key: str) -> Path:
-    return cache_folder() / VIEW_BANKS / f"{key}.{FORMAT}.safetensors"
-
-
-def _kept(model: Model) -> ViewBank | None:
-    """Return the bank from memory or its file; None if missing or damaged."""
-    key = model.fingerprint
-    bank: ViewBank | None = CACHE.get(CacheKind.BANK, key)
-    if bank is None and (bank := _read(_path(key))):
-        CACHE.put(CacheKind.BANK, key, bank, bank.size)
-    return bank
-
-
 def _read(path: Path) -> ViewBank | None:
-    """Read a bank with memory mapping, so that unused parts are not read."""
+    """Map a file into memory; None if it is missing or damaged."""
     try:
         with safe_open(path, framework="pt") as file:
             codes = Codes(file.get_tensor("shape"), file.get_tensor("texture"))
@@ -183,30 +144,26 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
     for _ in model.find_occupied_cells():
         yield 0.0
     azimuth, elevation = directions()
-    prototypes = _prototypes(model)
+    prototypes, kept = _prototypes(model), list[int]()
     # Preallocated: small results between large temporaries would keep the memory of these from being returned.
     shape, pixels = (len(prototypes), len(azimuth)), SIDE * SIDE
     silhouettes = torch.empty(*shape, pixels // 8, dtype=torch.uint8)
     luminance = torch.empty(*shape, pixels, dtype=torch.int8)
     contrast, sizes, offsets = torch.empty(shape), torch.empty(shape), torch.empty(*shape, 2)
     parts = silhouettes, luminance, contrast, sizes, offsets
-
-    def fill(number: int) -> bool:
-        points, colours = (part.cpu() for part in surface_points(model, prototypes[number]))
-        for start in range(0, len(azimuth) if len(points) >= _MIN_POINTS else 0, _SPLATTED):
-            some = slice(start, start + _SPLATTED)
-            masks, light, size, offset = _splat(points, colours, azimuth[some], elevation[some], model.distance)
-            packed = pack(masks > 0).reshape(len(masks), -1), *_quantised(light.flatten(1)), size, offset
-            for part, whole in zip(packed, parts, strict=True):
-                whole[number, some] = part
-        return len(points) >= _MIN_POINTS
-
-    kept = list[bool]()
-    for seen in map_pieces(fill, range(len(prototypes))):
-        kept.append(seen)
-        yield len(kept) / len(prototypes)
+    for number, codes in enumerate(prototypes):
+        points, colours = (part.cpu() for part in surface_points(model, codes))
+        if len(points) >= _MIN_POINTS:
+            for start in range(0, len(azimuth), _SPLATTED):
+                some = slice(start, start + _SPLATTED)
+                masks, light, size, offset = _splat(points, colours, azimuth[some], elevation[some], model.distance)
+                packed = pack(masks > 0).reshape(len(masks), -1), *_quantised(light.flatten(1)), size, offset
+                for part, whole in zip(packed, parts, strict=True):
+                    whole[len(kept), some] = part
+            kept.append(number)
+        yield (number + 1) / len(prototypes)
     shapes, textures = (torch.stack([getattr(one, kind) for one in prototypes]) for kind in ("shape", "texture"))
-    return ViewBank(Codes(shapes[kept], textures[kept]), model.distance, *(part[kept] for part in parts))
+    return ViewBank(Codes(shapes[kept], textures[kept]), model.distance, *(part[: len(kept)] for part in parts))
 
 
 def _prototypes(model: Model) -> list[Codes]:

@@ -38,7 +38,7 @@ class RenderJob:
     codes: Codes
     camera: Camera
     settings: RenderSettings = field(default_factory=RenderSettings)
-    detail: DetailMaps | None = None  # photo detail; core.detail.frames finds it by the codes
+    detail: DetailMaps | None = None  # photo detail; core.detail.rendering finds it by the codes
     shadow: bool = False  # request :attr:`Frame.shadow`
 
 

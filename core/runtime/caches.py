@@ -1,7 +1,7 @@
 """One byte-limited cache for renders and fits.
 
-Holds visible intervals and occupied cells of shapes, photo detail and view banks. Their sizes grow with the images, so
-the limit is in bytes.
+Holds visible intervals and occupied cells of shapes, and photo detail. Their sizes grow with the images, so the limit
+is in bytes.
 """
 
 from collections import OrderedDict
@@ -19,7 +19,6 @@ class CacheKind(IntEnum):
     VIEW = 0  # visible intervals of a shape from a camera: much memory, a fraction of a second
     SHAPE = 1  # the occupied cells of a shape
     DETAIL = 2  # photo detail
-    BANK = 3  # the view bank of a model: many seconds
 
 
 class _Entry(NamedTuple):

@@ -19,7 +19,7 @@ from core.runtime.threads import thread_count
 
 _Piece = TypeVar("_Piece")
 _Result = TypeVar("_Result")
-_AHEAD = 2  # Pieces handed out for each thread: one that is computed, one that follows without a wait.
+_AHEAD = 1.5  # Pieces handed out for each thread: few wait, as a more urgent caller's come behind them.
 
 
 class _Caller(threading.local):
@@ -49,10 +49,10 @@ def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) 
     if helpers is None:
         yield from map(function, pieces)
         return
-    remaining, begun = iter(pieces), deque[Future[_Result]]()
+    most, remaining, begun = int(_AHEAD * _caller.count), iter(pieces), deque[Future[_Result]]()
     try:
         while True:
-            for piece in islice(remaining, _AHEAD * _caller.count - len(begun)):
+            for piece in islice(remaining, most - len(begun)):
                 begun.append(helpers.submit(_in_modes(function), piece))
             if not begun:
                 return

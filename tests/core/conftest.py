@@ -7,7 +7,7 @@ import pytest
 
 from core.lab.datasets.rasteriser import Rasteriser
 from core.models.model import Model
-from tests.conftest import make_view_bank, no_opengl, unchecked_shapes
+from tests.conftest import no_opengl, unchecked_shapes
 from tests.core.tiny import tiny_model
 
 UNCHECKED = {"benchmarks", "cli", "evaluation"}
@@ -40,7 +40,5 @@ def rasteriser() -> Iterator[Rasteriser]:
 
 @pytest.fixture(scope="session")
 def tiny() -> Model:
-    """The one of :mod:`tests.core.tiny`, made once, ready to be fitted."""
-    model = tiny_model()
-    make_view_bank(model)
-    return model
+    """The one of :mod:`tests.core.tiny`, made once."""
+    return tiny_model()

@@ -16,7 +16,9 @@ from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.photos.photo import Photo
+from core.photos.view_bank import ViewBank, build_view_bank
 from core.rendering.reference import render_exact
+from core.streams import run_to_end
 
 EXTENT = (0.4, 0.4, 0.4)
 SIDE = 40
@@ -32,6 +34,12 @@ def tiny_model() -> Model:
     corners = torch.tensor([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     objects = tuple(Entry(f"stool{i}", i, (i * 3 + 1) % 4) for i in range(4))
     return Model(field, CodeBook(corners, corners.clone(), objects), EXTENT, "stools", SIDE, 60.0, 2.0)
+
+
+@cache
+def tiny_bank() -> ViewBank:
+    """The view bank of the tiny model."""
+    return run_to_end(build_view_bank(tiny_model()))
 
 
 def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:

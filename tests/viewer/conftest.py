@@ -11,7 +11,7 @@ from imgui_bundle import imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
-from core.detail.frames import render_progressively
+from core.detail.rendering import render_progressively
 from core.models.model import Model
 from core.photos.segmentation import CutOut
 from tests.conftest import no_opengl, random_model, unchecked_shapes
@@ -19,9 +19,12 @@ from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import (
     Clock,
     no_guess,
+    quick_bank,
+    quick_colour,
     quick_fit,
     quick_frames,
     quick_pace,
+    quick_paint,
     quick_photo,
     quick_pictures,
     two_models,
@@ -62,10 +65,12 @@ def backend(model: Model) -> Backend:
         frame_photo=quick_photo,
         frames=quick_frames,
         fit=quick_fit,
-        view_bank=lambda model: iter(()),
+        view_bank=quick_bank,
         pictures=quick_pictures,
         pace=quick_pace,
         guess_category=no_guess,
+        paint=quick_paint,
+        paint_colour=quick_colour,
         distance=lambda model, codes, camera, share: camera.distance,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
@@ -90,7 +95,7 @@ def real_backend(model: Model) -> Backend:
     """Nothing stands in but a tiny model, and its pace. Its view bank is left out: that of a mist takes a minute."""
     return Backend(
         load_model=lambda name: model,
-        view_bank=lambda _: iter(()),
+        view_bank=quick_bank,
         pace=quick_pace,
         guess_category=no_guess,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),

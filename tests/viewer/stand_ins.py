@@ -3,28 +3,33 @@
 import math
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from core.detail.paint import Paint, Rgb
 from core.export.keyframes import View
 from core.export.pace import Pace
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
+from core.fitting.photo_views import with_photo_detail
 from core.models.codes import Codes
 from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.photos.photo import Photo
-from core.photos.segmentation import CutOut
+from core.photos.detector import Detection
+from core.photos.photo import Photo, read_cut_out
+from core.photos.segmentation import CutOut, Hints
+from core.photos.view_bank import ViewBank
 from core.rendering.background import Background
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from tests.conftest import random_model
+from tests.core.tiny import tiny_bank
 from viewer.services.backend import frame_photo
 from viewer.values.fit_history import PhotoSource
 
@@ -79,12 +84,44 @@ def small_video(models: OpenModels, views: list[View], path: Path, settings: Vid
     return write_video(models, views, path, replace(settings, size=settings.size // 16))
 
 
-def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+def quick_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
     """The real thing cannot frame a block for a model of mists."""
     if not source.path.stem.startswith("block"):
-        return frame_photo(cut, model, source)
+        return frame_photo(cut, model, bank, source)
     pixels = torch.from_numpy(cut.pixels)[::3, ::3].contiguous()
     return Photo(pixels, pixels.mean(-1) < 0.9)
+
+
+def doubted(path: Path, hints: Hints | None) -> CutOut:
+    """Cut out, but never surely, of a photo of two objects."""
+    found = Detection((0.3, 0.2, 0.7, 0.8), {"chairs": 0.1, "cars": 0.9})
+    return replace(read_cut_out(path, hints), confidence=0.2, detections=(found,), white=False)
+
+
+def crowded(path: Path, hints: Hints | None) -> CutOut:
+    """Surely cut out, but two objects are nearly as prominent."""
+    found = Detection((0.0, 0.2, 0.5, 0.8), {"chairs": 0.9, "cars": 0.1})
+    other = found._replace(box=(0.5, 0.2, 1.0, 0.8))
+    return replace(read_cut_out(path, None), detections=(found, other), white=False)
+
+
+def quick_paint(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Codes]:
+    """The first numbers of the texture are the colour."""
+    yield None
+    return replace(codes, texture=torch.cat((torch.tensor(wanted.colour), codes.texture[3:])))
+
+
+def quick_colour(model: Model, codes: Codes, part: str) -> Generator[None, None, Rgb]:
+    """The colour that :func:`quick_paint` gives."""
+    yield None
+    red, green, blue = codes.texture[:3].clamp(0, 1).tolist()
+    return red, green, blue
+
+
+def quick_bank(model: Model) -> Generator[float, None, ViewBank]:
+    """The bank of another model."""
+    yield 1.0
+    return tiny_bank()
 
 
 def quick_pace(model: Model, view: View) -> Iterator[Pace | None]:
@@ -126,6 +163,13 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             uncertainty=1.0,
             hypotheses=tuple(hypotheses),
         )
+
+
+def detailed_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """The same; the last step has the detail of the photos, as that of a real fit."""
+    *steps, last = quick_fit(model, job)
+    yield from steps
+    yield with_photo_detail(model, job.photos, last)
 
 
 class CheckedFit:

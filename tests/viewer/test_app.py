@@ -203,7 +203,7 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
-def test_a_photo_whose_name_is_no_text_is_rebuilt_shown_and_removed(drive: Drive, photo: Path) -> None:
+def test_a_photo_whose_name_is_no_text_is_fitted_shown_and_removed(drive: Drive, photo: Path) -> None:
     path = photo.rename(photo.with_name(os.fsdecode(b"block_\xff\xfe.png")))
 
     def act(window: Driver) -> None:
@@ -339,7 +339,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         window.wait(lambda: window.session.viewport.source == "fit")
         window.press(imgui.Key.r)  # another object: the fit is not followed any more
         look()
-        assert window.exists("###Running fit/###follow")
+        assert window.exists("Library/**/waits block.png")
         window.session.fitting.stop()
         window.wait()
         look()
@@ -347,7 +347,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         look()
         window.session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
         look()
-        window.session.segment_photo()
+        window.session.segmenting.open(window.session.fitting.history.sources, 0)
         window.wait(lambda: window.session.segmenting.plain is not None)
         look()
 
@@ -432,7 +432,7 @@ def test_objects_have_their_thumbnails_at_once_at_the_next_launch(
     assert len(list((tmp_path / "cache" / "thumbnails").iterdir())) == 1
 
 
-def test_a_car_beside_a_chair_both_rebuilt_edited_undone_and_filmed(
+def test_a_car_beside_a_chair_both_fitted_edited_undone_and_filmed(
     drive: Drive, both: Backend, photo: Path, tmp_path: Path
 ) -> None:
     blue = photo.with_name("block blue.png")

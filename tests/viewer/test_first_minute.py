@@ -40,7 +40,7 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: P
         wait("photo", lambda: session.fitting.history.photo is not None)
         wait("fit", lambda: not session.fitting.running)
         assert context.session.editor.objects.own == ["police"]
-        window.click("Photo/###mix with")  # 3
+        window.show("Mix")  # 3
         pad = window.ctx.item_info("//Mix/mix pad").rect_full
         inset = (pad.max.x - pad.min.x) / 10
         dot = ImVec2(pad.min.x + inset, pad.max.y - inset)

@@ -1,6 +1,6 @@
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +11,13 @@ from PIL import Image
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.scene import Scene, save_image
+from core.photos.view_bank import ViewBank
 from tests.conftest import random_model
+from tests.core.tiny import tiny_bank
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import endless_fit, quick_fit
+from tests.viewer.stand_ins import quick_fit
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.messages import MessageKind
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
@@ -36,12 +37,12 @@ def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
 ) -> None:
     made, order = threading.Event(), list[str]()
 
-    def view_bank(model: Model) -> Iterator[float]:
+    def view_bank(model: Model) -> Generator[float, None, ViewBank]:
         yield 0.25
         while not made.is_set():
             yield 0.5
         order.append("made")
-        yield 1.0
+        return tiny_bank()
 
     def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         order.append("fitted")
@@ -125,9 +126,9 @@ def test_photos_are_fitted_with_the_models_of_their_categories_one_after_the_oth
         "block": chairs,
         "block blue": cars,
     }
-    assert session.fitting.history.model == cars.fingerprint
     assert editor.model is chairs  # the second was not followed
     editor.show_object("block blue")
+    assert session.fitting.shown.model == cars.fingerprint
     editor.mix_both(0.0, 0.5)
     assert editor.model is cars and editor.state.mix.b.startswith("car")
     session.player.add_key()
@@ -145,10 +146,11 @@ def test_a_person_may_fit_a_photo_as_another_category(worker: Worker, both: Back
     cars, chairs = session.models
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.pending)
-    session.fitting.refit_as(cars)
+    session.fitting.refit(cars)
     finish(session, lambda: not session.fitting.pending)
     assert [session.models.of(one.codes) for one in session.editor.objects.added] == [chairs, cars]
-    session.segment_photo()
+    shown = session.fitting.shown
+    session.segmenting.open(shown.sources, 0, shown.model)
     session.segmenting.fit()  # cut out again, it is a car still
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.model is cars
@@ -208,22 +210,14 @@ def by_name(model: Model, **others: Model) -> Callable[[str], Model]:
     return lambda name: others.get(Path(name).stem, model)
 
 
-def test_a_photo_of_nothing_known_is_fitted_unless_a_person_stops_it(session: Session, photo: Path) -> None:
+def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
     session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
-    assert session.editor.objects.names[0] == "block"
-    (note,) = [one for one in session.messages.all if one.text == "block: this does not look like a chair"]
-    assert note.kind is MessageKind.NOTE
-    before = session.fitting.history
-    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    session.fitting.start(photo)
-    deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    note.buttons[1].press()  # of a fit that is over: nothing happens
-    assert session.fitting.running
-    stop = session.messages.all[-1].buttons[1]
-    assert stop.label == "Stop"
-    stop.press()
-    assert not session.fitting.running
-    assert session.fitting.history is before
+    finish(session)
+    (question,) = session.fitting.questions
+    assert question.words == "This does not look like a chair"
+    assert session.editor.objects.own == []
+    session.fitting.answer(question)
+    finish(session, lambda: not session.fitting.pending)
     assert session.editor.objects.own == ["block"]
+    assert session.messages.errors == []

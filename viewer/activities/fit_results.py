@@ -1,4 +1,4 @@
-"""Results of fits: they join the objects, and becomes current where the view has followed the fit."""
+"""Results of fits: each joins the objects, and becomes current if the view followed its fit."""
 
 import re
 
@@ -11,7 +11,7 @@ from viewer.values.objects import EditableObject
 
 
 class FitResults:
-    """A result never takes over what a person edits; it waits to be shown then."""
+    """Keeps results out of the view while a person edits something else; they wait to be shown."""
 
     def __init__(self, editor: Editor, viewport: Viewport) -> None:
         self._editor, self._viewport = editor, viewport

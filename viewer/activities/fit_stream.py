@@ -1,6 +1,6 @@
 """Requests for fits in the window, and the stream of their steps; it runs on the worker."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -9,8 +9,13 @@ from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
 from core.fitting.settings import PaperSettings
 from core.models.model import Model
 from core.models.open_models import OpenModels
+from core.photos.decode import read_rgba
+from core.photos.plain_background import NoBackgroundError
+from core.photos.segmentation import CutOut
 from viewer.services.backend import Backend
-from viewer.values.fit_history import FitRequest, FittedPhoto
+from viewer.services.jobs import Jobs
+from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
+from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white
 
 WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
 """Presets to choose from; the paper's own recipe is a baseline for the command line."""
@@ -18,19 +23,21 @@ _RESUMED_SHARE = 3  # A fit that is resumed has one of so many steps of the pres
 
 
 class Remark(str):
-    """A line for the person who waits, about a photo that is fitted all the same."""
+    """A message about a photo that is fitted all the same."""
 
 
-class ChosenModel(NamedTuple):
-    """The model for a photo, by what that shows."""
+class Doubt(NamedTuple):
+    """A question about the next photo, and the end of the stream: nothing is fitted until a person answers."""
 
-    model: Model
-    warning: str  # empty unless the photo does not seem to show an object of the model's category
+    words: str
+    model: Model  # would fit the photo
+    cut: CutOut | None  # None where no object was found
+    seen: SeenCutOut
 
 
 @dataclass(eq=False)
 class FitOptions:
-    """How the next fit is made."""
+    """Options of the next fit."""
 
     preset: str = "normal"
     estimate_focal: bool = False
@@ -42,37 +49,64 @@ class FitOptions:
 
 
 def fit_stream(
-    backend: Backend, models: OpenModels, here: Model, request: FitRequest, settings: FitSettings
-) -> Iterator[ChosenModel | Remark | FittedPhoto | FitStep | None]:
-    """The model, unless the request names one, the photos that have not been read, then the steps.
+    jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, known: Mapping[PhotoSource, CutOut]
+) -> Iterator[Model | Remark | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
+    """The photos that have not been read, the model unless the request names one, then the steps.
 
     Args:
         here: the model of the object on screen, taken where several models are as likely.
+        known: cut-outs of photos that were asked about.
     """
-    history, resume_from = request.history, request.resume_from
+    backend, models, history = jobs.backend, jobs.models, request.history
     model = models[history.model] if history.model else None
     photos, first = [fitted.photo for fitted in history.photos], dict[str, float]()
     for source in history.sources[len(photos) :]:
-        cut = backend.cut_out(source.path, source.hints)
-        guess = backend.guess_category(cut)
+        try:
+            cut = known.get(source) or backend.cut_out(source.path, source.hints)
+        except NoBackgroundError:
+            bare = SeenCutOut(on_white(read_rgba(source.path)), ())
+            yield Doubt("The object was not found: point at it", model or here, None, bare)
+            return
+        guess = _guess(backend, cut)
         if said := describe_difference(first, guess):
             yield Remark(f"{source.name}: {said}")
         first = first or guess
+        seen, chosen = SeenCutOut.of(read_rgba(source.path), cut), model or _choose(models, here, guess)
+        asked = len(photos) < request.answered or source.hints is not None
+        if not asked and (words := _doubt(cut, "" if model else describe_category(guess, chosen.category))):
+            yield Doubt(words, chosen, cut, seen)
+            return
+        yield seen
         if model is None:
-            model = _choose(models, here, likelier_model(guess) if guess else here.category)
-            yield ChosenModel(model, describe_category(guess, model.category))
-        for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it
-            yield None
-        photos.append(backend.frame_photo(cut, model, source))
-        yield FittedPhoto.of(source, photos[-1])
+            model = chosen
+            yield model
+        bank = yield from jobs.banks.wait(model)  # photos are cropped, and cameras ranked by it
+        photos.append(backend.frame_photo(cut, model, bank, source))
+        yield FittedPhoto.of(source, photos[-1], seen)
     assert model is not None, "no photo"
-    for _ in backend.view_bank(model):
-        yield None
+    job = FitJob(tuple(photos), (yield from jobs.banks.wait(model)), settings, resume_from=request.resume_from)
     past = history.steps[-1].seconds if history.steps else 0.0
-    for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
+    for step in backend.fit(model, job):
         yield replace(step, seconds=past + step.seconds)
 
 
-def _choose(models: OpenModels, here: Model, category: str) -> Model:
+def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
+    """Return the probability of each category; a doubtful mask has no say in it."""
+    if is_doubtful(cut):
+        return cut.detections[0].probabilities if cut.detections else {}
+    return backend.guess_category(cut)
+
+
+def _doubt(cut: CutOut, about_category: str) -> str:
+    """Return the question for a person; empty where the cut-out can be fitted at once."""
+    if has_rival(cut):
+        return "Which one? Click on it"
+    if is_doubtful(cut):
+        return "Is the whole object outlined, and nothing else?"
+    return f"{about_category[:1].upper()}{about_category[1:]}"
+
+
+def _choose(models: OpenModels, here: Model, guess: Mapping[str, float]) -> Model:
+    category = likelier_model(guess) if guess else here.category
     stays = here.category == category and not models.is_former(here)
     return here if stays else models.of_category(category) or here

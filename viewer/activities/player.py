@@ -153,15 +153,6 @@ class Player:
         if ahead:
             self.go_to_key(min(ahead) if by > 0 else max(ahead))
 
-    def duplicate_key(self, index: int) -> None:
-        """A keyframe like this one, halfway to the next or to the end, if there is room."""
-        keys, end = self.timeline.keys, self.timeline.length
-        begin = keys[index].seconds
-        room = (keys[index + 1].seconds if index + 1 < len(keys) else end) - begin
-        if room >= 2 * MIN_GAP:
-            self.pause()
-            self._editor.set_timeline(self.timeline.added(begin + room / 2, keys[index].view))
-
     def stretch(self, length: float) -> None:
         """Make it last longer or shorter; to be ended by :meth:`Editor.end_gesture`."""
         share = self.seconds / self.timeline.length

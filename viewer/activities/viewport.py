@@ -53,7 +53,7 @@ class Viewport:
         editor.scene_changed.connect(self._refresh)
         self.framing = Framing(jobs, editor)
         self.result_shown = Signal[[]]()  # emitted when what a fit has found is in the view
-        editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
+        editor.object_chosen.connect(self._show_chosen)
 
     def begin(self, pictures: Mapping[str, Pixels] | None = None) -> None:
         """Render the scene from now on; until that is there, show its picture among kept ones, if it is one of them."""
@@ -242,9 +242,9 @@ class Viewport:
         """Keep how far the fit has come, seen from the photo's camera at the model's size."""
         self._live = newest
 
-    def render_turned(self) -> None:
-        """Show how far the fit has come, where a person sees it from elsewhere."""
-        if self.turned and not self._jobs.busy("fit view"):
+    def render_live(self) -> None:
+        """Show how far the fit has come, unless that is under way."""
+        if not self._jobs.busy("fit view"):
             self._render_live()
 
     def _render_live(self) -> None:
@@ -261,6 +261,12 @@ class Viewport:
 
         ended = self._jobs.reporting("Cannot show the search")
         self._jobs.submit(Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent=True))
+
+    def _show_chosen(self) -> None:
+        """Show an object that a person has chosen, also if it is the one that the view showed before the fit."""
+        if self.following:
+            self.unfollow()
+        self.framing.keep_size(self.settings.panel)
 
     def _refresh(self) -> None:
         """Show the scene, or the fit, as it is now. An edit of codes ends following a fit."""

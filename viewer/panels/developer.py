@@ -19,6 +19,7 @@ from viewer.values import orbit
 from viewer.values.view_modes import MODES
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import choose, end_gesture, flow, tooltip
+from viewer.widgets.fit_numbers import draw_fit_numbers
 from viewer.widgets.text import caption
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
@@ -42,7 +43,12 @@ class DeveloperPanel(Panel):
         )
         viewport.change(mode=mode)
         _draw_camera(context)
-        sections = {"Performance": _draw_speed, "Candidates": _draw_candidates, "Messages": _draw_messages}
+        sections = {
+            "Performance": _draw_speed,
+            "Fit": draw_fit_numbers,
+            "Candidates": _draw_candidates,
+            "Messages": _draw_messages,
+        }
         for title, draw in sections.items():
             if imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open):
                 draw(context)
@@ -119,7 +125,7 @@ def _draw_candidates(context: PanelContext) -> None:
     """The hypotheses of a fit ranked by loss, live; a click prefers one to all others."""
     tiles, side = context.session.fitting.candidates.tiles, _TILE * hello_imgui.em_size()
     if not tiles:
-        caption(context, "While a photo is rebuilt: the cameras and shapes that are tried for it, the best first")
+        caption(context, "While a photo is fitted: the cameras and shapes that are tried for it, the best first")
     for rank, tile in enumerate(tiles):
         if rank:
             flow("candidate", _TILE)

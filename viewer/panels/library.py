@@ -17,7 +17,7 @@ from viewer.widgets.object_tiles import unmixable
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 from viewer.widgets.welcome import Welcome
 
-_INVITATION = "What you rebuild from photos comes here."
+_INVITATION = "What you fit to photos comes here."
 _STRIP = 9.0  # em: a lower panel is a strip
 _ALL, _MINE = "all", "mine"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
@@ -55,7 +55,7 @@ class LibraryPanel(Panel):
 
     def _draw_objects(self, context: PanelContext, names: dict[str, str], strip: bool) -> None:
         """One's own, then those of each model, under headings, or all in one row."""
-        mine: list[str | FitRequest] = [*context.session.fitting.queue, *context.session.editor.objects.own]
+        mine: list[str | FitRequest] = [*context.session.fitting.pending, *context.session.editor.objects.own]
         families = context.session.editor.objects.families
         groups = {"Mine": mine} if self._filter in (_ALL, _MINE) else dict[str, list[str | FitRequest]]()
         groups |= {

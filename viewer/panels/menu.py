@@ -86,7 +86,7 @@ def _draw_status(context: PanelContext) -> None:
     if bar and waits is not None:
         imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + imgui.get_frame_height() / 2 - 0.15 * em)
         imgui.progress_bar(waits, (bar, 0.3 * em), "")
-        tooltip("A photo is being rebuilt" if session.fitting.running else "Getting ready for photos")
+        tooltip("A photo is being fitted" if session.fitting.running else "Getting ready for photos")
 
 
 MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {

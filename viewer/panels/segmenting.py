@@ -1,10 +1,9 @@
-"""The object pointed out in its photo: a box, strokes that add or remove, and where it is in the frame."""
+"""The object pointed out in its photo: clicks, a box, strokes that add or remove."""
 
 from dataclasses import replace
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.photos.photo import Crop
 from core.photos.segmentation import Hints, Stroke
 from viewer.actions import chord, is_pressed
 from viewer.activities.segmenting import Segmenting
@@ -20,13 +19,12 @@ _TIPS = (
     "Paint over what belongs to the object and was left out",
     "Paint over what does not belong to the object",
 )
-_CUTTING = "Cutting …"
 _COLUMN = 14.5  # em, of tools and preview
 _LEAST = 0.01  # of the photo: a smaller box is a slip
 
 
 class SegmentingDialog:
-    """Open while there is a photo to be segmented. Everything is live; nothing is rebuilt until that is pressed."""
+    """Open while there is a photo to be segmented. Everything is live; nothing is fitted until that is pressed."""
 
     def __init__(self) -> None:
         self._tool = "Box"
@@ -65,7 +63,6 @@ class SegmentingDialog:
         if imgui.begin_child("tools", (0, -imgui.get_frame_height_with_spacing())):
             self._draw_tools(segmenting)
             _draw_others(context, segmenting)
-            _draw_frame(context, segmenting)
         imgui.end_child()
         _draw_end(context, segmenting)  # in sight, however low the window is
         imgui.end_group()
@@ -146,7 +143,6 @@ class SegmentingDialog:
                 self._tool = tool
             tooltip(text)
         self._brush = labelled_slider("brush", "Brush", self._brush, (0.005, 0.15), f"{self._brush:.1%}")[1]
-        self._draw_threshold(segmenting)
         if button("Undo###undo hints", "Take the last of these back (Ctrl+Z)"):
             segmenting.undo()
         if is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
@@ -154,26 +150,14 @@ class SegmentingDialog:
         imgui.same_line()
         if button(
             "Clear###clear hints",
-            "No points, box or strokes, the usual edge: found automatically",
+            "No points, box or strokes: found automatically",
             enabled=bool(segmenting.hints),
         ):
             segmenting.begin_change()
             segmenting.set_hints(Hints())
-
-    def _draw_threshold(self, segmenting: Segmenting) -> None:
-        """How much of a soft edge belongs to the object, and how much of it the cut-out leaves undecided."""
-        imgui.begin_disabled(segmenting.hints.box is not None)
-        threshold = segmenting.hints.threshold
-        changed, threshold = labelled_slider("threshold", "Edge", threshold, (0.05, 0.95), f"{threshold:.0%}")
-        if imgui.is_item_activated():
-            segmenting.begin_change()
-        if changed:
-            segmenting.set_hints(replace(segmenting.hints, threshold=threshold))
-        tooltip("How opaque a pixel must be to belong to the object. Lower: more of a soft edge, and of thin legs")
-        imgui.end_disabled()
-        if segmenting.result and segmenting.result.found.undecided:
-            imgui.text_disabled(f"{100 * segmenting.result.found.undecided:.0f} % of it undecided")
-            tooltip("Where the cut-out is neither sure of the object nor of the background. Paint over what is wrong")
+        if not segmenting.settled:
+            problem = segmenting.problem
+            imgui.text_wrapped(f"{problem[:1].upper()}{problem[1:]}" if problem else "Cutting …")
 
 
 def _draw_others(context: PanelContext, segmenting: Segmenting) -> None:
@@ -191,38 +175,8 @@ def _draw_others(context: PanelContext, segmenting: Segmenting) -> None:
         tooltip("Take this mask instead")
 
 
-def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
-    """The photo as it will be fitted, and where the object is in it."""
-    side, corner = hello_imgui.em_size(_COLUMN - 2), imgui.get_cursor_screen_pos()
-    imgui.dummy((side, side))
-    draw = imgui.get_window_draw_list()
-    draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(context.palette.raised))
-    if segmenting.result and segmenting.result.cropped is not None and context.images:
-        texture = context.images.texture(segmenting.result.cropped, context.palette)
-        draw.add_image(texture, corner, corner + ImVec2(side, side))
-    else:
-        label = (
-            _CUTTING
-            if segmenting.result or not segmenting.problem
-            else f"{segmenting.problem[:1].upper()}{segmenting.problem[1:]}"
-        )
-        pad = 0.6 * hello_imgui.em_size()
-        font, colour = imgui.get_font(), packed(context.palette.text)
-        draw.add_text(font, imgui.get_font_size(), corner + ImVec2(pad, pad), colour, label, wrap_width=side - 2 * pad)
-    if segmenting.result and not segmenting.settled:
-        draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(context.palette.panel, 0.6))
-        pad = 0.6 * hello_imgui.em_size()
-        draw.add_text(corner + ImVec2(pad, pad), packed(context.palette.text), _CUTTING)
-    tooltip("As it will be rebuilt")
-    crop = segmenting.crop
-    scale = labelled_slider("scale", "Size", crop.scale, (0.5, 1.5), f"{crop.scale:.2f}")[1]
-    across = labelled_slider("across", "Across", crop.right, (-0.3, 0.3), f"{crop.right:+.2f}")[1]
-    down = labelled_slider("down", "Down", crop.down, (-0.3, 0.3), f"{crop.down:+.2f}")[1]
-    segmenting.set_crop(Crop(scale, across, down))
-
-
 def _draw_end(context: PanelContext, segmenting: Segmenting) -> None:
-    if button("Rebuild###fit segmentation", "Find this object", 6, segmenting.settled):
+    if button("Fit###fit segmentation", "Find this object", 6, segmenting.settled):
         context.focus = "Photo"
         segmenting.fit()
         return

@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.models.codes import Codes
-from core.photos.direction_words import OPPOSITES
+from core.rendering.direction_words import OPPOSITES
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext
@@ -48,7 +48,7 @@ class SlidersPanel(Panel):
         action_button(context, "reset", f"{_RESET}  Reset")
         for number, part in enumerate(PARTS):
             if number:
-                flow(f"{_LOCKS[0]}  {part}")
+                flow(f"{_LOCKS[0]} {part}")
             _draw_lock(context, part)
         words = context.session.words
         if words is None:
@@ -128,5 +128,5 @@ def _draw_lock(context: PanelContext, part: Part) -> None:
     locked = part in editor.locked
     what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or sampled"
     colour = context.palette.accent if locked else None
-    if button(f"{_LOCKS[locked]}  {part.capitalize()}###lock {part}", what, colour=colour):
+    if button(f"{_LOCKS[locked]} {part.capitalize()}###lock {part}", what, colour=colour):
         editor.lock(part, not locked)

@@ -13,7 +13,6 @@ from viewer.widgets.controls import action_button, button, end_gesture, flow, to
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _VIDEO = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_FILM
 _LENGTH = 4.5  # em
-_LOOPS = 1.5  # The step from the end to the start, in the longest of the others, that still passes for one of them
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
 
@@ -23,9 +22,6 @@ class TimelinePanel(Panel):
     title = "Timeline"
     dock = "Drawer"
     folded = True
-
-    def __init__(self) -> None:
-        self._loop_error: tuple[object, float] = None, 0.0  # of which timeline, and how large its jump is
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, the line, the keys."""
@@ -45,18 +41,6 @@ class TimelinePanel(Panel):
         if button(f"{_VIDEO}  Share…###share video", "Write the timeline as a video", enabled=there):
             context.share("video")
         _draw_line(context, player)
-        self._draw_check(player)
-
-    def _draw_check(self, player: Player) -> None:
-        timeline = player.timeline
-        if not timeline.keys:
-            return
-        if self._loop_error[0] is not timeline and not imgui.is_mouse_down(imgui.MouseButton_.left):
-            self._loop_error = timeline, timeline.loop_error()
-        error = self._loop_error[1]
-        label = "Loops without a jump" if error < _LOOPS else f"Jumps at the end ({error:.0f} steps)"
-        imgui.text_disabled(label)
-        tooltip("The step from the last frame back to the first, against the longest step between any others")
 
 
 def _draw_length(context: PanelContext, player: Player) -> None:
@@ -71,8 +55,7 @@ def _draw_length(context: PanelContext, player: Player) -> None:
 def _draw_line(context: PanelContext, player: Player) -> None:
     timeline, em = player.timeline, hello_imgui.em_size()
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    below = imgui.get_text_line_height_with_spacing()
-    ruler, side = 1.4 * em, max(2 * em, min(4 * em, room.y - 1.8 * em - below))
+    ruler, side = 1.4 * em, max(2 * em, min(4 * em, room.y - 1.8 * em))
     left, width = corner.x + side / 2, max(1.0, room.x - side)
     imgui.invisible_button("time", (room.x, ruler))
     if imgui.is_item_active():
@@ -108,8 +91,6 @@ def _draw_key(
     if imgui.begin_popup_context_item():
         if imgui.menu_item_simple("Replace with what is shown"):
             player.replace_key(index)
-        if imgui.menu_item_simple("Duplicate"):
-            player.duplicate_key(index)
         if imgui.menu_item_simple("Remove"):
             player.remove_key(index)
         imgui.end_popup()

@@ -12,6 +12,7 @@ from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values import orbit
 from viewer.values.view_modes import USUAL_MODES, in_mode
 from viewer.widgets.controls import action_button, button, end_gesture, tooltip
+from viewer.widgets.over_view import OverView
 from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
@@ -43,7 +44,7 @@ class ViewPanel(Panel):
 
     def __init__(self) -> None:
         self._nudged = 0.0
-        self._welcome = Welcome()
+        self._welcome, self._over = Welcome(), OverView()
         self._covered = 0  # px at the view's lower edge, by the way in
         self._cached: tuple[Frame, str, Frame] | None = None  # of which frame and mode, the frame that is shown
 
@@ -73,7 +74,8 @@ class ViewPanel(Panel):
         buttons = imgui.ButtonFlags_
         every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
         imgui.invisible_button("orbit", size, every)
-        self._react(context, size)
+        if not self._over.draw(context, corner, size):
+            self._react(context, size)
         _draw_buttons(context, corner, size)
         if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
             self._draw_hint(corner, size)
@@ -194,7 +196,7 @@ def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:
     coarse = not viewport.baked_frame and min(width, height) < _ENOUGH * min(viewport.settings.panel)
     if not (live or coarse):
         return
-    words, em = "Rebuilding …" if live else "Sharpening …", hello_imgui.em_size()
+    words, em = "Fitting …" if live else "Sharpening …", hello_imgui.em_size()
     size = imgui.calc_text_size(words) + ImVec2(2.1, 0.5) * em
     low = low + ImVec2(0.7 * em, -size.y - 0.7 * em)
     draw = imgui.get_window_draw_list()

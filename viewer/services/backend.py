@@ -1,10 +1,11 @@
 """The backend: functions of core that compute values, replaceable in tests."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.detail.frames import bake, render_progressively
+from core.detail.paint import Paint, Rgb, paint, paint_colour
+from core.detail.rendering import bake, render_progressively
 from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
@@ -18,19 +19,20 @@ from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.photos.direction_words import Words, direction_words
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import build_view_bank
+from core.photos.view_bank import ViewBank, build_view_bank
 from core.rendering.baked_field import BakedField
+from core.rendering.direction_words import Words, direction_words
+from core.rendering.grab import Pull, pulls_at
 from core.rendering.progressive import Frame, RenderJob
 from viewer.values.fit_history import PhotoSource
 
 
-def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+def frame_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
     """Prepare the cut-out object of a photo for a model."""
     with naming(source.path):
-        return prepare_photo(cut, model, read_pose(source.pose) if source.pose else None, source.crop)
+        return prepare_photo(cut, model, bank, read_pose(source.pose) if source.pose else None)
 
 
 @dataclass(frozen=True)
@@ -39,10 +41,10 @@ class Backend:
 
     load_model: Callable[[str], Model] = load_model
     cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out
-    frame_photo: Callable[[CutOut, Model, PhotoSource], Photo] = frame_photo
+    frame_photo: Callable[[CutOut, Model, ViewBank, PhotoSource], Photo] = frame_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
-    view_bank: Callable[[Model], Iterator[float]] = build_view_bank
+    view_bank: Callable[[Model], Generator[float, None, ViewBank]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
     draw: Callable[[BakedField, Camera, int, bool], Image | None] = draw_still
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
@@ -51,4 +53,7 @@ class Backend:
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
+    pulls: Callable[[Model, Codes, Camera, tuple[float, float]], list[Pull]] = pulls_at
+    paint_colour: Callable[[Model, Codes, str], Generator[None, None, Rgb]] = paint_colour
+    paint: Callable[[Model, Codes, Paint], Generator[None, None, Codes]] = paint
     distance: Callable[[Model, Codes, Camera, float], float] = filling_distance

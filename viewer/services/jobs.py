@@ -1,12 +1,14 @@
-"""Shared by everything that takes longer than a frame: the worker, the backend, open models, and messages."""
+"""Shared by everything that takes longer than a frame: worker, backend, open models, view banks, messages."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from core.models.open_models import OpenModels
 from core.rendering.progressive import Frame, RenderJob
 from viewer.services.backend import Backend
 from viewer.services.messages import Messages
+from viewer.services.view_banks import ViewBanks
 from viewer.services.worker import Job, Worker
 
 FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.3, 0.1, 0.03, 0.01
@@ -21,6 +23,11 @@ class Jobs:
     backend: Backend
     messages: Messages
     models: OpenModels
+
+    @cached_property
+    def banks(self) -> ViewBanks:
+        """View banks of the open models."""
+        return ViewBanks(self.backend.view_bank)
 
     def frames(self, job: RenderJob) -> Iterator[Frame | None]:
         """Render an object with its model, coarse to fine."""

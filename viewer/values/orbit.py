@@ -62,6 +62,29 @@ def same_direction(one: Camera, other: Camera) -> bool:
     return (one.azimuth, one.elevation) == (other.azimuth, other.elevation)
 
 
+def photo_camera(photo: Camera, model: Model) -> Camera:
+    """The camera of a photo at the size of a model's images, the photo filling four fifths of a view."""
+    size = model.image_size
+    focal = 0.8 * photo.focal * size / max(photo.width, photo.height)
+    return replace(photo, width=size, height=size, focal=focal)
+
+
+def photo_box(
+    photo: Camera, seen: Camera, panel: tuple[float, float], pan: tuple[float, float]
+) -> tuple[float, float, float, float] | None:
+    """Left, top, right and bottom (px) of a photo over a panel that shows it from its camera; None from elsewhere.
+
+    Args:
+        pan: as :func:`fit_to_panel` takes it.
+    """
+    if not same_direction(photo, seen) or not math.isclose(photo.distance, seen.distance):
+        return None
+    shorter = min(panel)
+    x, y = (side / 2 + shorter * share for side, share in zip(panel, pan, strict=True))
+    across, down = (seen.focal / seen.height * shorter / photo.focal * side / 2 for side in (photo.width, photo.height))
+    return x - across, y - down, x + across, y + down
+
+
 def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
     """Move the object in the view; fractions of the view's shorter side."""
     x, y = (max(-_MAX_PAN, min(_MAX_PAN, value)) for value in (pan[0] + across, pan[1] + down))

@@ -107,7 +107,7 @@ class Project:
     def _write(self, path: Path, models: OpenModels) -> None:
         """Write the project. Raises ``ValueError``, caused by a ``TooLargeError`` where it cannot be read back."""
         store = BlobStore()
-        bare = replace(self, fit=_without_renders(self.fit), pending=tuple(map(_request, self.pending)))
+        bare = replace(self, fit=_shortened(self.fit), pending=tuple(map(_request, self.pending)))
         about = {"format": "codenerf-project-2", "project": encode(bare, store), "timelines": store.timelines}
         with atomic_file(path, partial(Project.load, models=models)) as written, zipfile.ZipFile(written, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
@@ -227,11 +227,11 @@ def _is_too_large(error: BaseException | None) -> bool:
     return error is not None and (isinstance(error, TooLargeError) or _is_too_large(error.__cause__))
 
 
-def _without_renders(fit: FitHistory) -> FitHistory:
-    """Drop renders, and all hypotheses but the leading one of each step except the last."""
+def _shortened(fit: FitHistory) -> FitHistory:
+    """Drop all hypotheses but the leading one of each step except the last."""
     steps = tuple(replace(step, hypotheses=step.hypotheses[:1]) for step in fit.steps[:-1])
-    return replace(fit, steps=(*steps, *fit.steps[-1:]), frame=None, difference=None)
+    return replace(fit, steps=(*steps, *fit.steps[-1:]))
 
 
 def _request(request: FitRequest) -> FitRequest:
-    return request._replace(history=_without_renders(request.history))
+    return request._replace(history=_shortened(request.history))

@@ -22,11 +22,16 @@ OVERLAY_FLAGS = (
     | imgui.WindowFlags_.no_move
 )  # of a small window over the view that nobody moves
 
+_LINE = 40  # em, of a tooltip
+
 
 def tooltip(text: str) -> None:
     """A tooltip for the last item, which goes while that is dragged."""
-    if not imgui.is_item_active():
-        imgui.set_item_tooltip(text)
+    if not imgui.is_item_active() and imgui.begin_item_tooltip():
+        imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * imgui.get_main_viewport().work_size.x))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
 
 
 def begin_tooltip_beside() -> bool:

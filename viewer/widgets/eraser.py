@@ -1,18 +1,15 @@
-"""A photo of an object in which a person wipes away what does not belong to it."""
+"""Erases photo detail on the object in the view, seen from the photo's camera."""
 
-import numpy as np
 from imgui_bundle import ImVec2, imgui
-from PIL import Image
 
-from core.models.photo_detail import Erasure, PhotoView
+from core.models.photo_detail import Erasure
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
-from viewer.widgets.controls import tooltip
+from viewer.widgets.comparison import photo_place
 
-_RADIUS = 0.04  # of a stroke, a share of the photo's longer side
-_LEAST = 0.01  # share of it that the mouse moves at least between two points
-_SHOWN = 384  # px of the longer side, of what is shown
-_GONE = np.array([255, 120, 120])  # over what is erased
+_LEAST = 0.01  # share of the photo's side that the mouse moves at least between two points
+_BRUSH = 0.005, 0.04, 0.2  # least, first and largest radius, shares of the photo's longer side
+_WHEEL = 1.2  # times: a click of the wheel
 
 
 class Eraser:
@@ -20,43 +17,32 @@ class Eraser:
 
     def __init__(self) -> None:
         self._points: list[tuple[float, float]] = []
-        self._shown: tuple[PhotoView, np.ndarray] | None = None
+        self._radius = _BRUSH[1]
 
-    def draw(self, context: PanelContext, number: int, width: float) -> None:
-        """One of the photos, so many px wide."""
-        detail = context.session.editor.scene.codes.detail
-        if detail is None or context.images is None:
-            return
-        view = detail.views[min(number, len(detail.views) - 1)]
-        size = ImVec2(width, width * view.camera.height / view.camera.width)
-        corner = imgui.get_cursor_screen_pos()
-        imgui.invisible_button("erase from photo", size)
-        tooltip("Drag over what is no part of the object, a reflection say: the model's colours are shown there")
+    def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
+        """Draw stroke and brush over the view, which is imgui's last item; whether it takes the mouse."""
+        found, detail = photo_place(context, corner, size), context.session.editor.scene.codes.detail
+        if found is None or detail is None:
+            self._points = []
+            return False
+        view, low, high = found
+        mouse, extent = imgui.get_mouse_pos(), high - low
+        if imgui.is_item_hovered() and (wheel := imgui.get_io().mouse_wheel):
+            self._radius = max(_BRUSH[0], min(_BRUSH[2], self._radius * _WHEEL**wheel))
         if imgui.is_item_active():
-            self._extend((imgui.get_mouse_pos().x - corner.x) / size.x, (imgui.get_mouse_pos().y - corner.y) / size.y)
+            self._extend((mouse.x - low.x) / extent.x, (mouse.y - low.y) / extent.y)
         elif self._points:
-            stroke, self._points = Erasure(tuple(self._points), _RADIUS), []
-            context.session.editor.set_detail(
-                detail.erasing(min(number, len(detail.views) - 1), (*view.erased, stroke))
-            )
-        draw = imgui.get_window_draw_list()
-        draw.add_image(context.images.texture(self._pixels(view), context.palette), corner, corner + size)
+            stroke, self._points = Erasure(tuple(self._points), self._radius), []
+            erased = detail.erasing(detail.views.index(view), (*view.erased, stroke))
+            context.session.editor.set_detail(erased)
+        draw, reach, warm = imgui.get_window_draw_list(), self._radius * max(extent), context.palette.warm
         for x, y in self._points:
-            reach = _RADIUS * max(size.x, size.y)
-            draw.add_circle_filled(corner + ImVec2(x * size.x, y * size.y), reach, packed(context.palette.warm, 0.6))
+            draw.add_circle_filled(low + ImVec2(x * extent.x, y * extent.y), reach, packed(warm, 0.4))
+        if imgui.is_item_hovered():
+            draw.add_circle(mouse, reach, packed(warm), thickness=2.0)
+        return True
 
     def _extend(self, x: float, y: float) -> None:
         place = min(1.0, max(0.0, x)), min(1.0, max(0.0, y))
         if not self._points or max(abs(a - b) for a, b in zip(place, self._points[-1], strict=True)) > _LEAST:
             self._points.append(place)
-
-    def _pixels(self, view: PhotoView) -> np.ndarray:
-        """The same array for the same photo."""
-        if self._shown is None or self._shown[0] is not view:
-            image = Image.fromarray(view.pixels()).convert("RGB")
-            image.thumbnail((_SHOWN, _SHOWN))
-            pixels = np.array(image)
-            gone = ~view.kept(*image.size)
-            pixels[gone] = (0.4 * pixels[gone] + 0.6 * _GONE).astype(np.uint8)
-            self._shown = view, pixels
-        return self._shown[1]

@@ -38,7 +38,7 @@ def about(found: EditableObject) -> str:
     if not found.fitted:
         return ""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
-    return f"\nRebuilt from a photo{sure}"
+    return f"\nFitted to a photo{sure}"
 
 
 class UserObjectMenu:

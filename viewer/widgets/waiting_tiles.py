@@ -1,6 +1,6 @@
-"""Photos that are still to be rebuilt, as tiles among one's own objects."""
+"""Photos that are not fitted yet, as tiles among one's own objects: the fit under way, and those that wait."""
 
-from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
@@ -8,29 +8,45 @@ from viewer.values.fit_history import FitRequest
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
-_CLOCK = icons_fontawesome_4.ICON_FA_CLOCK
+_CLOCK, _QUESTION = icons_fontawesome_4.ICON_FA_CLOCK, icons_fontawesome_4.ICON_FA_QUESTION
 _DIMMED = 0.45  # how much of the photo is hidden
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:
-    """The photo with a clock; a click asks what to do with it."""
+    """Draw the photo with a bar, a clock, or a question mark; a click shows the fit or the question."""
     side, fitting, source = size.x, context.session.fitting, waits.history.sources[0]
     name, sources = f"waits {source.name}", waits.history.sources
+    running = fitting.running and sources is fitting.history.sources
+    asked = any(question.request is waits for question in fitting.questions)
     imgui.push_id(id(sources) & 0x7FFFFFFF)  # the same photo may wait twice
-    if imgui.invisible_button(name, size):
-        imgui.open_popup(name)
+    if object_tiles.tile_button(name, size) and (running or asked):
+        context.focus = "Photo"
+        fitting.follow()
     hovered = imgui.is_item_hovered()
-    tooltip(f"{source.name} waits for {fitting.history.name}\nClick to rebuild it now, or to remove it")
     object_tiles.paint_photo(context, source.path, corner, side)
-    shade = packed(context.palette.panel, 0.0 if hovered else _DIMMED)
+    shade = packed(context.palette.panel, 0.0 if hovered or running else _DIMMED)
     imgui.get_window_draw_list().add_rect_filled(corner, corner + ImVec2(side, side), shade, object_tiles.rounding())
-    object_tiles.mark(corner, _CLOCK, context.palette.warm)
+    if running:
+        tooltip(f"{source.name} is being fitted\nClick to see it")
+        _draw_bar(context, fitting.history.progress, corner, side)
+    elif asked:
+        tooltip(f"{source.name} waits for an answer\nClick to see the question")
+        object_tiles.mark(corner, _QUESTION, context.palette.warm)
+    else:
+        tooltip(f"{source.name} waits for {fitting.history.name}\nRight click to remove it")
+        object_tiles.mark(corner, _CLOCK, context.palette.warm)
     if imgui.begin_popup_context_item(name):
-        if imgui.menu_item_simple("Do it now###do it now"):
-            fitting.begin_now(sources)
-        stays = "stays as it is" if fitting.results.checking else "waits then, and begins anew"
-        tooltip(f"{fitting.history.name} {stays}")
-        if imgui.menu_item_simple("Remove###remove waiting"):
+        if running and imgui.menu_item_simple("Stop###stop fit"):
+            fitting.stop()
+        if not running and imgui.menu_item_simple("Remove###remove waiting"):
             fitting.forget(sources)
         imgui.end_popup()
     imgui.pop_id()
+
+
+def _draw_bar(context: PanelContext, progress: float, corner: ImVec2, side: float) -> None:
+    low, height = corner.y + side, 0.35 * hello_imgui.em_size()
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled((corner.x, low - height), (corner.x + side, low), packed(context.palette.raised))
+    filled = corner.x + progress * side
+    draw.add_rect_filled((corner.x, low - height), (filled, low), packed(context.palette.accent))

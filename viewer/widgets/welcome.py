@@ -28,7 +28,7 @@ class Welcome:
         editor, fitting = context.session.editor, context.session.fitting
         first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
         edited = timeline.keys or any(state.scene.codes is not first for state in editor.history.states)
-        return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
+        return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Into the bottom of a rectangle (px); a smaller card at its right in a low one, and once the object has been
@@ -57,7 +57,7 @@ class Welcome:
         if small:
             action_button(context, "fit_image", _OPEN, -1, context.palette.accent)
             return
-        caption(context, f"Drop a photo of {nouns(context)}, or open one: it is rebuilt in 3-D.")
+        caption(context, f"Drop a photo of {nouns(context)}, or open one: it becomes a 3-D object.")
         em = hello_imgui.em_size()
         photos = len(context.session.samples) * (_SAMPLE + _GAP)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (0.5 * em, (_SAMPLE - 1) / 2 * em))
@@ -70,12 +70,12 @@ class Welcome:
 
 
 def nouns(context: PanelContext) -> str:
-    """What can be rebuilt: an object of any open model."""
+    """Return the nouns of what can be fitted: an object of any open model."""
     return " or ".join(dict.fromkeys(f"a {model.noun or 'thing'}" for model in context.session.models))
 
 
 def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
-    """Photos to try, small, in a line or two, each so many px wide at the most; a click rebuilds one."""
+    """Photos to try, small, in a line or two, each so many px wide at the most; a click fits one."""
     em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
     paths, room = context.session.samples, imgui.get_content_region_avail().x
     if not paths:
@@ -89,6 +89,6 @@ def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
         if object_tiles.tile_button(f"sample {path.stem}", (side, side)):
             context.fit(path)
         hovered = imgui.is_item_hovered()
-        tooltip(f"Rebuild this photo: {path.stem}")
+        tooltip(f"Fit this photo: {path.stem}")
         object_tiles.paint_photo(context, path, corner, side)
         object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)

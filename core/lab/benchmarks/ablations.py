@@ -24,7 +24,7 @@ REPEATS: dict[str, FitMethod] = {
 }
 ABLATIONS: dict[str, FitMethod] = {
     **REPEATS,
-    "without the view bank": FitMethod(_USUAL, Components(view_bank=False, prototype_shapes=False)),
+    "without the view bank": FitMethod(_USUAL, Components(view_bank=False)),
     "without the viewpoint classifier": FitMethod(_USUAL, Components(viewpoint_classifier=False)),
     "without fresh codes for the local search": FitMethod(_USUAL, Components(fresh_codes=False)),
     "without multi-start": FitMethod(replace(_USUAL, hypotheses=1, max_restarts=0)),

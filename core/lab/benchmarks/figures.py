@@ -21,6 +21,7 @@ from core.lab.benchmarks.held_out_views import render_on_white
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
+from core.photos.view_bank import ViewBank
 
 _SIDE, _LABEL = 160, 18  # px of an image in a figure, and of the line of text above it
 _STRIP_STEPS = 8  # renders of a fit over time
@@ -43,9 +44,9 @@ class FittedPhoto:
         return self.steps[-1].codes
 
 
-def fit_photo(model: Model, photo: Photo, seed: int = 0) -> FittedPhoto:
+def fit_photo(model: Model, bank: ViewBank, photo: Photo, seed: int = 0) -> FittedPhoto:
     """Fits with the preset ``normal``. Raises ``ValueError`` as :func:`core.fitting.fit.fit` does."""
-    return FittedPhoto(photo, tuple(fit(model, FitJob((photo,), PRESETS["normal"], seed))))
+    return FittedPhoto(photo, tuple(fit(model, FitJob((photo,), bank, PRESETS["normal"], seed))))
 
 
 def write_figures(model: Model, fitted: Sequence[FittedPhoto], folder: Path) -> Iterator[Path]:

@@ -2,7 +2,7 @@
 baked copies.
 
 One turn of 72 frames, a morph into another object and back, and one large picture, without writing them. Times are
-processor times of all threads, which other load changes little; of exact films a few frames are timed. PSNR is that of
+processor times of one thread, which other load changes little; of exact films a few frames are timed. PSNR is that of
 the same frames against 384 samples a ray.
 """
 
@@ -13,7 +13,7 @@ from functools import cache
 from statistics import mean, median
 from typing import NamedTuple
 
-from core.detail.frames import render_progressively
+from core.detail.rendering import render_progressively
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.export.video_frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views

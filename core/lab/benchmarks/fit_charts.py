@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
+from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, others
 from core.lab.benchmarks.drawing import around, draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.fits import FitTrial, summarise_presets
-from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, others
 from core.lab.benchmarks.robustness import SUCCESS_DEGREES, RobustnessTrial, success_rates
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.evaluation.statistics import Mean

@@ -25,7 +25,9 @@ from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
 from core.lab.evaluation.statistics import Mean, mean_of, share_within
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
+from core.photos.view_bank import build_view_bank
 from core.runtime.precision import use_dtype
+from core.streams import run_to_end
 
 _FAR = 20.0  # degrees: a camera that is further off than this may be right by symmetry
 _SYMMETRY_TOLERANCE = 5.0  # degrees: it is, if the object looks from there no less like itself than when turned by this
@@ -117,7 +119,8 @@ def fit_views(
 def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
     """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
-    job = FitJob((as_photo(views, index, False),), method.settings, seed, components=method.components)
+    bank, photos = run_to_end(build_view_bank(model)), (as_photo(views, index, False),)
+    job = FitJob(photos, bank, method.settings, seed, components=method.components)
     clock = time.perf_counter if model.device.type == "cuda" else time.process_time
     began, steps, seconds = clock(), list[FitStep](), list[float]()
     for step in fit_as_set(model, job):

@@ -19,9 +19,8 @@ from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera, camera_rotation
 from core.lab.benchmarks.csv_files import read_results
 from core.models.library import load_model
-from core.photos.candidates import share_box
 from core.photos.decode import read_rgba
-from core.photos.detector import Box, box_overlap
+from core.photos.detector import Box, box_overlap, share_box
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import CutOut, cut_out
 from core.photos.view_bank import build_view_bank
@@ -33,8 +32,8 @@ _WHOLE, _PART = 0.8, 0.3
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What an eye says of an object in a photo."""
+class Judgement:
+    """The visual judgement of an object in a photo."""
 
     photo: str  # the file's name without its ending
     category: str
@@ -81,26 +80,26 @@ class PhotoTrial:
         return self.taken_for == self.category and bool(self.right_side)
 
 
-def read_seen(path: Path) -> dict[str, tuple[Seen, ...]]:
+def read_judgements(path: Path) -> dict[str, tuple[Judgement, ...]]:
     """What an eye says, by photo. Raises ``ValueError`` for a file that does not say it."""
-    found = sorted(read_results(path, Seen).rows, key=lambda one: one.photo)
+    found = sorted(read_results(path, Judgement).rows, key=lambda one: one.photo)
     return {name: tuple(group) for name, group in groupby(found, key=lambda one: one.photo)}
 
 
-def measure_photos(files: Sequence[Path], seen: Mapping[str, Sequence[Seen]], preset: str) -> Iterator[PhotoTrial]:
+def measure_photos(files: Sequence[Path], seen: Mapping[str, Sequence[Judgement]], preset: str) -> Iterator[PhotoTrial]:
     """Fits each photo without a hint, as ``fit`` does."""
     for path in files:
         yield measure_photo(path, seen[path.stem], preset)
 
 
-def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
+def measure_photo(path: Path, seen: Sequence[Judgement], preset: str) -> PhotoTrial:
     """What becomes of one photo."""
     began = time.process_time()
     cut = cut_out(read_rgba(path))
     taken_for = likelier_model(cut.categories)
     model = load_model(taken_for)
-    run_to_end(build_view_bank(model))
-    *_, last = fit(model, FitJob((prepare_photo(cut, model),), PRESETS[preset]))
+    bank = run_to_end(build_view_bank(model))
+    *_, last = fit(model, FitJob((prepare_photo(cut, model, bank),), bank, PRESETS[preset]))
     nearest = min(seen, key=lambda one: -_overlap(one.box, cut))
     camera = last.cameras[0]
     return PhotoTrial(
@@ -130,7 +129,7 @@ def _overlap(box: Box, cut: CutOut) -> float:
     return box_overlap(box, share_box(cut.mask))
 
 
-def _right_side(seen: Seen, camera: Camera) -> bool | None:
+def _right_side(seen: Judgement, camera: Camera) -> bool | None:
     """Whether a camera looks from where the eye says; None where that has no side."""
     if seen.azimuth is None or seen.elevation is None:
         return None

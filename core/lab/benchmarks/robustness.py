@@ -26,7 +26,9 @@ from core.models.codes import Codes
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
 from core.photos.photo import photo_from_array
+from core.photos.view_bank import build_view_bank
 from core.rendering.surface import surface_points
+from core.streams import run_to_end
 
 COMPARED = ("normal", "paper")  # presets
 SUCCESS_DEGREES = RIGHT_DEGREES
@@ -166,11 +168,12 @@ class _Attempt(NamedTuple):
 
     def job(self, model: Model) -> FitJob:
         """The fit; the paper's recipe from the mean codes at an initial camera, where the stressor gives one."""
-        photo, initial = photo_from_array(self.image, model), None
+        bank = run_to_end(build_view_bank(model))
+        photo, initial = photo_from_array(self.image, model, bank), None
         if self.stressor.init and isinstance(self.settings, PaperSettings):
             camera = self.stressor.init(self.seen.camera, self.level)
             initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 4))
-        return FitJob((photo,), self.settings, self.seed, initial)
+        return FitJob((photo,), bank, self.settings, self.seed, initial)
 
 
 def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> RobustnessTrial:

@@ -10,9 +10,9 @@ from typing import Any
 from core.fitting.confidence import auroc
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
+from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
-from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.rendering import Interaction, RenderRow, median_turns
 from core.lab.benchmarks.robustness import (

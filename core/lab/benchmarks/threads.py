@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from core.detail.frames import bake
+from core.detail.rendering import bake
 from core.export.mesh import extract_mesh
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.lab.benchmarks.gate import busy_processes
@@ -43,15 +43,14 @@ def measure_threads(model: Model, counts: Sequence[int], loads: Sequence[int]) -
     ((_, codes),) = evenly_spaced_objects(model, 1)
     camera = model.camera(0.9, 0.4)
     photo = Photo(*render_on_white(model, codes, camera))
-    shape = tuple(codes.shape.tolist())
+    shape, bank = tuple(codes.shape.tolist()), run_to_end(build_view_bank(model))
     steps: dict[str, Callable[[], object]] = {
         "occupied cells": lambda: fast.shape_occupancy(model, shape),
         "image of 512 px": lambda: fast.render(model, codes, camera.resized(512, 512), RenderSettings.samples),
         "baked copy": lambda: list(bake(model, codes)),
         "mesh": lambda: run_to_end(extract_mesh(model, codes, 192)),
-        "draft fit": lambda: list(fit(model, FitJob((photo,), PRESETS["draft"]))),
+        "draft fit": lambda: list(fit(model, FitJob((photo,), bank, PRESETS["draft"]))),
     }
-    run_to_end(build_view_bank(model))
     for run in steps.values():  # caches, and the kernels that oneDNN compiles
         run()
     for busy in loads:

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.classifiers.crops import CROP_MARGIN
+from core.classifiers.viewpoint import CROP_MARGIN
 from core.geometry.camera import FRONT_AZIMUTH
 
 _COLOUR_STD, _BRIGHTNESS_STD = 0.35, 0.2  # of the colour mixing matrix and of the shift of channels
@@ -50,7 +50,7 @@ def mirror(
 
 
 def recrop(images: Crops) -> Crops:
-    """Scale each object to fill its image again, as after :func:`core.classifiers.crops.crop_to_object`.
+    """Scale each object to fill its image again, as after :func:`core.classifiers.viewpoint.crop_to_object`.
 
     Empty images stay unchanged.
     """

@@ -9,8 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.classifiers.crops import CropClassifier, crop_to_object
-from core.classifiers.viewpoint import ViewpointClassifier, direction_weights, directions
+from core.classifiers.viewpoint import ViewpointClassifier, crop_to_object, direction_weights, directions
 from core.geometry.camera import camera_rotation
 from core.lab.datasets.srn import Dataset
 from core.lab.training.augmentation import augment_photo
@@ -57,7 +56,7 @@ def train_viewpoint(
     yield from train_classifier(classifier, batch_loss, steps)
 
 
-def train_classifier(classifier: CropClassifier, batch_loss: Callable[[], Tensor], steps: int) -> Iterator[float]:
+def train_classifier(classifier: ViewpointClassifier, batch_loss: Callable[[], Tensor], steps: int) -> Iterator[float]:
     """Train a network in place on the losses of batches, yielding each loss."""
     optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
     classifier.requires_grad_(True).train()

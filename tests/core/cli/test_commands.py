@@ -23,9 +23,9 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.detector import Detection
-from core.photos.direction_words import direction_words
 from core.photos.photo import Photo
 from core.photos.segmentation import Hints
+from core.rendering.direction_words import direction_words
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.frames import bake, render_frame, render_progressively
 from core.detail.maps import detail_maps, paint_weight, surface_normals
+from core.detail.rendering import bake, render_frame, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.detail.frames import render_frame
-from core.detail.paint import Paint, paint, paint_colour
+from core.detail.paint import Paint, paint, paint_colour, paint_parts
+from core.detail.rendering import render_frame
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
@@ -71,3 +71,9 @@ def test_bad_input_is_refused_in_one_line(tiny: Model, cars: Model) -> None:
         run_to_end(paint(cars, cars.codes[0], Paint((0.1, 0.2, 0.3), "seat")))
     with pytest.raises(ValueError, match="has no parts"):
         run_to_end(paint(tiny, tiny.codes[0], Paint((0.1, 0.2, 0.3), "seat")))
+
+
+def test_parts_that_take_paint_begin_with_the_usual_one(tiny: Model, cars: Model) -> None:
+    assert paint_parts(tiny) == ()
+    assert paint_parts(cars) == ("body",)
+    assert paint_parts(load_model("chairs"))[:3] == ("fabric", "wood", "seat")

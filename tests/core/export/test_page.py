@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float, UInt8
 
-from core.detail.frames import bake
+from core.detail.rendering import bake
 from core.export.page import MAX_BYTES, write_page
 from core.geometry.camera import Camera
 from core.metrics import psnr

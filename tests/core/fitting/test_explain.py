@@ -8,12 +8,14 @@ from core.fitting.explain import explain
 from core.fitting.fit import FitJob, FitStep, fit
 from core.fitting.settings import FitSettings
 from core.models.model import Model
-from tests.core.tiny import photo_of
+from tests.core.tiny import photo_of, tiny_bank
 
 
 @pytest.fixture(scope="module")
 def job(tiny: Model) -> FitJob:
-    return FitJob((photo_of(tiny, tiny.codes[2], tiny.camera(0.7, 0.4)),), FitSettings(hypotheses=6, steps=12))
+    return FitJob(
+        (photo_of(tiny, tiny.codes[2], tiny.camera(0.7, 0.4)),), tiny_bank(), FitSettings(hypotheses=6, steps=12)
+    )
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,9 @@ from core.fitting.settings import Components, FitSettings
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import build_view_bank, view_bank
 from tests.conftest import random_model
 from tests.core.fitting.inputs import problem_of, seeded
-from tests.core.tiny import photo_of
+from tests.core.tiny import photo_of, tiny_bank
 
 WITH_FOCAL = FitSettings(estimate_focal=True)
 
@@ -78,7 +77,7 @@ def test_there_are_no_more_cameras_and_shapes_than_the_bank_has_apart(tiny: Mode
     few, all_there_are = (len(initial(unknown, count)) for count in (5, 1000))
     assert few == 5
     assert 20 < all_there_are < 168
-    known, shapes = problem_of(tiny, *photos_of(tiny, given, (True, True))), len(view_bank(tiny).codes.shape)
+    known, shapes = problem_of(tiny, *photos_of(tiny, given, (True, True))), len(tiny_bank().codes.shape)
     few, all_there_are = (len(initial(known, count)) for count in (3, 1000))
     assert few == 3
     assert all_there_are in (shapes, shapes + 1)
@@ -87,7 +86,6 @@ def test_there_are_no_more_cameras_and_shapes_than_the_bank_has_apart(tiny: Mode
 def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
     mist = random_model()
     mist.field.density_layer.bias.fill_(-1e4)
-    list(build_view_bank(mist))
     camera = mist.camera(0.3, 0.3)
     photo = Photo(torch.zeros(32, 32, 3), torch.ones(32, 32, dtype=torch.bool), camera)
     batch = initial(problem_of(mist, photo), 6)
@@ -141,7 +139,7 @@ def test_the_best_combinations_of_single_searches_meet(tiny: Model, given: list[
 
 
 def test_without_the_view_bank_cameras_are_random_and_shapes_the_mean(tiny: Model, given: list[Camera]):
-    components = Components(view_bank=False, prototype_shapes=False)
+    components = Components(view_bank=False)
     batch = initial(problem_of(tiny, *photos_of(tiny, given[:1], (False,)), components=components), 12)
     assert len(batch.parameters.angles[:, 0].unique(dim=0)) == 12
     assert float(batch.parameters.angles[..., 1].min()) >= 0

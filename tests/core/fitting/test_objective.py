@@ -7,7 +7,7 @@ import torch
 
 from core.classifiers.viewpoint import directions
 from core.fitting.gauss_newton import gauss_newton_step, normal_equations
-from core.fitting.hypotheses import HypothesisBatch, Parameters
+from core.fitting.hypotheses import HypothesisBatch, Parameters, from_vector, to_vector
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     MOVED_SCALE,
@@ -43,6 +43,17 @@ def check_gradient(model: Model, at: Parameters, pixels: PixelBatch, objective: 
         expected = evaluate_objective(model, at, pixels, stage.samples, objective)
     torch.testing.assert_close(found.objective, expected.objective, rtol=1e-4, atol=1e-7)
     torch.testing.assert_close(found.squared_error, expected.squared_error, rtol=1e-4, atol=1e-7)
+    vector = to_vector(Parameters(*(part.detach() for part in at)))
+    rendered = RenderedPixels(torch.zeros(len(vector), *pixels.target_opacity.shape, 5))
+    for term in (term(pixels, objective) for term in objective.terms):
+        # Of two parameters, or two of one, Gauss-Newton would have a wrong Hessian.
+        def residual(vector: torch.Tensor, term: Term = term) -> torch.Tensor:
+            return term.residual(from_vector(vector, at), rendered)
+
+        moves = torch.autograd.functional.jacobian(residual, vector)
+        own = torch.stack([(moves[index, ..., index, :] != 0).flatten(0, -3) for index in range(len(vector))])
+        assert int(own.sum(-1).max()) <= 1
+        assert int(own.sum(1).max()) <= 1
     parts = torch.autograd.grad(expected.objective.sum(), at)
     gradient = torch.cat([part.flatten(1) for part in parts], 1)
     torch.testing.assert_close(2 * found.gradient, gradient, rtol=1e-4, atol=1e-4 * float(gradient.abs().max()))

@@ -8,8 +8,7 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
-from core.classifiers.crops import SIDE
-from core.classifiers.viewpoint import ViewpointClassifier
+from core.classifiers.viewpoint import SIDE, ViewpointClassifier
 from core.models.codes import CodeBook
 from core.models.model import Model
 from core.models.part_head import PartHead

@@ -7,7 +7,7 @@ from PIL import Image
 
 from core.models.library import sample_images
 from core.photos import detector
-from core.photos.decode import read_rgba
+from core.photos.decode import on_white, read_rgba
 from core.photos.detector import Detection, box_overlap, detect, detection_of, missed
 from core.photos.segmentation import Hints, cut_out
 
@@ -25,7 +25,7 @@ def beside_each_other(*paths: Path) -> Image.Image:
 def test_samples_are_detected_where_they_are(category: str):
     for path in sample_images(category):
         image = read_rgba(path)
-        best, *_ = detect(image) or ()
+        best, *_ = detect(on_white(image)) or ()
         assert best.category == category
         assert detection_of(cut_out(image).mask, (best,)) is best
         assert sum(best.probabilities.values()) < 1
@@ -33,7 +33,7 @@ def test_samples_are_detected_where_they_are(category: str):
 
 def test_of_two_objects_both_are_found_and_a_person_chooses():
     image = beside_each_other(sample_images("cars")[0], sample_images("cars")[1])
-    found = [one for one in detect(image) or () if one.score > 0.3]
+    found = [one for one in detect(on_white(image)) or () if one.score > 0.3]
     middles = sorted((one.box[0] + one.box[2]) / 2 for one in found[:2])
     assert middles[0] < 0.5 < middles[1]
     for number, one in enumerate(found[:2]):
@@ -47,7 +47,7 @@ def test_of_two_objects_both_are_found_and_a_person_chooses():
 
 def test_noise_and_a_single_pixel_show_neither():
     for size in ((1, 1), (300, 20)):
-        assert detect(Image.effect_noise(size, 60).convert("RGBA")) == ()
+        assert detect(Image.effect_noise(size, 60).convert("RGB")) == ()
     assert set(missed()) == {"cars", "chairs"}
 
 
@@ -55,14 +55,14 @@ def test_without_its_file_everything_else_works(tmp_path: Path, monkeypatch: pyt
     detector._detect.cache_clear()
     monkeypatch.setattr(detector, "NETWORKS", tmp_path)
     image = read_rgba(sample_images("cars")[2])
-    assert detect(image) is None
+    assert detect(on_white(image)) is None
     (said,) = caplog.messages
     assert said.startswith("objects are found without the detector: ssd_oidv4.onnx is missing")
     cut = cut_out(image)
     assert (cut.detections, cut.categories, cut.direction) == ((), {}, None)
     (tmp_path / "ssd_oidv4.onnx").write_bytes(b"damaged")
     caplog.clear()
-    assert detect(image) is None
+    assert detect(on_white(image)) is None
     (said,) = caplog.messages
     assert "ssd_oidv4.onnx cannot be used" in said
     assert "\n" not in said

@@ -13,12 +13,12 @@ from pillow_heif import from_pillow
 
 from core.models.model import Model
 from core.photos.decode import read_rgba
-from core.photos.photo import Crop, Photo, load_photo, photo_from_array
+from core.photos.photo import Photo, load_photo, photo_from_array
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import Hints
 from core.photos.view_bank import apparent_size
 from core.rendering.reference import render_exact
-from tests.core.tiny import SIDE
+from tests.core.tiny import SIDE, tiny_bank
 
 
 def drawing(size: tuple[int, int] = (300, 200), background: tuple[int, ...] = (255, 255, 255)) -> Image.Image:
@@ -49,7 +49,7 @@ def check_found(photo: Photo, model: Model) -> None:
     assert photo.cropped
     assert photo.camera is None
     rows, columns = photo.mask.any(1).nonzero()[:, 0], photo.mask.any(0).nonzero()[:, 0]
-    side = apparent_size(model).median * SIDE
+    side = apparent_size(tiny_bank(), model).median * SIDE
     assert len(rows) == pytest.approx(side, abs=1.5)
     assert len(columns) == pytest.approx(side, abs=1.5)
     assert float(rows.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)
@@ -67,7 +67,7 @@ def check_found(photo: Photo, model: Model) -> None:
     [("a.png", "RGB"), ("a.png", "P"), ("a.jpg", "RGB"), ("a.jpg", "CMYK"), ("a.webp", "RGB"), ("a.tif", "RGB")],
 )
 def test_any_usual_file_is_cut_out_and_framed(tmp_path: Path, tiny: Model, name: str, mode: str):
-    check_found(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny), tiny)
+    check_found(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny, tiny_bank()), tiny)
 
 
 @pytest.mark.parametrize("times, orientation", [(1, 1), (1, 6), (10, 6)])
@@ -78,11 +78,11 @@ def test_the_focal_length_that_a_camera_wrote_is_that_of_the_crop(
     exif[ExifTags.Base.Orientation] = orientation
     exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 52
     image = drawing((300 * times, 200 * times))
-    photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny)
-    shown = 100 / (apparent_size(tiny).median * SIDE)  # px of the drawing in one of the crop
+    photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny, tiny_bank())
+    shown = 100 / (apparent_size(tiny_bank(), tiny).median * SIDE)  # px of the drawing in one of the crop
     assert photo.scaled
     assert photo.focal == pytest.approx(52 / math.hypot(36, 24) * math.hypot(300, 200) / shown, rel=0.05)
-    written = load_photo(saved(image, tmp_path / "b.jpg"), tiny)
+    written = load_photo(saved(image, tmp_path / "b.jpg"), tiny, tiny_bank())
     assert written.focal is None
 
 
@@ -95,7 +95,7 @@ def test_grey_images_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
         image = Image.fromarray(grey.astype(np.float32) / 255)
     else:
         image = Image.fromarray(grey).convert(mode)
-    photo = load_photo(saved(image, tmp_path / ("a.tif" if mode in ("I", "F") else "a.png")), tiny)
+    photo = load_photo(saved(image, tmp_path / ("a.tif" if mode in ("I", "F") else "a.png")), tiny, tiny_bank())
     assert photo.cropped
     assert float(photo.pixels[photo.mask].mean()) < 0.3
 
@@ -106,7 +106,7 @@ def test_16_bit_colour(tmp_path: Path, tiny: Model):
     rows = b"".join(b"\0" + row.tobytes() for row in values)
     header = struct.pack(">IIBBBBB", 300, 200, 16, 2, 0, 0, 0)
     write_png(tmp_path / "a.png", header, zlib.compress(rows))
-    check_found(load_photo(str(tmp_path / "a.png"), tiny), tiny)
+    check_found(load_photo(str(tmp_path / "a.png"), tiny, tiny_bank()), tiny)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -120,13 +120,15 @@ def test_images_are_turned_upright_as_pillow_turns_them(tmp_path: Path, orientat
 
 def test_a_transparent_entry_of_a_palette_is_background(tmp_path: Path, tiny: Model):
     image = drawing(background=(0, 200, 60)).convert("P", palette=Image.Palette.ADAPTIVE)
-    check_found(load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny), tiny)
+    check_found(
+        load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny, tiny_bank()), tiny
+    )
 
 
 def test_a_huge_image_is_made_smaller(tmp_path: Path, tiny: Model):
     image = Image.new("L", (20_000, 1500), 255)
     image.paste(40, (9000, 300, 10_000, 1300))
-    photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny)
+    photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny, tiny_bank())
     assert photo.pixels.shape == (SIDE, SIDE, 3)
     assert 0.05 < float(photo.mask.float().mean()) < 0.3
 
@@ -171,11 +173,13 @@ def test_a_large_profile_or_description_is_no_reason_to_refuse(tmp_path: Path, t
     header, large = struct.pack(">IIBBBBB", 300, 200, 8, 2, 0, 0, 0), zlib.compress(bytes(3_000_000))
     for chunk in ((b"iCCP", b"a\0\0" + large), (b"iTXt", b"a\0\1\0\0\0" + large), (b"zTXt", b"a\0\0" + large)):
         write_png(tmp_path / "a.png", header, pixels, chunk)
-        check_found(load_photo(tmp_path / "a.png", tiny), tiny)
+        check_found(load_photo(tmp_path / "a.png", tiny, tiny_bank()), tiny)
 
 
 def test_a_broken_description_is_no_reason_to_refuse(tmp_path: Path, tiny: Model):
-    check_found(load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny), tiny)
+    check_found(
+        load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny, tiny_bank()), tiny
+    )
 
 
 @pytest.mark.parametrize("kind", ["EPS", "DDS", "ICO", "PDF"])
@@ -191,7 +195,7 @@ def test_only_formats_of_photographs_are_opened(tmp_path: Path, tiny: Model, kin
 
 def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
     """The drawing, of which only a box is there."""
-    return photo_from_array(np.asarray(drawing().crop(box)), tiny)
+    return photo_from_array(np.asarray(drawing().crop(box)), tiny, tiny_bank())
 
 
 def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
@@ -212,7 +216,7 @@ def test_all_is_known_around_a_whole_object_and_one_that_an_image_was_trimmed_to
 ):
     cutout = drawing().convert("RGBA")
     cutout.putalpha(Image.fromarray((np.asarray(drawing()).min(-1) < 255).astype(np.uint8) * 255))
-    assert photo_from_array(np.asarray(cutout.crop(box)), tiny).unseen is None
+    assert photo_from_array(np.asarray(cutout.crop(box)), tiny, tiny_bank()).unseen is None
 
 
 def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
@@ -225,7 +229,7 @@ def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
 
 @pytest.mark.parametrize("background", [(255, 255, 255), (240, 240, 240), (0, 200, 60), (255, 120, 130), (0, 0, 0)])
 def test_a_plain_background_of_any_colour_is_taken_off(tiny: Model, background: tuple[int, ...]):
-    photo = photo_from_array(np.asarray(drawing(background=background)), tiny)
+    photo = photo_from_array(np.asarray(drawing(background=background)), tiny, tiny_bank())
     check_found(photo, tiny)
 
 
@@ -235,7 +239,7 @@ def test_a_noisy_background_lit_from_the_side_is_taken_off(tiny: Model):
     noise = np.random.default_rng(0).normal(0, 2, image.shape)
     plain = (image == [180, 170, 160]).all(-1, keepdims=True)
     lit = np.clip(np.where(plain, image * light, image) + noise, 0, 255).astype(np.uint8)
-    check_found(photo_from_array(lit, tiny), tiny)
+    check_found(photo_from_array(lit, tiny, tiny_bank()), tiny)
 
 
 def test_a_soft_shadow_is_background(tiny: Model):
@@ -243,11 +247,13 @@ def test_a_soft_shadow_is_background(tiny: Model):
     shade = 1 - 0.25 * np.exp(-(((x - 150) / 60.0) ** 2 + ((y - 165) / 25.0) ** 2))
     image = np.asarray(drawing()).astype(float)
     white = (image == 255).all(-1, keepdims=True)
-    check_found(photo_from_array(np.where(white, image * shade[..., None], image).astype(np.uint8), tiny), tiny)
+    check_found(
+        photo_from_array(np.where(white, image * shade[..., None], image).astype(np.uint8), tiny, tiny_bank()), tiny
+    )
 
 
 def test_a_white_part_inside_stays_with_the_object(tiny: Model):
-    photo = photo_from_array(np.asarray(drawing((900, 600))), tiny)
+    photo = photo_from_array(np.asarray(drawing((900, 600))), tiny, tiny_bank())
     bright = (photo.pixels > 0.8).all(-1)
     assert bool((bright & photo.mask).any())
 
@@ -255,7 +261,7 @@ def test_a_white_part_inside_stays_with_the_object(tiny: Model):
 def test_the_gap_in_a_frame_is_background(tiny: Model):
     image = Image.new("RGB", (300, 200), (120, 190, 120))
     ImageDraw.Draw(image).rectangle((60, 40, 200, 180), outline=(90, 20, 20), width=25)
-    photo = photo_from_array(np.asarray(image), tiny)
+    photo = photo_from_array(np.asarray(image), tiny, tiny_bank())
     assert not bool(photo.mask[SIDE // 2, SIDE // 2])
     assert bool((photo.pixels[SIDE // 2, SIDE // 2] == 1).all())
 
@@ -264,13 +270,13 @@ def test_alpha_is_taken_at_its_word(tiny: Model):
     image = drawing(background=(200, 10, 10)).convert("RGBA")
     values = np.asarray(image).copy()
     values[(values[..., :3] == [200, 10, 10]).all(-1), 3] = 0
-    check_found(photo_from_array(values, tiny), tiny)
+    check_found(photo_from_array(values, tiny, tiny_bank()), tiny)
 
 
 def test_specks_are_left_out(tiny: Model):
     image = drawing()
     ImageDraw.Draw(image).rectangle((280, 10, 283, 13), fill=(90, 90, 90))
-    check_found(photo_from_array(np.asarray(image), tiny), tiny)
+    check_found(photo_from_array(np.asarray(image), tiny, tiny_bank()), tiny)
 
 
 # Crop
@@ -280,7 +286,7 @@ def test_specks_are_left_out(tiny: Model):
 def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float, elevation: float):
     seen = render_exact(tiny, tiny.codes[1], tiny.camera(azimuth, elevation), 48)
     pixels = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
-    photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny)
+    photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny, tiny_bank())
     assert not photo.cropped
     inside = seen.opacity > 0.5
     assert bool((photo.pixels[inside] == torch.from_numpy(pixels)[inside] / 255).all())
@@ -292,16 +298,16 @@ def test_what_is_too_thin_for_the_models_size(tiny: Model):
     pixels[300:720, 300:720] = 0
     pixels[302:718, 302:718] = 255
     with pytest.raises(ValueError, match="too thin"):
-        photo_from_array(pixels, tiny)
+        photo_from_array(pixels, tiny, tiny_bank())
 
 
 @pytest.mark.parametrize("across, down", [(6, 0), (0, -6), (-4, 5)])
 def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Model, across: int, down: int):
     seen = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
     pixels = (seen.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
-    photo = photo_from_array(np.roll(pixels, (down, across), (0, 1)), tiny)
+    photo = photo_from_array(np.roll(pixels, (down, across), (0, 1)), tiny, tiny_bank())
     assert photo.cropped
-    kept = photo_from_array(pixels, tiny)
+    kept = photo_from_array(pixels, tiny, tiny_bank())
     assert not kept.cropped
     for axis in (0, 1):
         moved, before = (one.mask.any(axis).nonzero()[:, 0] for one in (photo, kept))
@@ -313,7 +319,7 @@ def test_with_a_pose_an_image_is_only_resized(tmp_path: Path, tiny: Model):
     camera = tiny.camera(0.4, 0.3)
     pose = tmp_path / "pose.txt"
     pose.write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
-    photo = load_photo(saved(drawing((300, 300)), tmp_path / "a.png"), tiny, pose)
+    photo = load_photo(saved(drawing((300, 300)), tmp_path / "a.png"), tiny, tiny_bank(), pose)
     assert not photo.cropped
     assert photo.camera is not None
     assert photo.camera.azimuth == pytest.approx(0.4)
@@ -326,7 +332,7 @@ def test_with_a_pose_an_image_is_only_resized(tmp_path: Path, tiny: Model):
 
 def refused(path: Path, model: Model, pose: Path | None = None) -> str:
     with pytest.raises(ValueError) as error:
-        load_photo(path, model, pose)
+        load_photo(path, model, tiny_bank(), pose)
     text = str(error.value)
     assert "\n" not in text
     assert str(path) in text or (pose is not None and str(pose) in text)
@@ -381,7 +387,7 @@ def test_nothing_but_clear(tmp_path: Path, tiny: Model):
 
 def test_noise_is_not_refused(tmp_path: Path, tiny: Model):
     noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
-    assert load_photo(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny).mask.any()
+    assert load_photo(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny, tiny_bank()).mask.any()
 
 
 def test_a_pose_that_is_not_there(tmp_path: Path, tiny: Model):
@@ -398,7 +404,7 @@ def test_what_is_no_pose(tmp_path: Path, tiny: Model, text: str):
 @pytest.mark.parametrize("shape", [(20, 20), (20, 20, 2), (20, 20, 5)])
 def test_arrays_of_other_shapes(tiny: Model, shape: tuple[int, ...]):
     with pytest.raises((ValueError, TypeError)):
-        photo_from_array(np.zeros(shape, dtype=np.uint8), tiny)
+        photo_from_array(np.zeros(shape, dtype=np.uint8), tiny, tiny_bank())
 
 
 def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
@@ -412,25 +418,10 @@ def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
 
 def test_the_shared_photographs(shared: Path, tiny: Model):
     for name in ("chair_comfort.jpg", "chair_wood.jpg", "chair_watermelon.png"):
-        photo = load_photo(shared / "photos" / name, tiny)
+        photo = load_photo(shared / "photos" / name, tiny, tiny_bank())
         assert photo.cropped
         assert 0.03 < float(photo.mask.float().mean()) < 0.3
-    assert load_photo(shared / "photos" / "toyota.jpg", tiny).cropped
-
-
-def test_framing_scales_and_moves(tiny: Model, tmp_path: Path):
-    path = saved(drawing(), tmp_path / "a.png")
-    usual = load_photo(path, tiny)
-    small = load_photo(path, tiny, crop=Crop(0.5, 0.125, -0.125))
-    assert small.cropped
-    assert float(small.mask.sum()) == pytest.approx(float(usual.mask.sum()) / 4, rel=0.15)
-    rows, columns = small.mask.nonzero().float().mean(0).tolist()
-    assert columns == pytest.approx((0.5 + 0.125) * SIDE - 0.5, abs=1)
-    assert rows == pytest.approx((0.5 - 0.125) * SIDE - 0.5, abs=1)
-    with pytest.raises(ValueError, match="out of the image"):
-        load_photo(path, tiny, crop=Crop(right=3.0))
-    with pytest.raises(ValueError, match="invalid crop"):
-        Crop(scale=0.0)
+    assert load_photo(shared / "photos" / "toyota.jpg", tiny, tiny_bank()).cropped
 
 
 def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -439,8 +430,8 @@ def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, m
     noise[60:160, 40:140] = (30, 40, 90)
     path = saved(Image.fromarray(noise), tmp_path / "a.png")
     with pytest.raises(NoBackgroundError, match=r"a\.png"):
-        load_photo(path, tiny, hints=Hints((0.0, 0.0, 1.0, 1.0)))
-    photo = load_photo(path, tiny, hints=Hints((0.1, 0.25, 0.5, 0.85)))
+        load_photo(path, tiny, tiny_bank(), hints=Hints((0.0, 0.0, 1.0, 1.0)))
+    photo = load_photo(path, tiny, tiny_bank(), hints=Hints((0.1, 0.25, 0.5, 0.85)))
     seen = photo.pixels[photo.mask].median(0).values
     torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
 

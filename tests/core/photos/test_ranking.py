@@ -7,8 +7,8 @@ from core.metrics import rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.ranking import ObjectImage, expected_scales, rank_cameras, shape_similarity
-from core.photos.view_bank import view_bank
 from core.rendering.reference import Rendered, render_exact
+from tests.core.tiny import tiny_bank
 
 VIEWS = [(0.3, 0.3), (1.4, 0.7), (2.5, 0.1), (3.7, 0.9), (4.6, 0.4), (5.6, 1.3)]
 SMALL = 16
@@ -22,7 +22,7 @@ def image_of(seen: Rendered, focal: float) -> ObjectImage:
 def test_a_true_camera_is_among_the_first_few(tiny: Model, azimuth: float, elevation: float):
     camera = tiny.camera(azimuth, elevation)
     seen = render_exact(tiny, tiny.codes[2], camera, 48)
-    candidates = rank_cameras(view_bank(tiny), image_of(seen, camera.focal), 8)
+    candidates = rank_cameras(tiny_bank(), image_of(seen, camera.focal), 8)
     errors = [
         rotation_error(tiny.camera(float(a), float(e)), camera)
         for a, e in zip(candidates.azimuth, candidates.elevation, strict=True)
@@ -32,7 +32,7 @@ def test_a_true_camera_is_among_the_first_few(tiny: Model, azimuth: float, eleva
 
 def test_every_candidate_comes_with_its_opposite_view(tiny: Model):
     seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.5, 0.4), 32)
-    candidates = rank_cameras(view_bank(tiny), image_of(seen, tiny.focal), 8)
+    candidates = rank_cameras(tiny_bank(), image_of(seen, tiny.focal), 8)
     pairs = candidates.azimuth.reshape(4, 2)
     assert torch.allclose((pairs[:, 0] - pairs[:, 1]).cos(), torch.tensor(-1.0), atol=1e-5)
     assert torch.equal(candidates.elevation[::2], candidates.elevation[1::2])
@@ -40,7 +40,7 @@ def test_every_candidate_comes_with_its_opposite_view(tiny: Model):
 
 
 def test_a_prototype_looks_like_itself(tiny: Model):
-    bank = view_bank(tiny)
+    bank = tiny_bank()
     for index in range(len(bank.codes.shape)):
         for azimuth, elevation in ((0.8, 0.2), (2.0, 1.35)):
             codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
@@ -53,12 +53,12 @@ def test_a_prototype_looks_like_itself(tiny: Model):
 def test_the_distance_follows_from_the_apparent_size(tiny: Model, factor: float):
     camera = tiny.camera(1.0, 0.5, factor * tiny.distance)
     seen = render_exact(tiny, tiny.codes[1], camera, 48)
-    candidates = rank_cameras(view_bank(tiny), image_of(seen, camera.focal), 4)
+    candidates = rank_cameras(tiny_bank(), image_of(seen, camera.focal), 4)
     assert float(candidates.distance[0]) == pytest.approx(camera.distance, rel=0.3)
 
 
 def test_how_large_an_object_is_compared_with_others_from_there(tiny: Model):
-    bank = view_bank(tiny)
+    bank = tiny_bank()
     usual, larger = (
         expected_scales(bank, image_of(render_exact(tiny, tiny.codes[2], tiny.camera(1.0, 0.5), 48), focal))
         for focal in (tiny.focal, tiny.focal / 2)
@@ -69,7 +69,7 @@ def test_how_large_an_object_is_compared_with_others_from_there(tiny: Model):
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int):
-    bank = view_bank(tiny)
+    bank = tiny_bank()
     seen = render_exact(tiny, Codes(bank.codes.shape[1], bank.codes.texture[1]), tiny.camera(1.0, 0.5), 48)
     mask = seen.opacity > 0.5
     first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
@@ -86,14 +86,14 @@ def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int):
 def test_an_image_of_one_pixel_on_the_object_still_has_starts(tiny: Model):
     mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
     mask[5, 7] = True
-    candidates = rank_cameras(view_bank(tiny), ObjectImage(torch.ones(SMALL, SMALL, 3), mask, 30.0), 6)
+    candidates = rank_cameras(tiny_bank(), ObjectImage(torch.ones(SMALL, SMALL, 3), mask, 30.0), 6)
     assert bool(candidates.distance.isfinite().all())
     assert float(candidates.distance.max()) <= 2 * tiny.distance
     assert float(candidates.elevation.abs().max()) < math.pi / 2
 
 
 def test_a_probable_direction_is_ranked_first_where_the_match_does_not_decide(tiny: Model):
-    bank = view_bank(tiny)
+    bank = tiny_bank()
     mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
     mask[5, 7] = True
     viewpoint = torch.full_like(bank.azimuth, 1e-9)

@@ -1,3 +1,4 @@
+import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -218,6 +219,70 @@ def test_a_sky_over_a_road_is_no_plain_background(network: Callable[[np.ndarray]
     cut = cut_out(landscape())
     assert not cut.mask[200:].any()
     assert overlap(cut, disc()) > 0.95
+
+
+def photograph(size: tuple[int, int] = (200, 160)) -> Image.Image:
+    """A red box before a wall that is lit from one side."""
+    width, height = size
+    x = np.linspace(150, 190, width)[None, :, None] * np.ones((height, 1, 3))
+    image = Image.fromarray(x.astype(np.uint8))
+    ImageDraw.Draw(image).rectangle((0.3 * width, 0.3 * height, 0.65 * width, 0.8 * height), fill=(180, 20, 20))
+    return image
+
+
+def framed(colour: str, border: tuple[int, int, int, int], jpeg: bool = True) -> Image.Image:
+    """In a frame: left, top, right, bottom px."""
+    inner = photograph()
+    left, top, right, bottom = border
+    image = Image.new("RGB", (inner.width + left + right, inner.height + top + bottom), colour)
+    image.paste(inner, (left, top))
+    if jpeg:
+        file = io.BytesIO()
+        image.save(file, "JPEG", quality=80)
+        return Image.open(file)
+    return image
+
+
+@pytest.mark.parametrize("colour", ["black", "white"])
+@pytest.mark.parametrize("jpeg", [False, True])
+def test_a_photo_in_a_frame_is_found_within_it(colour: str, jpeg: bool):
+    cut = cut_out(framed(colour, (20, 30, 40, 10), jpeg).convert("RGBA"))
+    rows, columns = np.flatnonzero(cut.mask.any(1)), np.flatnonzero(cut.mask.any(0))
+    np.testing.assert_allclose(columns[[0, -1]], (20 + 60, 20 + 130), atol=6)
+    np.testing.assert_allclose(rows[[0, -1]], (30 + 48, 30 + 128), atol=6)
+    assert not cut.white
+
+
+def test_the_frame_of_a_busy_photo_is_no_background(network: Callable[[np.ndarray], None]):
+    network(np.pad(disc(), 30))
+    image = Image.new("RGBA", (300, 300), "black")
+    image.paste(busy(), (30, 30))
+    assert overlap(cut_out(image), np.pad(disc(), 30)) > 0.9
+
+
+def test_a_block_of_one_colour_is_an_object():
+    image = Image.new("RGBA", (120, 100), "white")
+    ImageDraw.Draw(image).rectangle((20, 20, 90, 80), fill=(180, 20, 20))
+    assert cut_out(image).mask.sum() == 71 * 61
+
+
+def test_rounded_corners_are_no_cut_out(network: Callable[[np.ndarray], None]):
+    network(disc())
+    image, corners = busy(), Image.new("L", (240, 240), 0)
+    ImageDraw.Draw(corners).rounded_rectangle((0, 0, 239, 239), 20, fill=255)
+    image.putalpha(corners)
+    assert overlap(cut_out(image), disc()) > 0.9
+
+
+def test_a_cut_out_that_fills_its_image_is_one():
+    filled = Image.new("L", (200, 100), 0)
+    ImageDraw.Draw(filled).rounded_rectangle((1, 1, 198, 98), 4, fill=255)  # its border is clear
+    above = Image.new("L", (200, 100), 255)
+    ImageDraw.Draw(above).rectangle((0, 0, 199, 30), fill=0)
+    for alpha in (filled, above):
+        image = Image.new("RGBA", (200, 100), "red")
+        image.putalpha(alpha)
+        assert cut_out(image).found_by == "alpha channel"
 
 
 @pytest.mark.parametrize("name", ["police.jpg", "toyota.jpg", "street_suv_a.png", "chair_watermelon.png"])

@@ -1,10 +1,6 @@
-import math
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
-from dataclasses import replace
-from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +8,7 @@ import pytest
 import torch
 
 from core.geometry.camera import camera_rotation
-from core.models.codes import CodeBook, Codes
+from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.view_bank import (
     SIDE,
@@ -21,57 +17,41 @@ from core.photos.view_bank import (
     build_view_bank,
     normalised_luminance,
     unpack_bits,
-    view_bank,
 )
 from core.rendering.reference import render_exact
 from core.rendering.surface import surface_points
-from core.runtime.caches import CACHE, CacheKind
 from core.runtime.folders import cache_folder
-from tests.conftest import make_view_bank, random_model
+from core.streams import run_to_end
+from tests.conftest import random_model
+from tests.core.tiny import tiny_bank
 
 PARTS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A cache folder of its own, beside a memory in which nothing is kept from other tests, as in a new process."""
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache folder of its own."""
     monkeypatch.setenv("CODENERF_CACHE", str(tmp_path))
-    forget()
-    yield tmp_path
-    forget()
+    return tmp_path
 
 
 def bank_files(folder: Path) -> list[Path]:
     return list(folder.glob("view-banks/*.safetensors"))
 
 
-def forget() -> None:
-    CACHE.clear(CacheKind.BANK)
-
-
 def same(one: ViewBank, other: ViewBank) -> bool:
     return one.codes == other.codes and all(torch.equal(getattr(one, part), getattr(other, part)) for part in PARTS)
 
 
-def steps(model: Model) -> int:
-    return len(list(build_view_bank(model)))
-
-
-def like(model: Model, scale: float) -> Model:
-    """A model of another fingerprint, whose view bank nobody has built yet."""
-    book = model.codes
-    return replace(model, codes=CodeBook(scale * book.shapes, book.textures, book.objects))
-
-
 def test_apparent_sizes_in_training_images(tiny: Model):
-    usual = apparent_size(tiny)
+    usual = apparent_size(tiny_bank(), tiny)
     seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
     size = max(int(seen.any(0).sum()), int(seen.any(1).sum())) / tiny.image_size
     assert usual.min < size < usual.max
 
 
 def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
-    bank, view, index = view_bank(tiny), 2 * 24 + 3, 1
+    bank, view, index = tiny_bank(), 2 * 24 + 3, 1
     codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
     points, colours = surface_points(tiny, codes)
     right, up, backward = (camera_rotation(bank.azimuth[view], bank.elevation[view]) @ points.T).tolist()
@@ -99,39 +79,30 @@ def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
 
 
 def test_luminance_survives_packing(tiny: Model):
-    bank = view_bank(tiny)
+    bank = tiny_bank()
     light = (bank.luminance.float() * bank.contrast[..., None]).reshape(-1, SIDE, SIDE)
     masks = unpack_bits(bank.silhouettes.flatten(0, 1)).reshape(-1, SIDE, SIDE)
     assert not light[masks == 0].any()
     torch.testing.assert_close(normalised_luminance(light, masks), light, atol=2e-3, rtol=0.0)
 
 
-def test_a_bank_is_not_made_by_whoever_asks_for_it(tiny: Model, folder: Path):
-    with pytest.raises(ValueError, match="no view bank yet"):
-        view_bank(tiny)
-    assert make_view_bank(tiny) is view_bank(tiny)
-
-
 def test_progress_ends_at_one(tiny: Model, folder: Path):
     shares = list(build_view_bank(tiny))
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-    assert steps(tiny) == 0
 
 
 def test_the_next_process_reads_the_file(tiny: Model, folder: Path):
-    made = make_view_bank(tiny)
+    made = run_to_end(build_view_bank(tiny))
     (file,) = bank_files(folder)
     assert tiny.fingerprint in file.name
-    assert file.stat().st_size < 1.1 * made.size
-    forget()
-    assert same(view_bank(tiny), made)
-    assert steps(tiny) == 0
+    assert not list(build_view_bank(tiny))
+    assert same(run_to_end(build_view_bank(tiny)), made)
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "other", "numbers"])
 def test_a_damaged_file_is_made_again(damage: str, tiny: Model, folder: Path):
-    made = make_view_bank(tiny)
+    made = run_to_end(build_view_bank(tiny))
     (file,) = bank_files(folder)
     whole = file.read_bytes()
     if damage == "numbers":
@@ -140,40 +111,24 @@ def test_a_damaged_file_is_made_again(damage: str, tiny: Model, folder: Path):
         assert damaged != whole
     else:
         damaged = {"empty": b"", "cut": whole[: len(whole) // 2], "other": b"no view bank at all"}[damage]
-    forget()
     file.unlink()  # which is mapped into memory
     file.write_bytes(damaged)
-    assert same(make_view_bank(tiny), made)
+    assert same(run_to_end(build_view_bank(tiny)), made)
     assert file.read_bytes() == whole
 
 
-def test_where_nothing_can_be_written_the_bank_is_kept_in_memory(tiny: Model, folder: Path):
+def test_where_nothing_can_be_written_the_bank_is_made_all_the_same(tiny: Model, folder: Path):
     (folder / "view-banks").write_text("a file where the folder should be")
-    assert make_view_bank(tiny) is view_bank(tiny)
+    assert same(run_to_end(build_view_bank(tiny)), tiny_bank())
     assert not bank_files(folder)
 
 
-def test_two_who_build_in_turn_share_the_work(tiny: Model, folder: Path):
-    alone = steps(like(tiny, 1.01))
-    shared = like(tiny, 1.02)
-    turns = list(zip_longest(build_view_bank(shared), build_view_bank(shared)))
-    assert len(turns) == math.ceil(alone / 2)
-
-
-def test_a_job_that_was_given_up_is_continued(tiny: Model, folder: Path):
-    alone = steps(like(tiny, 1.03))
-    model = like(tiny, 1.04)
-    first = build_view_bank(model)
-    next(first), next(first)
-    first.close()
-    assert steps(model) == alone - 2
-
-
-def test_a_model_that_shows_nothing_is_refused(folder: Path):
+def test_an_empty_bank_is_told_where_it_is_used_and_not_kept(folder: Path):
     empty = random_model()
     empty.field.density_layer.bias.fill_(-1e4)
+    bank = run_to_end(build_view_bank(empty))
     with pytest.raises(ValueError, match="no objects"):
-        make_view_bank(empty)
+        apparent_size(bank, empty)
     assert not bank_files(folder)
 
 

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,13 +19,11 @@ from core.photos.view_bank import build_view_bank
 from core.rendering import fast
 from core.rendering.baking import bake
 from core.rendering.reference import render_exact
-from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
 from core.runtime.threads import VARIABLE
 from core.streams import run_to_end
-from tests.conftest import make_view_bank
 from tests.core.fitting.inputs import SHORT
-from tests.core.tiny import photo_of
+from tests.core.tiny import photo_of, tiny_bank
 
 
 def thread(piece: object) -> int:
@@ -136,15 +135,16 @@ def of_mesh(model: Model) -> list[Tensor]:
 
 
 def of_fit(model: Model) -> list[Tensor]:
-    make_view_bank(model)
-    *_, last = fit(model, FitJob((photo_of(model, model.codes[1], model.camera(0.5, 0.5)),), SHORT))
+    photos = (photo_of(model, model.codes[1], model.camera(0.5, 0.5)),)
+    *_, last = fit(model, FitJob(photos, tiny_bank(), SHORT))
     cameras = chain.from_iterable((one.azimuth, one.elevation, one.distance) for one in last.cameras)
     return [last.codes.shape, last.codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
 
 
 def of_view_bank(model: Model) -> list[Tensor]:
-    CACHE.clear(CacheKind.BANK)
-    bank = run_to_end(build_view_bank(model))
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CODENERF_CACHE", folder)
+        bank = run_to_end(build_view_bank(model))
     return [bank.silhouettes, bank.luminance, bank.offsets]
 
 

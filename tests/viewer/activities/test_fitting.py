@@ -8,14 +8,19 @@ import pytest
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
-from core.photos.photo import Photo
-from core.photos.segmentation import CutOut
+from core.photos.photo import Photo, read_cut_out
+from core.photos.plain_background import NoBackgroundError
+from core.photos.segmentation import CutOut, Hints
+from core.photos.view_bank import ViewBank
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import CheckedFit, broken_fit, endless_fit, quick_fit, quick_photo
+from tests.viewer.stand_ins import CheckedFit, broken_fit, crowded, doubted, endless_fit, quick_fit, quick_photo
 from viewer.editor import Editor
+from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
+from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.fit_history import PhotoSource
+from viewer.values.project import Project
 
 
 def test_a_fit_joins_the_objects_and_becomes_current(
@@ -32,12 +37,8 @@ def test_a_fit_joins_the_objects_and_becomes_current(
     session.thumbnails.of_object(editor.objects["block"].codes)
     finish(session)
     assert session.thumbnails.of_object(editor.objects["block"].codes)
-    assert session.fitting.history.frame is not None
     assert len(session.fitting.history.steps) == 10
     assert session.fitting.history.photo is not None
-    assert session.fitting.history.difference is not None
-    wrong = np.abs(session.fitting.history.photo.pixels.astype(int) - session.fitting.history.frame.image)
-    np.testing.assert_array_equal(session.fitting.history.difference, (2 * wrong).clip(0, 255))
     assert session.fitting.view.camera == editor.scene.camera
     assert session.fitting.history.progress == 1.0
     editor.undo()
@@ -72,12 +73,10 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Sessio
     before = session.viewport.frame
     session.viewport.change(panel=(300, 200))
     session.fitting.start(photo)
-    deliver(session, lambda: session.fitting.history.frame is not None)
+    deliver(session, lambda: session.viewport.source == "fit")
     assert session.viewport.following
-    assert session.viewport.source == "fit"
     assert session.viewport.frame is not before
     assert session.viewport.frame.resolution[0] > session.viewport.frame.resolution[1]
-    assert session.fitting.history.frame.resolution == (session.viewport.frame.resolution[1],) * 2
     session.player.add_key()
     session.viewport.pan_by(0.1, 0.0)
     assert session.viewport.following
@@ -98,36 +97,29 @@ def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, phot
     finish(session, lambda: not session.fitting.running)
     assert editor.history is before
     assert editor.objects.names == names
-    assert session.messages.errors == ["Cannot rebuild this image: the loss is not finite"]
+    assert session.messages.errors == ["Cannot fit this image: the loss is not finite"]
 
 
-def test_any_step_is_shown_and_a_new_fit_forgets_it(session: Session, editor: Editor, photo: Path) -> None:
-    session.fitting.view.scrub(3)
-    session.fitting.keep()
-    session.fitting.resume()
-    session.fitting.view.show_photo(1)
-    assert not session.fitting.running
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
-    past, fitting = len(editor.history.past), session.fitting
-    for index in (8, 3, -5, 99):
-        fitting.view.scrub(index, gesture="scrub")
-    editor.end_gesture()
-    assert fitting.history.selected == 9
-    fitting.view.scrub(4)
-    assert editor.scene.codes == fitting.history.steps[4].codes
-    assert (
-        fitting.view.camera.elevation == editor.scene.camera.elevation == fitting.history.steps[4].cameras[0].elevation
-    )
-    assert len(editor.history.past) == past + 2
-    finish(session)
+def test_a_fit_is_begun_again_and_resumed(session: Session, photo: Path) -> None:
+    fitting = session.fitting
+    fitting.resume()
+    fitting.view.show_photo(1)
+    assert not fitting.running
+    fitting.start(photo)
+    finish(session, lambda: not fitting.running)
     fitting.refit()
     finish(session, lambda: not fitting.running)
-    assert fitting.history.selected is None
+    assert len(fitting.history.steps) == 10
     assert len(fitting.candidates.tiles) == 4
     assert [tile.eliminated_at is None for tile in fitting.candidates.tiles] == [True, True, False, False]
-    finish(session)
     assert all(tile.frame for tile in fitting.candidates.tiles)
+    kept = fitting.history.steps
+    fitting.resume()
+    finish(session, lambda: not fitting.running)
+    assert fitting.history.steps[:10] == kept and len(fitting.history.steps) == 20
+    seconds = [step.seconds for step in fitting.history.steps]
+    assert seconds == sorted(seconds)
+    assert fitting.history.last.cameras == kept[-1].cameras
 
 
 def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, photo: Path) -> None:
@@ -144,7 +136,7 @@ def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, photo
     finish(session, lambda: not session.fitting.running)
     assert session.fitting.history is history
     assert session.fitting.candidates.tiles is tiles
-    assert session.messages.errors == ["Cannot rebuild this image: the fit diverged from every start"]
+    assert session.messages.errors == ["Cannot fit this image: the fit diverged from every start"]
 
 
 def test_files_that_are_no_images_are_reported_and_change_nothing(
@@ -171,7 +163,8 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, phot
     session.fitting.add_photo(first, photo)
     assert len(session.fitting.history.sources) == 1
     finish(session, lambda: not session.fitting.pending)
-    assert len(session.fitting.history.sources) == 2
+    session.fitting.results.show("block (3)")
+    assert len(session.fitting.shown.sources) == 2
 
 
 def block(photo: Path, name: str) -> Path:
@@ -216,60 +209,126 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, photo: Path) -> No
     assert not fitting.running
 
 
-def test_a_photo_that_waits_may_go_first(session: Session, photo: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    fitting = session.fitting
+def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(session: Session, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, cut_out=doubted)
+    fitting, before, second = session.fitting, session.editor.history, block(photo, "b")
     fitting.start(photo)
-    fitting.start(block(photo, "b"))
-    fitting.start(block(photo, "c"))
-    deliver(session, lambda: len(fitting.history.steps) > 3)
-    fitting.begin_now(fitting.queue[1].history.sources)
-    assert fitting.history.name == "block c"
-    assert [request.history.name for request in fitting.queue] == ["block", "block b"]
-    assert not fitting.queue[0].history.steps  # it begins anew
-    deliver(session, lambda: session.viewport.source == "fit")  # it is followed, as a person asked for it
-    session.jobs.backend = replace(session.jobs.backend, fit=quick_fit)
-    fitting.stop()
+    finish(session)
+    assert not fitting.running
+    assert session.editor.history is before
+    session.jobs.backend = replace(session.jobs.backend, cut_out=read_cut_out)
+    fitting.start(second)
+    finish(session, lambda: not fitting.running)
+    assert session.editor.objects.own == ["block b"]
+    (question,) = fitting.questions
+    assert question.words.startswith("Is the whole object outlined")
+    assert [request.history.name for request in fitting.pending] == ["block"]
+    edge = question.seen.pixels[:, 48]  # the block is from row 20 to row 80
+    assert (edge[20] != (200, 30, 30)).any() and (edge[50] == (200, 30, 30)).all()
+
+    def unread(path: Path, hints: Hints | None) -> CutOut:
+        raise AssertionError("it was cut out already")
+
+    session.jobs.backend = replace(session.jobs.backend, cut_out=unread)
+    fitting.answer(question)
     finish(session, lambda: not fitting.pending)
-    assert set(session.editor.objects.own) == {"block", "block b", "block c"}
+    assert session.editor.objects.own == ["block", "block b"]
     assert session.messages.errors == []
 
 
-def test_what_is_only_checked_ends_with_its_result_where_a_photo_goes_first(session: Session, photo: Path) -> None:
-    fit, fitting = CheckedFit(), session.fitting
-    session.jobs.backend = replace(session.jobs.backend, fit=fit)
-    fitting.start(photo)
-    fitting.start(block(photo, "b"))
-    deliver(session, lambda: fitting.results.checking is not None)
-    fitting.begin_now(fitting.queue[0].history.sources)
-    assert (fitting.history.name, fitting.queue) == ("block b", ())
-    fit.may_end.set()
-    finish(session, lambda: not fitting.pending)
-    assert set(session.editor.objects.own) == {"block", "block b"}
-
-
-def test_photos_that_may_be_cut_out_wrongly_are_pointed_out_one_after_the_other(session: Session, photo: Path) -> None:
-    def doubted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-        return replace(quick_photo(cut, model, source), mask_confidence=0.2)
-
-    session.jobs.backend = replace(session.jobs.backend, frame_photo=doubted)
-    for name in ("block a", "block b"):
-        shutil.copy(photo, photo.with_name(f"{name}.png"))
-        session.fitting.start(photo.with_name(f"{name}.png"))
+def test_the_category_follows_the_detector_where_the_mask_is_doubtful(
+    worker: Worker, both: Backend, photo: Path
+) -> None:
+    session = Session(worker, replace(both, cut_out=doubted), seed=0)
+    chairs, cars = session.models.of_category("chairs"), session.models.of_category("cars")
+    session.fitting.start(photo)  # which a look at its colours takes for a chair
+    finish(session)
+    (question,) = session.fitting.questions
+    assert question.model == cars.fingerprint
+    session.fitting.answer(question, chairs.fingerprint)
     finish(session, lambda: not session.fitting.pending)
-    assert session.editor.objects.own == ["block b", "block a"]  # both were fitted
-    buttons = [one for message in session.messages.all for one in message.buttons if one.label == "Point at it"]
-    for button in buttons:
-        button.press()
+    assert session.editor.model is chairs
+    assert session.editor.objects.own == ["block"]
+
+
+def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Session, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, cut_out=crowded)
+    fitting, hints = session.fitting, list[Hints | None]()
+    fitting.start(photo)
+    finish(session)
+    (question,) = fitting.questions
+    assert question.words.startswith("Which one?")
+    assert question.seen.boxes == ((0.0, 0.2, 0.5, 0.8), (0.5, 0.2, 1.0, 0.8))
+
+    def noted(path: Path, wanted: Hints | None) -> CutOut:
+        hints.append(wanted)
+        return crowded(path, wanted)
+
+    session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
+    fitting.choose(question.request.history.sources, 0, 1)
+    finish(session, lambda: not fitting.pending)
+    assert hints == [Hints(object=1)]
+    assert session.editor.objects.own == ["block"]
+
+
+def test_a_question_is_saved_and_asked_again(session: Session, photo: Path, tmp_path: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, cut_out=doubted)
+    session.fitting.start(photo)
+    finish(session)
+    session.project().save(tmp_path / "a.codenerf", session.models)
+    project = Project.load(tmp_path / "a.codenerf", session.models)
+    session.fitting.forget(session.fitting.pending[0].history.sources)
+    assert not session.fitting.pending
+    session.restore(project)
+    finish(session)
+    (question,) = session.fitting.questions
+    session.segmenting.open(question.request.history.sources, 0)
+    finish(session, lambda: session.segmenting.settled)
+    assert session.fitting.questions  # until the object is pointed out
+    session.segmenting.fit()
+    assert not session.fitting.questions
+    finish(session, lambda: not session.fitting.pending)
+    assert session.editor.objects.own == ["block"]
+
+
+def test_a_photo_without_an_object_waits_until_it_is_pointed_at(session: Session, photo: Path) -> None:
+    def nothing(path: Path, hints: Hints | None) -> CutOut:
+        if hints is None:
+            raise NoBackgroundError
+        return read_cut_out(path, hints)
+
+    session.jobs.backend = replace(session.jobs.backend, cut_out=nothing)
+    session.fitting.start(photo)
+    finish(session)
+    (question,) = session.fitting.questions
+    assert (question.cut, question.seen.boxes) == (None, ())
+    assert question.words.startswith("The object was not found")
+    assert session.messages.errors == []
+    session.fitting.fit(question.source._replace(hints=Hints()))
+    finish(session, lambda: not session.fitting.pending)
+    assert session.editor.objects.own == ["block"]
+
+
+def test_the_fit_of_the_object_in_the_view_is_shown_beside_another_that_runs(session: Session, photo: Path) -> None:
+    fitting = session.fitting
+    assert not fitting.shown.sources
+    fitting.start(photo)
+    finish(session, lambda: not fitting.running)
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    fitting.start(second := block(photo, "b"))
+    deliver(session, lambda: len(fitting.history.steps) > 3)
+    assert fitting.shown.sources[0].path == second  # it is followed
+    session.editor.show_object("object 5")
+    assert not fitting.shown.sources
+    session.editor.show_object("block")
+    assert fitting.shown.sources[0].path == photo
+    fitting.stop()
     session.tick()
-    assert session.segmenting.sources[0].path.stem == "block a"
-    session.segmenting.close()
+    assert fitting.shown is fitting.history
+    assert fitting.shown.sources[0].path == photo
+    session.editor.show_object("block b")
     session.tick()
-    assert session.segmenting.active
-    assert session.segmenting.sources[0].path.stem == "block b"
-    session.segmenting.close()
-    session.tick()
-    assert not session.segmenting.active
+    assert fitting.shown.sources[0].path == second
 
 
 def test_a_result_does_not_take_over_what_is_edited(session: Session, editor: Editor, photo: Path) -> None:
@@ -360,8 +419,8 @@ def test_a_photo_of_something_else_among_several_is_named_and_so_is_what_lies_be
 
 
 def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
-    def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-        return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
+    def noted(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+        return replace(quick_photo(cut, model, bank, source), note="image 2 of the 3 in this file is used")
 
     session.jobs.backend = replace(session.jobs.backend, frame_photo=noted)
     session.fitting.start(photo)

@@ -1,17 +1,12 @@
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from core.models.model import Model
 from core.photos import candidates
-from core.photos.photo import Crop
-from tests.conftest import make_view_bank
 from tests.core.tiny import tiny_model
-from tests.viewer.driver import deliver, finish
+from tests.viewer.driver import finish
 from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames
 from viewer.editor import Editor
 from viewer.services.backend import Backend
@@ -27,34 +22,10 @@ def test_a_image_that_is_segmented_by_hand_must_be_one(
     for path in bad_files.values():
         session.messages.clear()
         session.segmenting.open((PhotoSource(path),), 0)
-        session.segmenting.set_crop(Crop(0.8))
         finish(session)
         assert editor.history is before
         assert session.messages.errors or session.segmenting.problem, path.name
         session.segmenting.close()
-
-
-def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: Path) -> None:
-    ready, tiny = threading.Event(), tiny_model()
-    make_view_bank(tiny)
-
-    def view_bank(model: Model) -> Iterator[None]:
-        while not ready.is_set():
-            yield None
-
-    session = Session(
-        worker,
-        Backend(lambda name: tiny, frames=quick_frames, view_bank=view_bank, guess_category=no_guess),
-        seed=0,
-    )
-    segmenting = session.segmenting
-    segmenting.open((PhotoSource(photo),), 0)
-    deliver(session, lambda: segmenting.result is not None)
-    assert segmenting.result is not None
-    assert segmenting.result.cropped is None
-    ready.set()
-    finish(session)
-    assert segmenting.result.cropped is not None
 
 
 def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(

@@ -9,7 +9,7 @@ from imgui_bundle.immapp import testing
 from core.models.model import Model
 from tests.conftest import random_model
 from tests.viewer.driver import Driver
-from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import no_guess, quick_bank, quick_fit, quick_frames, quick_photo
 from tests.viewer.test_editor import fitted
 from viewer.app import App
 from viewer.screen import window
@@ -26,7 +26,7 @@ def run(folder: Path) -> None:
         frame_photo=quick_photo,
         frames=quick_frames,
         fit=quick_fit,
-        view_bank=lambda model: iter(()),
+        view_bank=quick_bank,
         guess_category=no_guess,
     )
     window.prepare(headless=True)
@@ -38,9 +38,8 @@ def run(folder: Path) -> None:
         editor = driver.session.editor
         editor.add_and_show(fitted(model), editor.scene.camera)
         driver.show("Photo")
-        driver.click("Photo/###both sides")
-        driver.click("Photo/###erase detail")
-        driver.drag("Photo/erase from photo", 40)
+        driver.click("Photo/###erase")
+        driver.drag("View/orbit", 40)
         driver.wait(lambda: False, longest=600)
 
     testing.run(test_function=act, runner_params=app.params, add_ons_params=window.add_ons())

@@ -31,7 +31,7 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
     drive(act, replace(backend, load_model=lambda name: varied))
 
 
-def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
+def test_what_was_fitted_is_mine(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
         window.click("View/**/###fit_image")
         window.type(str(photo))
@@ -54,9 +54,7 @@ def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
     drive(act)
 
 
-def test_photos_that_wait_are_tiles_that_can_go_first_or_be_removed(
-    drive: Drive, backend: Backend, photo: Path
-) -> None:
+def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive, backend: Backend, photo: Path) -> None:
     paths = [photo, photo.with_name("block two.png"), photo.with_name("block three.png")]
     for path in paths[1:]:
         path.write_bytes(photo.read_bytes())
@@ -68,16 +66,15 @@ def test_photos_that_wait_are_tiles_that_can_go_first_or_be_removed(
         window.wait(
             lambda: bool(fitting.history.steps) and window.context.session.photo_thumbnails.get(path) is not None
         )
-        window.click("Library/**/waits block three.png")
-        window.click("**/###do it now")
-        window.wait(lambda: fitting.history.name == "block three" and len(fitting.history.steps) > 3)
-        assert not window.exists("Library/**/waits block three.png")
-        window.click("Library/**/waits block.png", 1)  # it was under way
+        window.click("Library/**/waits block two.png", 1)
         window.click("**/###remove waiting")
-        window.wait(lambda: len(fitting.queue) == 1)
-        assert [request.history.name for request in fitting.queue] == ["block two"]
+        assert [request.history.name for request in fitting.queue] == ["block three"]
+        window.click("Library/**/waits block.png", 1)  # it is under way
+        window.click("**/###stop fit")
+        window.wait(lambda: fitting.history.name == "block three" and len(fitting.history.steps) > 3)
+        assert not window.exists("Library/**/waits block.png")
         shown = window.capture()
-        tile = window.ctx.item_info("//Library/**/waits block two.png").rect_full
+        tile = window.ctx.item_info("//Library/**/waits block three.png").rect_full
         photographed = shown[int(tile.min.y) : int(tile.max.y), int(tile.min.x) : int(tile.max.x)]
         assert (photographed[..., 0] > 2 * photographed[..., 1]).any()  # the red block
 

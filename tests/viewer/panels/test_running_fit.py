@@ -19,19 +19,18 @@ def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(
         fitting, viewport, editor = window.session.fitting, window.session.viewport, window.session.editor
         window.context.drop([str(photo)])
         window.wait(lambda: viewport.source == "fit")
-        assert not window.exists("###Running fit/###follow")
         window.drag("View/orbit", 120)
         assert viewport.following
         assert viewport.turned
         assert viewport.source == "fit"
         assert editor.scene.camera.azimuth != pytest.approx(1.0, abs=0.1)
         window.ctx.yield_(3)
-        window.click("###Running fit/###follow")
+        window.click("Library/**/waits block.png")
         assert not viewport.turned
         window.wait(lambda: viewport.full_frame[1].camera.azimuth == pytest.approx(1.0))
         window.press(imgui.Key.r)  # another shape and texture
         assert viewport.source == "scene"
-        window.click("###Running fit/###follow")
+        window.click("Library/**/waits block.png")
         window.wait(lambda: viewport.source == "fit")
         fitting.stop()
         window.wait()

@@ -1,8 +1,5 @@
 import importlib.util
 import sys
-import threading
-import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +8,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.models.model import Model
 from core.photos.photo import read_cut_out
-from tests.conftest import make_view_bank
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -106,9 +101,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert segmenting.hints == before_zoom
         window.click("Cut out###segment/**/###cancel segmentation")
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarray]]:
@@ -158,18 +151,13 @@ def test_one_click_finds_each_of_several_objects(
                 assert (found & place).sum() / (found | place).sum() > 0.8
             window.click("Cut out###segment/**/###cancel segmentation")
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend: Backend, busy: Path) -> None:
     def act(window: Driver) -> None:
         segmenting, session = window.session.segmenting, window.session
         _drop(window, busy).draw(*_BOX)
-        window.set("Cut out###segment/**/##scale", 0.8)
-        window.wait()
-        assert segmenting.crop.scale == pytest.approx(0.8)
         hints = segmenting.hints
         window.click("Cut out###segment/**/###fit segmentation")
         assert not segmenting.active
@@ -179,8 +167,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         assert fitted is not None
         assert fitted.source.hints == hints
         assert fitted.photo.cropped
-        window.click("Photo/###refit")
-        window.click("**/###segment")
+        window.click("Photo/###point at it")
         window.wait(lambda: segmenting.result is not None)
         assert segmenting.hints == hints
         window.click("Cut out###segment/**/###clear hints")
@@ -192,9 +179,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         window.wait()
         assert not segmenting.active
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: Backend, busy: Path) -> None:
@@ -213,75 +198,4 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: 
         assert not segmenting.active
         assert session.editor.objects.own == ["busy"]
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
-
-
-def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
-    drive: Drive, backend: Backend, photo: Path
-) -> None:
-    may_end = threading.Event()
-    may_end.set()
-
-    def slow(model: Model) -> Iterator[None]:
-        while not may_end.is_set():
-            time.sleep(0.01)
-            yield None
-
-    def act(window: Driver) -> None:
-        segmenting, rebuild = window.session.segmenting, "Cut out###segment/**/###fit segmentation"
-
-        def enabled() -> bool:
-            return not window.ctx.item_info(f"//{rebuild}").item_flags & imgui.ItemFlags_.disabled
-
-        may_end.clear()
-        segmenting.open((PhotoSource(photo),), 0)
-        window.wait(lambda: segmenting.result is not None)
-        assert not enabled()
-        may_end.set()
-        window.wait(lambda: segmenting.settled)
-        assert enabled()
-        may_end.clear()
-        window.set("Cut out###segment/**/##scale", 0.8)
-        window.ctx.yield_(2)
-        assert not enabled()
-        may_end.set()
-        window.wait(lambda: segmenting.settled)
-        window.click(rebuild)
-        window.wait(lambda: not window.session.fitting.running)
-        assert window.session.editor.objects.own == ["block"]
-
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny, view_bank=slow))
-
-
-def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_path: Path) -> None:
-    y, x = np.mgrid[0:120, 0:160]
-    soft = ((40 - np.hypot(x - 80, y - 60)) / 20).clip(0, 1)
-    colours = np.broadcast_to(np.uint8((200, 60, 40)), (120, 160, 3))
-    Image.fromarray(np.dstack((colours, (255 * soft).astype(np.uint8)))).save(tmp_path / "soft.png")
-
-    def act(window: Driver) -> None:
-        segmenting = window.session.segmenting
-        segmenting.open((PhotoSource(tmp_path / "soft.png"),), 0)
-        window.wait(lambda: segmenting.settled)
-
-        def area() -> int:
-            assert segmenting.result is not None
-            return int(segmenting.result.found.mask.sum())
-
-        before = area()
-        window.set("Cut out###segment/**/##threshold", 0.2)
-        window.wait(lambda: segmenting.settled)
-        assert segmenting.hints.threshold == pytest.approx(0.2)
-        assert area() > 1.2 * before
-        window.click("Cut out###segment/**/###undo hints")
-        window.wait(lambda: segmenting.settled)
-        assert area() == before
-        window.click("Cut out###segment/**/###cancel segmentation")
-
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))

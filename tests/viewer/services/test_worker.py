@@ -217,4 +217,4 @@ def test_the_worker_steps_back_behind_the_window(worker: Worker) -> None:
     nice = lambda: iter([os.getpriority(os.PRIO_PROCESS, threading.get_native_id())])  # noqa: E731
     worker.submit(Job("nice", nice, seen.append))
     wait(worker, lambda: bool(seen))
-    assert seen[0] >= min(19, os.getpriority(os.PRIO_PROCESS, 0) + 10)
+    assert seen[0] >= min(19, os.getpriority(os.PRIO_PROCESS, 0) + 2)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.detail.frames import render_frame
+from core.detail.rendering import render_frame
 from core.models.model import Model
 from core.rendering.progressive import Frame
 from viewer.values.influence import CodeInfluence

@@ -97,3 +97,26 @@ def test_home_sees_the_whole_object_from_its_front(model: Model) -> None:
     assert camera.distance <= model.distance
     assert abs(camera.azimuth - math.pi / 2) < math.radians(45)
     assert camera.elevation > 0
+
+
+@pytest.mark.parametrize("panel, pan", [((400, 300), (0.0, 0.0)), ((300, 500), (0.2, -0.1))])
+def test_a_photo_lies_over_the_view_where_its_camera_shows_the_object(
+    model: Model, panel: tuple[int, int], pan: tuple[float, float]
+) -> None:
+    photo = replace(model.camera(0.7, 0.3), distance=1.4, focal=900.0, width=640, height=480)
+    seen = orbit.photo_camera(photo, model)
+    left, top, right, bottom = orbit.photo_box(photo, seen, panel, pan)
+    assert (right - left, bottom - top) == pytest.approx((0.8 * min(panel), 0.6 * min(panel)))
+    corner = torch.tensor([[0.1, -0.2, 0.3]])
+    crop = orbit.fit_to_panel(seen, *panel, min(panel), pan)
+    shown = crop.camera.project(corner)[0] - torch.tensor([crop.left, crop.top])
+    there = photo.project(corner)[0] / torch.tensor([640.0, 480.0])
+    expected = left + float(there[0]) * (right - left), top + float(there[1]) * (bottom - top)
+    assert shown.tolist() == pytest.approx(expected, abs=1.0)  # views are moved by whole px
+
+
+def test_a_photo_lies_over_the_view_from_its_camera_alone(model: Model) -> None:
+    photo = replace(model.camera(0.7, 0.3), focal=900.0, width=640, height=480)
+    seen = orbit.photo_camera(photo, model)
+    for other in (orbit.turned(seen, 0.01, 0.0), orbit.zoomed(seen, 1, model)):
+        assert orbit.photo_box(photo, other, (400, 300), (0.0, 0.0)) is None

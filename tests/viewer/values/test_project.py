@@ -16,7 +16,7 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import compressed
-from core.photos.photo import Crop, Photo
+from core.photos.photo import Photo
 from core.photos.segmentation import Hints, Stroke
 from core.runtime import reading
 from tests.conftest import open_models, random_model
@@ -52,7 +52,7 @@ def saved(session: Session, editor: Editor, photo: Path) -> Project:
     editor.undo()
     found = session.project()
     hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
-    source = PhotoSource(photo, photo.with_suffix(".txt"), hints, Crop(1.1, 0.1, -0.1))
+    source = PhotoSource(photo, photo.with_suffix(".txt"), hints)
     return replace(found, pending=(FitRequest(FitHistory((source,))),))
 
 

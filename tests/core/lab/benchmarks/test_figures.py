@@ -11,7 +11,7 @@ from core.lab.benchmarks import figures
 from core.lab.benchmarks.figures import FittedPhoto, fit_photo, write_figures
 from core.models.model import Model
 from tests.conftest import image_size
-from tests.core.tiny import photo_of, tiny_model
+from tests.core.tiny import photo_of, tiny_bank, tiny_model
 
 SIDE, LABEL = 160, 18
 QUICK = FitSettings(hypotheses=4, steps=12, rays=64, samples=16, max_restarts=0)
@@ -23,7 +23,7 @@ def fitted(tiny: Model) -> list[FittedPhoto]:
     photos = [photo_of(tiny, tiny.codes[index], tiny.camera(0.5 + index, 0.4)) for index in (0, 3)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(figures.PRESETS, "normal", replace(PRESETS["normal"], **vars(QUICK)))
-        return [fit_photo(tiny, photo) for photo in photos]
+        return [fit_photo(tiny, tiny_bank(), photo) for photo in photos]
 
 
 def cell(path: Path, row: int, column: int) -> np.ndarray:

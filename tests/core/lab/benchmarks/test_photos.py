@@ -7,7 +7,7 @@ import pytest
 from core.fitting.fit import PRESETS
 from core.geometry.pixels import bounding_box
 from core.lab.benchmarks.csv_files import Results, write_results
-from core.lab.benchmarks.photos import PhotoTrial, Seen, measure_photos, read_seen
+from core.lab.benchmarks.photos import Judgement, PhotoTrial, measure_photos, read_judgements
 from core.lab.benchmarks.tables import photos_table
 from core.models.library import sample_images
 from core.photos.decode import read_rgba
@@ -21,11 +21,11 @@ def test_a_photo_is_judged_by_box_category_and_side(tmp_path: Path, monkeypatch:
     height, width = mask.shape
     left, top, right, bottom = bounding_box(mask)
     box = (left / width, top / height, right / width, bottom / height)
-    whole = Seen(path.stem, "cars", *box, azimuth=None, elevation=None)
+    whole = Judgement(path.stem, "cars", *box, azimuth=None, elevation=None)
 
-    def judged(*seen: Seen) -> PhotoTrial:
+    def judged(*seen: Judgement) -> PhotoTrial:
         write_results(tmp_path / "seen.csv", Results({}, seen))
-        (trial,) = measure_photos([path], read_seen(tmp_path / "seen.csv"), "draft")
+        (trial,) = measure_photos([path], read_judgements(tmp_path / "seen.csv"), "draft")
         return trial
 
     corner = replace(whole, left=0.0, top=0.0, right=0.01, bottom=0.01, azimuth=0.0, elevation=0.0)

@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from core.classifiers.crops import CROP_MARGIN, SIDE
+from core.classifiers.viewpoint import CROP_MARGIN, SIDE
 from core.lab.training.augmentation import augment_photo, mirror, recrop
 
 

@@ -3,8 +3,7 @@ import math
 import pytest
 import torch
 
-from core.classifiers.crops import SIDE
-from core.classifiers.viewpoint import ViewpointClassifier
+from core.classifiers.viewpoint import SIDE, ViewpointClassifier
 from core.lab.datasets.srn import Dataset
 from core.lab.training import viewpoint
 from core.lab.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset

@@ -3,7 +3,7 @@ import torch
 
 from core.models.library import load_model
 from core.models.model import Model
-from core.photos.direction_words import Words, direction_words, moved, name_changes
+from core.rendering.direction_words import Words, direction_words, moved, name_changes
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 
@@ -28,7 +28,7 @@ def test_what_a_word_says_is_seen(name: str) -> None:
 
 def lightness_rises(name: str, words: Words) -> bool | None:
     """Whether renders of more of *lighter* (or less of *darker*) are lighter; None without such a word."""
-    from core.detail.frames import render_frame
+    from core.detail.rendering import render_frame
     from core.models.codes import Codes
 
     model = load_model(name)

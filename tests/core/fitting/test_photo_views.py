@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from core.fitting.hypotheses import Parameters, image_points
-from core.fitting.photo_detail import photo_view
+from core.fitting.photo_views import photo_view
 from core.geometry.camera import pixel_centres
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, compressed

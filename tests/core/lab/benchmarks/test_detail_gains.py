@@ -1,9 +1,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from core.lab.benchmarks import charts, photo_detail
+from core.lab.benchmarks import charts, detail_gains
 from core.lab.benchmarks.csv_files import append_record
-from core.lab.benchmarks.photo_detail import DetailView
+from core.lab.benchmarks.detail_gains import DetailView
 
 
 def rows() -> list[DetailView]:
@@ -18,10 +18,10 @@ def rows() -> list[DetailView]:
 
 
 def test_gains_are_means_of_objects() -> None:
-    others = photo_detail.others(rows())
-    assert photo_detail.object_gains(others) == [1.0, 3.0]
-    assert photo_detail.gain_by_object(others).mean == 2.0
-    assert photo_detail.gain_by_object(others, "direct").mean == 0.0
+    others = detail_gains.others(rows())
+    assert detail_gains.object_gains(others) == [1.0, 3.0]
+    assert detail_gains.gain_by_object(others).mean == 2.0
+    assert detail_gains.gain_by_object(others, "direct").mean == 0.0
 
 
 def test_rows_become_a_table_and_a_chart(tmp_path: Path) -> None:

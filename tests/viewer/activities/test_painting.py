@@ -1,0 +1,67 @@
+from dataclasses import replace
+
+import pytest
+
+from tests.viewer.driver import deliver, finish
+from tests.viewer.stand_ins import quick_colour, quick_paint
+from tests.viewer.test_editor import fitted
+from viewer.editor import Editor
+from viewer.session import Session
+
+
+@pytest.fixture
+def painted(session: Session) -> Session:
+    """With a paint that is found at once."""
+    session.jobs.backend = replace(session.jobs.backend, paint=quick_paint, paint_colour=quick_colour)
+    return session
+
+
+def test_a_drag_over_colours_is_one_step_that_ends_with_the_last(painted: Session, editor: Editor) -> None:
+    painting, past = painted.painting, len(editor.history.past)
+    painting.paint((0.1, 0.0, 0.0))
+    deliver(painted, lambda: editor.code("texture")[0] == pytest.approx(0.1))
+    for share in (0.3, 0.6, 0.9):
+        painting.paint((share, 0.0, 0.0))
+    assert painting.colour == (0.9, 0.0, 0.0)
+    painting.release()  # the last colour is still on its way
+    finish(painted)
+    assert editor.code("texture")[0] == pytest.approx(0.9)
+    assert len(editor.history.past) == past + 1
+    painting.paint((0.0, 1.0, 0.0))
+    painting.release()
+    finish(painted)
+    assert len(editor.history.past) == past + 2
+    assert editor.code("texture")[:3].tolist() == pytest.approx([0.0, 1.0, 0.0])
+
+
+def test_a_colour_that_comes_too_late_changes_nothing(painted: Session, editor: Editor) -> None:
+    painted.painting.paint((0.1, 0.0, 0.0))
+    editor.show_object("object 4")
+    painted.painting.release()
+    before = editor.state
+    finish(painted)
+    assert editor.state is before
+
+
+def test_the_original_comes_back(painted: Session, editor: Editor) -> None:
+    painting, one = painted.painting, fitted(editor.model)
+    editor.add_and_show(one, editor.scene.camera)
+    assert painting.is_original
+    painting.paint((0.5, 0.5, 0.0))
+    painting.release()
+    finish(painted)
+    assert not painting.is_original
+    painting.restore()
+    assert painting.is_original
+    assert editor.scene.codes == one.codes
+
+
+def test_the_colour_is_told_once_it_is_known(painted: Session, editor: Editor) -> None:
+    painting = painted.painting
+    assert painting.colour is None
+    finish(painted)
+    assert painting.colour == pytest.approx(editor.code("texture")[:3].clamp(0, 1).tolist())
+    editor.show_object("object 3")
+    assert painting.colour is not None  # that of before, until it is measured
+    finish(painted)
+    assert painting.colour == pytest.approx(editor.code("texture")[:3].clamp(0, 1).tolist())

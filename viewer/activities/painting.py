@@ -1,0 +1,107 @@
+"""The paint of the object in the view: the colour of one of its parts, found and changed on the worker."""
+
+from collections.abc import Iterator
+
+from torch import Tensor
+
+from core.detail.paint import Paint, Rgb, paint_parts
+from core.models.codes import Codes
+from viewer.editor import Editor
+from viewer.services.jobs import BACKGROUND_SHARE, Jobs
+from viewer.services.worker import Job
+
+
+class Painting:
+    """A drag over colours is one step of undo; its newest colour wins, and those that were begun are shown."""
+
+    def __init__(self, jobs: Jobs, editor: Editor) -> None:
+        self._jobs, self._editor = jobs, editor
+        self._part = ""
+        self._begun = self._shown = editor.scene.codes  # before the drag under way, and after its newest colour
+        self._wanted: Rgb | None = None  # the colour of the drag under way
+        self._known: tuple[Codes, str, Rgb | None] | None = None  # codes, part, and its colour once that is known
+        self._released = True
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts of the object that take paint, the usual one first."""
+        return paint_parts(self._editor.model)
+
+    @property
+    def part(self) -> str:
+        """The part that is painted."""
+        return self._part if self._part in self.parts else next(iter(self.parts), "")
+
+    @part.setter
+    def part(self, part: str) -> None:
+        self._part = part
+
+    @property
+    def colour(self) -> Rgb | None:
+        """The colour of that part, sRGB 0..1; None until it is known."""
+        codes, part = self._editor.scene.codes, self.part
+        if self._wanted is not None and codes is self._shown:
+            return self._wanted
+        if self._known is None or self._known[0] != codes or self._known[1] != part:
+            before = self._known[2] if self._known else None
+            self._known = codes, part, before
+            measure, model = self._jobs.backend.paint_colour, self._editor.model
+
+            def stream() -> Iterator[Rgb | None]:
+                yield (yield from measure(model, codes, part))
+
+            def keep(colour: Rgb) -> None:
+                self._known = codes, part, colour
+
+            def ended(error: Exception | None) -> None:
+                if not isinstance(error, ValueError):  # an object without a surface has no colour
+                    self._jobs.reporting("Cannot find the paint")(error)
+
+            self._jobs.submit(Job("paint colour", stream, keep, ended, share=BACKGROUND_SHARE))
+        return self._known[2]
+
+    @property
+    def is_original(self) -> bool:
+        """True while the object has the paint of its photo, or of the object that it was made from."""
+        return bool((self._editor.code("texture") == self._original).all())
+
+    @property
+    def _original(self) -> Tensor:
+        codes, mix = self._editor.scene.codes, self._editor.state.mix
+        return codes.detail.texture if codes.detail else self._editor.pair(mix.a).texture
+
+    def restore(self) -> None:
+        """Give the object the paint that it had at first."""
+        self._editor.set_texture(self._original)
+
+    def paint(self, colour: Rgb) -> None:
+        """Give the part a colour, as soon as it is found; the same drag until :meth:`release`."""
+        if self._released or self._editor.scene.codes is not self._shown:
+            self._begun = self._shown = self._editor.scene.codes
+            self._editor.end_gesture()
+        self._wanted, self._released = colour, False
+        begun, wanted, model = self._begun, Paint(colour, self.part), self._editor.model
+
+        def stream() -> Iterator[Codes | None]:
+            yield (yield from self._jobs.backend.paint(model, begun, wanted))
+
+        def keep(found: Codes) -> None:
+            if self._editor.scene.codes is self._shown:  # else the person has gone on to something else
+                self._editor.set_texture(found.texture, gesture="paint")
+                self._shown = self._editor.scene.codes
+
+        def ended(error: Exception | None) -> None:
+            self._jobs.reporting("Cannot paint")(error)
+            self._end()
+
+        self._jobs.submit(Job("paint", stream, keep, ended, urgent=True))
+
+    def release(self) -> None:
+        """The hand lets the colour go: the next one is another step of undo."""
+        if not self._released:
+            self._released = True
+            self._end()
+
+    def _end(self) -> None:
+        if self._released and not self._jobs.busy("paint"):
+            self._editor.end_gesture()

@@ -1,0 +1,63 @@
+"""Cut-outs as a person sees them: the whole photo, the outline of the mask, and the boxes of objects."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+from PIL import Image
+from scipy.ndimage import binary_dilation, binary_erosion
+
+from core.photos.detector import Box
+from core.photos.photo import DOUBTFUL_MASK
+from core.photos.segmentation import CutOut
+
+_RIVAL, _LEAST = 0.7, 0.25  # prominence over that of the first object: from which a person chooses, and is told of it
+_SURE, _DOUBTFUL = (60, 220, 130), (255, 170, 40)  # colours of outlines
+_THIN = 1 / 300  # of the photo's longer side: half the width of the outline
+
+
+@dataclass(frozen=True, eq=False)
+class SeenCutOut:
+    """The photo with the outline over it."""
+
+    pixels: UInt8[np.ndarray, "height width 3"]
+    boxes: tuple[Box, ...]  # of the prominent chairs and cars in the photo, the most prominent first
+
+    @classmethod
+    def of(cls, image: Image.Image, cut: CutOut) -> "SeenCutOut":
+        """Draw the outline of a cut-out over its RGBA image."""
+        colour = _DOUBTFUL if is_doubtful(cut) else _SURE
+        least = _LEAST * max((one.prominence for one in cut.detections), default=0.0)
+        boxes = tuple(one.box for one in cut.detections if one.prominence >= least)
+        return cls(outlined(on_white(image), cut.mask, colour), boxes)
+
+
+def is_doubtful(cut: CutOut) -> bool:
+    """Return whether the mask may be more or less than one whole object."""
+    return cut.confidence < DOUBTFUL_MASK
+
+
+def has_rival(cut: CutOut) -> bool:
+    """Return whether a second object is nearly as prominent; an image on white or clear ground has one object."""
+    if cut.white or len(cut.detections) < 2:
+        return False
+    first, second, *_ = cut.detections
+    return second.prominence > _RIVAL * first.prominence
+
+
+def on_white(image: Image.Image, side: int | None = None) -> UInt8[np.ndarray, "height width 3"]:
+    """The pixels of an RGBA image on white, the longer side at most so many px."""
+    small = image.copy()
+    if side is not None:
+        small.thumbnail((side, side))
+    return np.asarray(Image.alpha_composite(Image.new("RGBA", small.size, "white"), small).convert("RGB"))
+
+
+def outlined(
+    pixels: UInt8[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "h w"], colour: tuple[int, int, int]
+) -> UInt8[np.ndarray, "height width 3"]:
+    """Draw the outline of a mask of any size over pixels."""
+    inside = np.asarray(Image.fromarray(mask).resize(pixels.shape[1::-1]))
+    thick = max(1, round(_THIN * max(inside.shape)))
+    edge = binary_dilation(inside, iterations=thick) & ~binary_erosion(inside, iterations=thick)
+    return np.where(edge[..., None], np.array(colour, np.uint8), pixels)

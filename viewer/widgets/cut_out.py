@@ -1,0 +1,66 @@
+"""A photo as wide as its panel, with its detected objects as numbered boxes to click on."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+from jaxtyping import UInt8
+
+from core.photos.detector import Box
+from viewer.context import PanelContext
+from viewer.screen.theme import packed
+from viewer.widgets.controls import tooltip
+from viewer.widgets.object_tiles import mark, rounding, tile_button
+from viewer.widgets.paint import pick
+
+_TALLEST = 0.5  # of the panel's height
+
+
+def draw_cut_out(
+    context: PanelContext,
+    pixels: UInt8[np.ndarray, "height width channels"],
+    boxes: Sequence[Box],
+    choose: Callable[[int], None],
+) -> None:
+    """Draw the photo; a click on one of several boxes chooses that object, by its number."""
+    if context.images is None:
+        return
+    (height, width), room = pixels.shape[:2], imgui.get_content_region_avail().x
+    scale = min(room / width, _TALLEST * imgui.get_window_height() / height)
+    size, corner = ImVec2(width * scale, height * scale), imgui.get_cursor_screen_pos()
+    corner += ImVec2((room - size.x) / 2, 0)
+    imgui.set_cursor_screen_pos(corner)
+    imgui.set_next_item_allow_overlap()
+    imgui.invisible_button("photo", size)
+    after = imgui.get_cursor_screen_pos()
+    texture = context.images.texture(pixels, context.palette)
+    imgui.get_window_draw_list().add_image_rounded(
+        texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, rounding()
+    )
+    if context.tool == "pick":
+        pick(context, pixels, corner, size)
+    elif len(boxes) > 1:
+        for number, box in sorted(enumerate(boxes), key=lambda one: -_area(one[1])):  # the smaller over the larger
+            _draw_box(context, number, box, (corner, size), choose)
+    imgui.set_cursor_screen_pos(after)
+    imgui.dummy((0, 0))
+
+
+def _area(box: Box) -> float:
+    left, top, right, bottom = box
+    return (right - left) * (bottom - top)
+
+
+def _draw_box(
+    context: PanelContext, number: int, box: Box, place: tuple[ImVec2, ImVec2], choose: Callable[[int], None]
+) -> None:
+    corner, size = place
+    low, high = (corner + ImVec2(x * size.x, y * size.y) for x, y in (box[:2], box[2:]))
+    imgui.set_cursor_screen_pos(low)
+    imgui.set_next_item_allow_overlap()
+    if tile_button(f"object {number + 1}", high - low):
+        choose(number)
+    colour = context.palette.accent if imgui.is_item_hovered() else context.palette.warm
+    tooltip("Fit this one")
+    imgui.get_window_draw_list().add_rect(low, high, packed(colour), rounding(), thickness=2.0)
+    mark(low, str(number + 1), colour)

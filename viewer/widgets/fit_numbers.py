@@ -1,0 +1,51 @@
+"""The numbers of a fit: how the next one is made, how the last one went, and its curve."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from imgui_bundle import hello_imgui, imgui, implot
+
+from core.fitting.fit import FitStep
+from viewer.activities.fit_stream import WINDOW_PRESETS
+from viewer.context import PanelContext
+from viewer.widgets.controls import button, choose, flow, tooltip
+
+_HEIGHT = 5.5  # em
+_PRESET_HELP = """How much work the next search is: draft less than half of normal, fine twice as much.
+Except in a draft, a camera in doubt is searched for once more."""
+
+
+def draw_fit_numbers(context: PanelContext) -> None:
+    """To be called once a frame, in a page for people who look closer."""
+    fitting = context.session.fitting
+    presets = {name: name for name in WINDOW_PRESETS}
+    fitting.options.preset = choose("preset", fitting.options.preset, presets, _PRESET_HELP)
+    flow("Estimate focal length        ")
+    fitting.options.estimate_focal = imgui.checkbox("Estimate focal length", fitting.options.estimate_focal)[1]
+    tooltip("For photos from nearer or further away than the model's training images")
+    if (last := fitting.history.last) is not None and not fitting.running:
+        sure = "" if last.confidence is None else f"    camera {last.confidence:.0%}"
+        imgui.text_disabled(f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB{sure}")
+        can_resume = fitting.resume_point is not None
+        if button("Go on###resume", "Improve it for a third of the steps of a new search", enabled=can_resume):
+            fitting.resume()
+    if fitting.history.steps:
+        _draw_curve(context, fitting.history.steps)
+
+
+def _draw_curve(context: PanelContext, steps: Sequence[FitStep]) -> None:
+    """Loss and PSNR against seconds."""
+    flags = implot.Flags_
+    if not implot.begin_plot("##curve", (-1, _HEIGHT * hello_imgui.em_size()), flags.no_legend | flags.no_inputs):
+        return
+    fit = implot.AxisFlags_.auto_fit
+    implot.setup_axes("", "loss", fit, fit | implot.AxisFlags_.no_tick_marks)
+    implot.setup_axis(implot.ImAxis_.y2, "dB", fit | implot.AxisFlags_.aux_default)
+    implot.setup_axis_format(implot.ImAxis_.x1, "%g s")
+    implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+    accent, warm = (imgui.ImVec4(*colour, 1.0) for colour in (context.palette.accent, context.palette.warm))
+    seconds, loss, psnr = np.array([(step.seconds, step.loss, step.psnr) for step in steps]).T.copy()
+    implot.plot_line("loss", seconds, loss, spec=implot.Spec(line_color=accent))
+    implot.set_axes(implot.ImAxis_.x1, implot.ImAxis_.y2)
+    implot.plot_line("PSNR", seconds, psnr, spec=implot.Spec(line_color=warm))
+    implot.end_plot()
