@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.geometry.camera import Camera
@@ -38,6 +38,23 @@ def ssim(image: Image, truth: Image) -> float:
     if min(first.shape[:2]) < 7:
         raise ValueError(f"SSIM needs images of at least 7x7 px, got {first.shape[1]}x{first.shape[0]}")
     return float(structural_similarity(first, second, channel_axis=-1, data_range=1.0))
+
+
+def silhouette_overlap(opacity: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) -> float:
+    """Intersection over union of the pixels that are more than half opaque and a mask; 1 where both are empty."""
+    solid = opacity > 0.5
+    union = np.count_nonzero(solid | mask)
+    return np.count_nonzero(solid & mask) / union if union else 1.0
+
+
+def haze(opacity: Float[np.ndarray, "h w"]) -> float:
+    """The sum of 4a(1-a) over that of a, for opacities a: 0 where all pixels are empty or opaque.
+
+    Example:
+        >>> haze(np.array([[0.0, 1.0, 0.5]]))
+        0.6666666666666666
+    """
+    return float((4 * opacity * (1 - opacity)).sum() / max(float(opacity.sum()), 1e-6))
 
 
 def rotation_error(camera: Camera, truth: Camera) -> float:

@@ -35,6 +35,7 @@ from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.rendering.fast import render_steps
 from core.rendering.folded_field import FoldedField
+from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
@@ -50,8 +51,6 @@ _LEAP = 0.02  # scene units of the second difference of depth at an edge of a ne
 _DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
 MIRROR_SHARE = 0.9  # weight of the residual at places that only the mirror image shows
 _MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be mirrored
-_UNSURE, _SURE = 0.5, 0.7  # confidence in the camera below which no detail is shown, and from which all is
-FADED = 1.5  # standard deviations of shape edits at which the detail has vanished
 _LEVELS = 6
 UNPAINTED = "wheels", "glass"
 _TEXTURES = 12  # of the model, to find places whose colour depends on the texture
@@ -67,19 +66,6 @@ _CALM = 0.15, 0.05  # contrast in the window of _BUSY, likewise
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
 _BLOCK = 4096  # points that a thread evaluates at a time
-
-
-def shown_share(model: Model, codes: Codes) -> float:
-    """Return the strength of the photo detail, 0..1: lower for a doubtful camera, fading as the shape is edited.
-
-    A texture repaints the detail and does not fade it.
-    """
-    detail = codes.detail
-    if detail is None or model.white_from_network or model.is_ablation:
-        return 0.0
-    away = float(model.codes.shape_space.distance(codes.shape, detail.shape))
-    sure = min(1.0, max(0.0, (detail.confidence - _UNSURE) / (_SURE - _UNSURE)))
-    return detail.strength * sure * max(0.0, 1 - away / FADED)
 
 
 def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps | None]:
@@ -245,7 +231,7 @@ def _surface_texels(
     """Return the rendered surface and the probability of each of the model's parts there."""
     pixel, folded = source.opacity > _SOLID, FoldedField(model, codes)
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
-    found = list(map_pieces(lambda part: folded.density(folded.first_layer(part))[1], points.split(_BLOCK)))
+    found = list(map_pieces(lambda part: folded.density(part)[1], points.split(_BLOCK)))
     features = torch.cat(found) if found else torch.zeros(0, model.field.config.width)
     texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
     parts = dict[str, Tensor]()

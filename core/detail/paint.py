@@ -11,11 +11,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.detail.maps import UNPAINTED, compared_photos, shown_share
+from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.repaint import lightness, replaced_share
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
+from core.rendering.outline import shown_share
 from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
@@ -149,7 +150,7 @@ def _part_share(
             raise ValueError(f"this model has no parts, so it cannot paint {part}")
         return torch.ones_like(points[:, 0])
     folded = FoldedField(model, codes)
-    features = folded.density(folded.first_layer(pad_rows(points)))[1][: len(points)]
+    features = folded.density(pad_rows(points))[1][: len(points)]
     shares = dict(zip(head.names, head(features).T, strict=True))
     materials, known = _materials(head.names), paint_parts(model)
     part = part or known[0]

@@ -81,7 +81,7 @@ def _opaque_points(model: Model, codes: Codes, parts: int) -> Float[Tensor, "poi
     points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)
     least = -math.log1p(-_MIN_OPACITY) / (2 * max(model.extent) / CELLS)
     with torch.inference_mode():
-        opaque = [part[folded.density(folded.first_layer(part))[0] > least] for part in points.split(_BLOCK)]
+        opaque = [part[folded.density(part)[0] > least] for part in points.split(_BLOCK)]
     found = torch.cat(opaque).cpu() if opaque else torch.empty(0, 3)
     return found if len(found) else _corners(model)
 

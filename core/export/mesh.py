@@ -239,7 +239,7 @@ def _off_surface_fraction(
 @torch.inference_mode()
 def _thickness(folded: FoldedField, grid: _Grid, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points"]:
     """The optical depth of an interval at these points."""
-    return folded.density(folded.first_layer(points))[0] * grid.interval
+    return folded.density(points)[0] * grid.interval
 
 
 def _pieces(
@@ -334,7 +334,7 @@ def _surface_colours(
     positions, outward = rays.to(folded.device)
     middles = (edges[1:] + edges[:-1]) / 2
     points = positions[:, None] - middles[:, None] * outward[:, None]
-    density, y = folded.density(folded.first_layer(points.flatten(0, 1)))
+    density, y = folded.density(points.flatten(0, 1))
     weights, _ = compositing_weights(density.reshape(points.shape[:2]), edges.expand(len(points), -1))
     towards = folded.direction_bias(-outward).repeat_interleave(len(middles), 0)
     colours = folded.colour(y, towards).reshape(points.shape).clamp(0, 1)

@@ -77,7 +77,7 @@ def _probability(
 ) -> Float[np.ndarray, "faces parts"]:
     with torch.inference_mode():
         blocks = torch.from_numpy(points).float().to(folded.device).split(_BLOCK)
-        found = map_pieces(lambda block: head(folded.density(folded.first_layer(block))[1]), blocks)
+        found = map_pieces(lambda block: head(folded.density(block)[1]), blocks)
         return torch.cat(list(found)).cpu().numpy()
 
 

@@ -6,15 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
+from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
-from core.photos.photo import Photo
+from core.models.photo_detail import BACKGROUND, MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
+from core.photos.photo import DOUBTFUL_MASK, Photo
+from core.rendering.fast import render
+
+_MARGIN = 0.2 / 128  # image heights beyond the mask within which the object ends, besides the error of its edges
+_DOUBT = round(2 * BACKGROUND * 255)  # opacity in bytes of what may be background or not
+_LOOK = 64  # px, height of the render that the mask is compared with
+_SOLID = 0.9  # opacity of the render
+_DEEP = 6 / 128  # image heights from the mask; nearer, the photo is right and the render is not
 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
@@ -25,28 +33,70 @@ def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> F
         None if photo.camera else transform
         for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
     ]
-    views = tuple(photo_view(model, *one) for one in zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False))
-    shape, texture = (code.detach().cpu().clone() for code in (step.codes.shape, step.codes.texture))
+    codes = replace(step.codes, detail=None)
+    some = zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False)
+    views = tuple(photo_view(model, *one, codes) for one in some)
+    shape, texture = (code.detach().cpu().clone() for code in (codes.shape, codes.texture))
     return replace(step, codes=replace(step.codes, detail=PhotoDetail(views, shape, texture, sure)))
 
 
 def photo_view(
-    model: Model, photo: Photo, camera: Camera, crop_transform: Float[Tensor, "4"] | None = None
+    model: Model,
+    photo: Photo,
+    camera: Camera,
+    crop_transform: Float[Tensor, "4"] | None = None,
+    codes: Codes | None = None,
 ) -> PhotoView:
-    """A photo as the camera sees the object.
+    """A photo as the camera sees the object; what is not certain of its background has a low opacity.
 
     Args:
         camera: the one found, or the photo's own.
         crop_transform: how the photo shows what the camera sees, as :class:`core.fitting.hypotheses.Parameters` has
             it; None: as it is.
+        codes: fitted to the photo; where they are solid, deep background is not certain.
     """
+    import cv2  # loaded only where there is a photo
+
     rgba = photo_pixels(photo)
     height, width = rgba.shape[:2]
+    if photo.unseen is not None:
+        unseen = cv2.resize(photo.unseen.numpy().astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBT * unseen)
     if crop_transform is not None and bool(crop_transform[1:].any()):
         _, roll, *shift = crop_transform.tolist()
         focal = model.focal * height / model.image_size  # which shifts are measured in
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
-    return PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
+    if codes:
+        seen = render(model, codes, camera.resized(max(1, round(_LOOK * width / height)), _LOOK), _LOOK)
+        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBT * _doubtful(rgba, seen.opacity.cpu().numpy()))
+    view = PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
+    return replace(view, outline_margin=_outline_margin(photo, camera))
+
+
+def _outline_margin(photo: Photo, camera: Camera) -> float | None:
+    if photo.mask_confidence < DOUBTFUL_MASK:
+        return None
+    return (_MARGIN * camera.height + photo.edge_error) / camera.focal
+
+
+def _doubtful(
+    rgba: UInt8[np.ndarray, "height width 4"], opacity: Float[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "height width"]:
+    """Return where the fitted object is solid deep in the photo's background: something may hide it there.
+
+    Args:
+        opacity: of the fitted object as the photo's camera sees it.
+    """
+    import cv2  # loaded only where there is a photo
+    from scipy.ndimage import distance_transform_edt
+
+    (height, width), (rows, columns) = rgba.shape[:2], opacity.shape
+    background = cv2.resize(rgba[..., 3], (columns, rows), interpolation=cv2.INTER_AREA) < 128
+    deep = (opacity > _SOLID) & (distance_transform_edt(background) > _DEEP * rows)
+    if not deep.any():
+        return np.zeros((height, width), bool)
+    found = (opacity > _SOLID) & (distance_transform_edt(~deep) < 2 * _DEEP * rows)  # up to the mask
+    return cv2.resize(found.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
 
 
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:

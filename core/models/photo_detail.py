@@ -19,6 +19,7 @@ from core.runtime.reading import open_image, reading
 SIDE = 1024  # px of the longer side at most; keeps lettering on a door legible
 MAX_BYTES = 200_000  # of a photo's file in scenes, projects and images
 MAX_PHOTOS = 4  # photos kept with an object; graphics cards support at least 16 textures, a photo takes three
+BACKGROUND = 0.1  # opacity below which a pixel certainly shows background: it bounds the object
 OtherSide = Literal["model", "soft", "mirrored"]
 OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
 """Sources of colours that only the mirror image shows: the model alone, the blurred photo, the photo."""
@@ -40,6 +41,8 @@ class PhotoView:
     """WebP, upright as the camera sees it: the object on white, opacity is the object's coverage of each pixel"""
     camera: Camera  # at the size of the image
     erased: tuple[Erasure, ...] = ()
+    outline_margin: float | None = None
+    """focal lengths beyond its mask within which the object ends; None where the mask does not bound the object"""
 
     def __post_init__(self) -> None:
         if len(self.image) > MAX_BYTES:
@@ -49,6 +52,8 @@ class PhotoView:
         numbers = [number for one in self.erased for number in (one.radius, *itertools.chain(*one.points))]
         if not all(math.isfinite(number) for number in numbers):
             raise ValueError("erasures of a photo must be finite")
+        if self.outline_margin is not None and not 0 < self.outline_margin < math.inf:
+            raise ValueError(f"the margin of a photo's outline must be positive, got {self.outline_margin}")
 
     @classmethod
     def of(cls, rgba: UInt8[np.ndarray, "height width 4"], camera: Camera) -> "PhotoView":
@@ -127,6 +132,7 @@ class PhotoDetail:
                 "image": base64.b64encode(view.image).decode(),
                 "camera": {name: getattr(view.camera, name) for name in Camera.__dataclass_fields__},
                 "erased": [one._asdict() for one in view.erased],
+                "outline_margin": view.outline_margin,
             }
             for view in self.views
         ]

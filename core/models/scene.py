@@ -82,9 +82,10 @@ class _View(NamedTuple):
     image: str
     camera: Camera
     erased: tuple[Erasure, ...] = ()
+    outline_margin: float | None = None
 
     def read(self) -> PhotoView:
-        view = PhotoView(base64.b64decode(self.image, validate=True), self.camera, self.erased)
+        view = PhotoView(base64.b64decode(self.image, validate=True), self.camera, self.erased, self.outline_margin)
         view.pixels()  # raises if damaged
         return view
 

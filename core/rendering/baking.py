@@ -29,6 +29,7 @@ from core.rendering.baked_field import BakedField, cell_distances, colour_texels
 from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
+from core.rendering.outline import outline
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
 
@@ -104,7 +105,7 @@ def bake_shape(
 
     def evaluate(part: Int[Tensor, "corners 3"]) -> tuple[Tensor, Tensor]:
         with torch.inference_mode():
-            return folded.density(folded.first_layer(_world(model.extent, cells, box, part).to(folded.device)))
+            return folded.density(_world(model.extent, cells, box, part).to(folded.device))
 
     density = torch.zeros(box.sides)
     at_corners = corners_of(divide(occupied, cells // CELLS)).flatten().nonzero()[:, 0].cpu()
@@ -136,11 +137,11 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
     """
     with torch.inference_mode():
         folded = FoldedField(model, codes)
-        shape = tuple(codes.shape.tolist())
+        shape, bound = tuple(codes.shape.tolist()), outline(model, codes)
         occupancy = shape_occupancy(model, shape)
         towards = folded.direction_bias(torch.tensor(_DIRECTIONS, device=folded.device))
     for divisions in _DIVISIONS:
-        cells, key = CELLS * divisions, (model, shape, divisions)
+        cells, key = CELLS * divisions, (model, shape, bound, divisions)
         baked: BakedShape | None = CACHE.get(CacheKind.VIEW, key)
         if baked is None:
             baked = yield from bake_shape(model, folded, occupancy.cells, cells, box_of(occupancy.cells, cells))

@@ -19,6 +19,7 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, Tolerances, tolerances
+from core.rendering.outline import Outline, outline
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.layers import pad_rows
@@ -57,7 +58,7 @@ def render_steps(
         with torch.inference_mode():
             return chunk, _shade(folded, chunk)
 
-    key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff)
+    key = VisibilityKey.of(model, codes, camera, samples, complete, cutoff)
     known: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
     seen, image = list[Chunk](), _blank(camera, model.device)
@@ -115,13 +116,26 @@ class VisibilityKey(NamedTuple):
     camera: Camera
     samples: int
     complete: bool
-    cutoff: Tolerances | None = None
+    cutoff: Tolerances | None
+    outline: Outline | None
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        codes: Codes,
+        camera: Camera,
+        samples: int,
+        complete: bool,
+        cutoff: Tolerances | None = None,
+    ) -> "VisibilityKey":
+        """The key of an object's view."""
+        return cls(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff, outline(model, codes))
 
 
 def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
     """True if this shape's visible intervals from this camera are cached, so that only colours are evaluated."""
-    key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete)
-    return CACHE.get(CacheKind.VIEW, key) is not None
+    return CACHE.get(CacheKind.VIEW, VisibilityKey.of(model, codes, camera, samples, complete)) is not None
 
 
 @lru_cache(maxsize=4)
@@ -222,7 +236,7 @@ def _chunk(
     evaluated, activations = [], []
     for index in _evaluation_rounds(ray, occupied.occluded, thickness, tolerances.termination):
         for part in index.split(_BLOCK):
-            density, features = folded.density(folded.first_layer(pad_rows(points.index_select(0, part))))
+            density, features = folded.density(pad_rows(points.index_select(0, part)))
             thickness.view(-1).index_copy_(0, slot.index_select(0, part), density[: len(part)] * step)
             evaluated.append(part)
             activations.append(features[: len(part)])

@@ -22,6 +22,7 @@ from core.models.codes import Codes
 from core.models.density import logits_to_density
 from core.models.field import Field, encode
 from core.models.model import Model
+from core.rendering.outline import outline
 from core.runtime.layers import linear_relu, pad_rows, relu_
 from core.runtime.pool import map_pieces
 from core.runtime.precision import matmul_dtype
@@ -87,7 +88,7 @@ class FoldedField:
 
     def __init__(self, model: Model, codes: Codes) -> None:
         self.field, self.device, self.dtype = model.field, model.device, matmul_dtype(model.device.type)
-        self._weights = field_weights(model, self.dtype)
+        self._weights, self._outline = field_weights(model, self.dtype), outline(model, codes)
         with torch.no_grad():
             self._shape = tuple(model.field.shape_bias(codes.shape).to(self.dtype).unbind(-2))
             self._texture = tuple(model.field.texture_bias(codes.texture).to(self.dtype).unbind(-2))
@@ -97,9 +98,16 @@ class FoldedField:
         return relu_(self._weights.position(points))
 
     def density(
+        self, points: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
+        """Return density per scene unit within the outline of photos, and the features for the texture part."""
+        density, features = self.unbounded_density(self.first_layer(points))
+        return density if self._outline is None else density * self._outline.share(points), features
+
+    def unbounded_density(
         self, first: Float[Tensor, "points width"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
-        """Return density per scene unit, and features for the texture part, from :meth:`first_layer`'s activations."""
+        """Return density without the outline, and features, from :meth:`first_layer`'s activations."""
         return _density(self.field, self._weights, first, self._shape)
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:

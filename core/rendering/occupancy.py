@@ -203,7 +203,7 @@ def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> F
 
     def evaluate(rows: slice) -> Float[Tensor, "rows"]:
         parts = known.activations[rows].split(_BLOCK)
-        return torch.cat(list(map_pieces(lambda part: folded.density(part)[0], parts)))
+        return torch.cat(list(map_pieces(lambda part: folded.unbounded_density(part)[0], parts)))
 
     densities = evaluate(slice(0, known.always))
     found[known.corner[: known.always]] = densities
@@ -219,7 +219,7 @@ def _densities_around(
     found = torch.zeros(len(known.corner), device=rows.device)
 
     def evaluate(part: Int[Tensor, "rows"]) -> Float[Tensor, "rows"]:
-        return folded.density(known.activations.index_select(0, pad_rows(part)))[0][: len(part)]
+        return folded.unbounded_density(known.activations.index_select(0, pad_rows(part)))[0][: len(part)]
 
     found[known.corner[rows]] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
     return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)

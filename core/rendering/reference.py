@@ -11,6 +11,7 @@ from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
+from core.rendering.outline import Outline, outline
 from core.runtime.pool import map_pieces
 
 _CHUNK_POINTS = 8192  # points evaluated at a time, so that activations stay in cache (32k ran up to 1.7x slower)
@@ -48,15 +49,20 @@ def render_rays(
     samples: int,
     shape_bias: Float[Tensor, "... blocks width"],
     texture_bias: Float[Tensor, "... more_blocks width"],
+    bound: Outline | None = None,
 ) -> Rendered:
     """Evaluate Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
         shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
+        bound: the outline of photos; None: there is none.
     """
     depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
-    density, colours = model.field.radiance(ray_points(rays, depths), direction_bias, shape_bias, texture_bias)
+    points = ray_points(rays, depths)
+    density, colours = model.field.radiance(points, direction_bias, shape_bias, texture_bias)
+    if bound is not None:
+        density = density * bound.share(points)
     weights, transmittance = compositing_weights(density, edges)
     opacity = 1 - transmittance
     depth = (weights * depths).sum(-1) / opacity.clamp_min(1e-6)
@@ -80,8 +86,8 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256) -> Rendered:
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     rays = exact_rays(model, camera)
-    biases = model.field.biases(codes.shape, codes.texture)
+    given = *model.field.biases(codes.shape, codes.texture), outline(model, codes)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
-    parts = list(map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *biases), starts))
+    parts = list(map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *given), starts))
     return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))

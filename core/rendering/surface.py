@@ -43,7 +43,7 @@ def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"
         inside[near] = _density(field, grid.activations[near.flatten()]) * grid.cell > _INSIDE
         points = grid.points[inside & with_neighbours(~inside)]
         padded = pad_rows(points)
-        features = field.density(field.first_layer(padded))[1]
+        features = field.density(padded)[1]
         colours = field.colour(features, field.direction_bias(-functional.normalize(padded, dim=-1)))
     return points, colours[: len(points)].clamp(0, 1)
 
@@ -71,4 +71,4 @@ def _centres(counts: list[int], step: float, device: torch.device) -> Float[Tens
 
 def _density(field: FoldedField, activations: Float[Tensor, "some width"]) -> Float[Tensor, "some"]:
     parts = activations.split(_CHUNK)
-    return torch.cat([field.density(pad_rows(part))[0][: len(part)] for part in parts])
+    return torch.cat([field.unbounded_density(pad_rows(part))[0][: len(part)] for part in parts])

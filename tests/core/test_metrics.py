@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from core.geometry.camera import Camera
 from core.metrics import (
     MAX_PSNR,
+    haze,
     psnr,
     rotation_error,
+    silhouette_overlap,
     ssim,
     translation_error,
 )
@@ -35,6 +37,17 @@ def test_ssim_is_one_for_the_same_image_and_less_for_another():
     assert ssim(truth, truth) == pytest.approx(1.0)
     assert ssim(1 - truth, truth) < 0
     assert ssim(truth.numpy(), truth.numpy()) == pytest.approx(1.0)
+
+
+def test_overlap_counts_pixels_that_are_more_than_half_opaque():
+    opacity, mask = np.array([[0.9, 0.6, 0.4, 0.0]]), np.array([[True, False, True, False]])
+    assert silhouette_overlap(opacity, mask) == pytest.approx(1 / 3)
+    assert silhouette_overlap(np.zeros((1, 4)), np.zeros((1, 4), bool)) == 1
+
+
+def test_haze_is_that_of_pixels_neither_empty_nor_opaque():
+    assert haze(np.array([[0.0, 1.0]])) == haze(np.zeros((1, 2))) == 0
+    assert haze(np.array([[1.0, 0.5]])) == pytest.approx(2 / 3)
 
 
 @pytest.mark.parametrize("measure", [psnr, ssim])

@@ -104,8 +104,9 @@ def _parse(kind: Any, row: Row, name: str) -> Any:
             there = takewhile(lambda at: any(one.startswith(f"{name}.{at}.") for one in columns), count())
             kinds = kinds[:1] * len(list(there))
         return tuple(_parse(one, row, f"{name}.{index}") for index, one in enumerate(kinds))
-    text = row[name.removeprefix(".")]
-    if isinstance(kind, types.UnionType):
+    if isinstance(kind, types.UnionType):  # None in older files, which lack the columns
         (some,) = (option for option in get_args(kind) if option is not types.NoneType)
-        return None if text == "" else _parse(some, row, name)
+        known = any(cell for column, cell in row.items() if f".{column}.".startswith(f"{name}."))
+        return _parse(some, row, name) if known else None
+    text = row[name.removeprefix(".")]
     return text == "True" if kind is bool else kind(text)

@@ -1,8 +1,8 @@
 """The value of a photo's detail: other views against their angle from the photo, with it, without, without mirroring.
 
 An object is fitted to one view, its camera known or searched for; the others are rendered from their true cameras. The
-view that was fitted is compared at the fitted camera, also with the bound: the photo itself wherever the render, whose
-opacity detail never changes, is not empty.
+view that was fitted is compared at the fitted camera, also with the bound: the photo itself wherever the render without
+detail is not empty.
 """
 
 import statistics
@@ -94,7 +94,7 @@ def measure_detail(
                 continue
             views = entry.read()
             *_, last = fit(model, FitJob((as_photo(views, input_view, camera == "known"),), bank))
-            truth, bare = views.cameras[input_view], replace(last.codes, detail=None)
+            truth, codes = views.cameras[input_view], last.codes
             maps = run_to_end(detail_maps(model, last.codes))
             detail = last.codes.detail
             assert detail is not None
@@ -102,12 +102,12 @@ def measure_detail(
                 *(model.category, renderer, camera, entry.name, input_view, 0.0),
                 *(rotation_error(last.cameras[0], truth), last.confidence, 0.0, 0.0, 0.0),
             )
-            rows = [_input_row(model, bare, maps, detail.views[0], last.cameras[0], row)]
+            rows = [_input_row(model, codes, maps, detail.views[0], last.cameras[0], row)]
             for view in range(0, len(views.cameras), stride):
                 if view == input_view:
                     continue
                 seen, image = views.cameras[view], torch.from_numpy(views.images[view]).float() / 255
-                plain, direct, full = _scores(model, bare, maps, seen, image)
+                plain, direct, full = _scores(model, codes, maps, seen, image)
                 rows.append(
                     replace(row, view=view, angle=rotation_error(seen, truth), plain=plain, direct=direct, full=full)
                 )
@@ -118,10 +118,10 @@ def _scores(
     model: Model, codes: Codes, maps: DetailMaps | None, camera: Camera, image: Float[Tensor, "h w 3"]
 ) -> tuple[float, float, float]:
     """PSNR without detail, without mirroring and with all of it."""
-    rendered = render_image(model, codes, camera)
-    plain = psnr(rendered.colour.clamp(0, 1).cpu(), image)
+    plain = psnr(render_image(model, replace(codes, detail=None), camera).colour.clamp(0, 1).cpu(), image)
     if maps is None:
         return plain, plain, plain
+    rendered = render_image(model, codes, camera)
     full, direct = (
         psnr(one.added(rendered, camera)[0].colour.cpu(), image) for one in (maps, replace(maps, other_side="model"))
     )
@@ -138,7 +138,7 @@ def _input_row(
     white = functional.pad(rgba[:3], (beside, beside, below, below), value=1.0)
     image = functional.adaptive_avg_pool2d(white, (size, size)).movedim(0, -1)
     seen = replace(photo.camera, width=wide, height=wide).resized(size, size)
-    rendered = render_image(model, codes, seen)
+    rendered = render_image(model, replace(codes, detail=None), seen)
     left = 1 - rendered.opacity[..., None].cpu()
     bound = torch.where(left < 1 - MIN_OPACITY, torch.maximum(image, left), rendered.colour.clamp(0, 1).cpu())
     plain, direct, full = _scores(model, codes, maps, seen, image)

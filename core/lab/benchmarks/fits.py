@@ -21,7 +21,7 @@ from core.fitting.fit import FitJob, FitSettings, FitStep
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
-from core.lab.evaluation.protocol import as_photo, score_view
+from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
 from core.lab.evaluation.statistics import Mean, mean_of, share_within
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
@@ -52,6 +52,7 @@ class FitTrial:
     confidence: float | None
     rotation_curve: tuple[float, ...]  # degrees, error at TIMES
     symmetric: bool  # far off, and yet a render from this camera is nearly the one from the true camera
+    whole: ViewScore | None = None  # mean of those other views at the dataset's size
 
     @property
     def key(self) -> tuple[str, str, int]:
@@ -83,6 +84,7 @@ class FitSummary:
     held_out: Mean  # dB
     auroc: float | None
     """of the confidence, right cameras against wrong ones; None without confidence, or where all are right or wrong"""
+    whole: ViewScore | None  # mean of the other views at the dataset's size
     curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error in degrees, share within 5 degrees
 
 
@@ -127,7 +129,8 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
-    held_out = [score_view(model, last.codes, views, other)[0] for other in others]
+    scores = [score_view(model, last.codes, views, other) for other in others]
+    whole = [score_view(model, last.codes, target.whole, other) for other in others] if target.whole else scores
     symmetric = errors[-1] > _FAR and is_symmetric_view(
         model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
     )
@@ -140,12 +143,13 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         rotation=errors[-1],
         translation=translation_error(last.cameras[0], target.camera),
         psnr=last.psnr,
-        held_out=float(np.mean(held_out)) if held_out else math.nan,
+        held_out=float(np.mean([score.psnr for score in scores])) if scores else math.nan,
         margin=last.margin,
         uncertainty=last.uncertainty,
         confidence=last.confidence,
         rotation_curve=tuple(errors[_step_at(seconds, moment)] for moment in TIMES),
         symmetric=symmetric,
+        whole=_mean_score(whole),
     )
 
 
@@ -180,8 +184,13 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
         share_within(translations, 0.03),
         mean_of([trial.held_out for trial in trials]),
         _confidence_auroc(trials),
+        _mean_score([trial.whole for trial in trials if trial.whole]),
         tuple(curve),
     )
+
+
+def _mean_score(scores: Sequence[ViewScore]) -> ViewScore | None:
+    return ViewScore(*np.mean(scores, axis=0).tolist()) if scores else None
 
 
 def calibrate_fits(trials: Sequence[FitTrial]) -> Calibration | None:

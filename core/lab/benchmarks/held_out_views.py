@@ -36,6 +36,7 @@ class HeldOutView:
     index: int  # of the fitted view
     codes: Codes
     """the object's own; or, for an object the model was not trained on, fitted to a few views with their cameras"""
+    whole: ObjectViews | None = None  # the same views at the dataset's size; None: that is the model's
 
     @property
     def camera(self) -> Camera:
@@ -66,11 +67,13 @@ def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch
     """One random view of every object of a dataset."""
     bank = run_to_end(build_view_bank(model))
     for entry in entries:
-        views = entry.read()
+        whole = entry.read()
+        views = whole.reduced(model.image_size)
         stride = -(-len(views.cameras) // HELD_OUT_VIEWS)
         photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
         *_, last = fit(model, FitJob(photos, bank, PRESETS["draft"]))
-        yield HeldOutView(views, int(torch.randint(len(views.cameras), (), generator=generator)), last.codes)
+        index = int(torch.randint(len(views.cameras), (), generator=generator))
+        yield HeldOutView(views, index, last.codes, whole)
 
 
 def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:

@@ -25,6 +25,7 @@ from core.lab.benchmarks.robustness import (
 )
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.benchmarks.threads import ThreadTiming
+from core.lab.evaluation.protocol import ViewScore
 from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
 
 _SURE = 0.9  # A wrong camera of more confidence misleads.
@@ -152,6 +153,10 @@ def fit_table(found: Results[FitTrial]) -> str:
     return _text(f"{found.about['machine']}; {about}", markdown_table(_FITS, summaries), *lines)
 
 
+def _view_score(score: ViewScore) -> str:
+    return f"{score.psnr:.1f}, {score.overlap:.3f}, {score.haze:.3f}"
+
+
 _FITS: list[Column] = [
     ("preset", "preset", "{}"),
     ("processor s (median)", "seconds", "{:.1f}"),
@@ -161,6 +166,7 @@ _FITS: list[Column] = [
     ("within 10°", "within_10_degrees", format_share),
     ("within 3 %", "within_3_percent", format_share),
     ("other views", "held_out.mean", "{:.1f} dB"),
+    ("at the dataset's size: dB, overlap, haze", "whole", lambda score: "" if score is None else _view_score(score)),
     ("confidence (AUROC)", "auroc", lambda area: "" if area is None else f"{area:.2f}"),
 ]
 

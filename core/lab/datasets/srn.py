@@ -7,7 +7,7 @@ category and the objects that share a shape or a texture.
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,6 +45,17 @@ class ObjectViews:
         height, width = self.images.shape[1:3]
         if any((camera.width, camera.height) != (width, height) for camera in self.cameras):
             raise ValueError(f"{self.name}: the cameras' size is not the images' {width}x{height}")
+
+    def reduced(self, size: int) -> "ObjectViews":
+        """Return the views at ``size`` px, by means of areas; itself where they are no larger."""
+        import cv2  # loaded only where views are reduced
+
+        if max(self.images.shape[1:3]) <= size:
+            return self
+        images = np.stack([cv2.resize(one, (size, size), interpolation=cv2.INTER_AREA) for one in self.images])
+        masks = [cv2.resize(one.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA) for one in self.masks]
+        cameras = tuple(camera.resized(size, size) for camera in self.cameras)
+        return replace(self, images=images, masks=np.stack(masks) > 0.5, cameras=cameras)
 
 
 @dataclass(frozen=True)

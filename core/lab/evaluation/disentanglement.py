@@ -107,7 +107,7 @@ def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: 
 
 
 def _mean_score(model: Model, codes: Codes, views: ObjectViews, rendered: Sequence[int]) -> tuple[float, float]:
-    psnr, ssim = np.mean([score_view(model, codes, views, index) for index in rendered], axis=0)
+    psnr, ssim = np.mean([score_view(model, codes, views, index) for index in rendered], axis=0)[:2]
     return float(psnr), float(ssim)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -11,7 +12,7 @@ from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
 from core.lab.datasets.srn import ObjectViews
 from core.lab.evaluation.statistics import Mean, mean_of
-from core.metrics import psnr, rotation_error, ssim, translation_error
+from core.metrics import haze, psnr, rotation_error, silhouette_overlap, ssim, translation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -119,11 +120,22 @@ def as_photo(views: ObjectViews, index: int, posed: bool) -> Photo:
     return Photo(pixels, torch.from_numpy(views.masks[index]), views.cameras[index] if posed else None)
 
 
-def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> tuple[float, float]:
-    """Return PSNR (dB) and SSIM of a rendered view, clipped to [0, 1], against the true image."""
-    rendered = render_image(model, codes, views.cameras[index]).colour.clamp(0, 1).cpu()
+class ViewScore(NamedTuple):
+    """A rendered view against the true image and its mask."""
+
+    psnr: float  # dB
+    ssim: float
+    overlap: float  # of the silhouettes: intersection over union
+    haze: float
+
+
+def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> ViewScore:
+    """Compare a rendered view, its colours clipped to [0, 1], with the true one."""
+    rendered = render_image(model, codes, views.cameras[index])
+    colour, opacity = rendered.colour.clamp(0, 1).cpu(), rendered.opacity.cpu().numpy()
     truth = torch.from_numpy(views.images[index]).float() / 255
-    return psnr(rendered, truth), ssim(rendered, truth)
+    overlap = silhouette_overlap(opacity, views.masks[index])
+    return ViewScore(psnr(colour, truth), ssim(colour, truth), overlap, haze(opacity))
 
 
 def _require_views(views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:

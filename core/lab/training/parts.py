@@ -86,7 +86,7 @@ def _places(model: Model, codes: Codes, shape: Shape, generator: np.random.Gener
     folded = FoldedField(model, codes)
     with torch.inference_mode():
         inside = torch.from_numpy(places - _DEPTH * facing).float()
-        features = folded.density(folded.first_layer(inside.to(folded.device)))[1].float().cpu()
+        features = folded.density(inside.to(folded.device))[1].float().cpu()
     return features.clone(), torch.from_numpy(part[owner[nearest]])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.maps import FADED, detail_maps, paint_weight, shown_share, surface_normals
+from core.detail.maps import detail_maps, paint_weight, surface_normals
 from core.detail.rendering import bake, render_frame, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -20,6 +20,7 @@ from core.rendering.baked_field import render_baked
 from core.rendering.detail_maps import DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
 from core.rendering.offscreen import OffscreenRenderer
+from core.rendering.outline import FADED, shown_share
 from core.rendering.progressive import RenderJob, RenderSettings
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end

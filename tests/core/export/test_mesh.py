@@ -41,14 +41,15 @@ def ball(monkeypatch: pytest.MonkeyPatch):
     """Makes every field one ball, or several: density and colour by the distance from their surfaces."""
 
     def make(*balls: tuple[tuple[float, float, float], float], hollow: float = 0.0) -> None:
-        def density(self, first):
-            away = torch.stack([radius - (first - torch.tensor(middle)).norm(dim=-1) for middle, radius in balls], -1)
+        def density(self, points):
+            away = torch.stack([radius - (points - torch.tensor(middle)).norm(dim=-1) for middle, radius in balls], -1)
             outside = away.amax(-1)
-            outside = torch.minimum(outside, first.norm(dim=-1) - hollow) if hollow else outside
-            return torch.nn.functional.softplus(outside * 400) * 44, first
+            outside = torch.minimum(outside, points.norm(dim=-1) - hollow) if hollow else outside
+            return torch.nn.functional.softplus(outside * 400) * 44, points
 
         monkeypatch.setattr(module.FoldedField, "first_layer", lambda self, points: points)
         monkeypatch.setattr(module.FoldedField, "density", density)
+        monkeypatch.setattr(module.FoldedField, "unbounded_density", density)
         monkeypatch.setattr(module.FoldedField, "colour", lambda self, y, towards: (y > 0).float())
 
     return make

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ from core.fitting.hypotheses import Parameters, image_points
 from core.fitting.photo_views import photo_view
 from core.geometry.camera import pixel_centres
 from core.models.model import Model
-from core.models.photo_detail import compressed
+from core.models.photo_detail import BACKGROUND, compressed
 from core.photos.photo import Photo
+from tests.core.tiny import photo_of
 
 
 def dot_at(x: float, y: float, size: int) -> Photo:
@@ -61,3 +63,35 @@ def test_the_finer_pixels_are_taken(model: Model) -> None:
     detail = photo_view(model, photo, model.camera(0.0, 0.0).resized(size, size))
     assert detail.camera.height == 3 * size
     assert detail.camera.focal == pytest.approx(3 * model.focal)
+
+
+def test_what_a_solid_object_has_deep_in_the_background_may_be_hidden(tiny: Model) -> None:
+    camera, codes = tiny.camera(1.1, 0.3), tiny.codes[0]
+    photo = photo_of(tiny, codes, camera)
+    hidden = torch.zeros_like(photo.mask)
+    rows = photo.mask.any(1).nonzero()[:, 0]
+    hidden[int(rows.float().median()) :] = True
+    half = replace(photo, mask=photo.mask & ~hidden)
+    shown = photo_view(tiny, half, camera, codes=codes).pixels()[..., 3] / 255
+    plain = photo_view(tiny, half, camera).pixels()[..., 3] / 255
+    whole = photo_view(tiny, photo, camera, codes=codes).pixels()[..., 3] / 255
+    assert set(np.unique(plain)) == set(np.unique(whole)) == {0, 1}
+    doubtful = (shown > BACKGROUND) & (shown < 0.5)
+    assert 0.5 * int((photo.mask & hidden).sum()) < doubtful.sum() < 1.2 * int((photo.mask & hidden).sum())
+
+
+def test_beyond_an_edge_that_truncates_the_object_nothing_is_certain(model: Model) -> None:
+    size = model.image_size
+    mask, unseen = torch.zeros(2, size, size, dtype=torch.bool)
+    mask[size // 4 : size // 2, : size // 2], unseen[:, size // 2 :] = True, True
+    photo = Photo(torch.rand(size, size, 3), mask, unseen=unseen, edge_error=0.5)
+    view = photo_view(model, photo, model.camera(0.0, 0.0))
+    opacity = view.pixels()[..., 3] / 255
+    assert ((opacity > BACKGROUND) & (opacity < 0.5)).sum() == opacity.shape[0] * (opacity.shape[1] // 2)
+    assert view.outline_margin == pytest.approx((0.2 / 128 * size + 0.5) / model.focal)
+
+
+def test_a_doubtful_mask_bounds_nothing(model: Model) -> None:
+    size = model.image_size
+    photo = Photo(torch.rand(size, size, 3), torch.ones(size, size, dtype=torch.bool), mask_confidence=0.4)
+    assert photo_view(model, photo, model.camera(0.0, 0.0)).outline_margin is None

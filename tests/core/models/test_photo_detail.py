@@ -20,7 +20,8 @@ def some_detail(model: Model) -> PhotoDetail:
     rgba[10:20, 10:30] = 200, 30, 40, 255
     rgba[:5, :, 3] = 0
     mean = model.codes.mean
-    return PhotoDetail((PhotoView.of(rgba, CAMERA),), mean.shape, mean.texture, 0.75)
+    view = replace(PhotoView.of(rgba, CAMERA), outline_margin=0.01)
+    return PhotoDetail((view,), mean.shape, mean.texture, 0.75)
 
 
 def test_pixels_come_back_nearly(model: Model) -> None:
@@ -55,6 +56,7 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
         {"image": "no base64!"},
         {"image": "aGVsbG8="},
         {"erased": [{"points": [[0.1, 0.2]], "radius": "wide"}]},
+        {"outline_margin": -0.01},
         {"strength": 2},
         {"confidence": "sure"},
         {"shape": [1.0]},
@@ -69,6 +71,14 @@ def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, chan
     with pytest.raises(ValueError) as raised:
         Scene.load(tmp_path / "s.json", model)
     assert "\n" not in str(raised.value)
+
+
+def test_the_masks_of_older_scenes_bound_nothing(model: Model) -> None:
+    scene = Scene(replace(model.codes.mean, detail=some_detail(model)), CAMERA)
+    about = json.loads(scene.to_json())
+    del about["detail"]["views"][0]["outline_margin"]
+    detail = Scene.from_json(json.dumps(about), model).codes.detail
+    assert detail is not None and detail.views[0].outline_margin is None
 
 
 def test_it_goes_with_the_shape(model: Model) -> None:

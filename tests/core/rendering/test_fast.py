@@ -40,7 +40,7 @@ def test_folding_is_exact(seed: int, spread: float):
     with pytest.MonkeyPatch.context() as patch, use_dtype(torch.float32):
         patch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
         folded = FoldedField(MODEL, codes)
-        density, y = folded.density(folded.first_layer(points))
+        density, y = folded.density(points)
         colour = folded.colour(y, folded.direction_bias(directions))
     field = MODEL.field
     true_density, features = field.density(points, field.shape_bias(codes.shape))

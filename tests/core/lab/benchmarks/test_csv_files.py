@@ -13,6 +13,12 @@ class Point(NamedTuple):
     y: int
 
 
+class NewerPoint(NamedTuple):
+    x: float
+    y: int
+    z: Mean | None = None
+
+
 @dataclass(frozen=True)
 class Record:
     name: str
@@ -36,6 +42,11 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
         assert read_results(tmp_path / "r.csv", Record) == found
     assert read_records(tmp_path / "r.csv", Record, {"machine": "m"}) == RECORDS
     assert read_records(tmp_path / "none.csv", Record) == ()
+
+
+def test_optional_values_that_an_older_file_lacks_are_none(tmp_path: Path) -> None:
+    write_results(tmp_path / "r.csv", Results({}, (Point(1.0, 2),)))
+    assert read_results(tmp_path / "r.csv", NewerPoint).rows == (NewerPoint(1.0, 2),)
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from core.lab.benchmarks.csv_files import Results, read_results
 from core.lab.benchmarks.drawing import prepare
 from core.lab.benchmarks.fits import FitMethod, FitTrial, fit_views, summarise_presets
 from core.lab.benchmarks.held_out_views import training_object_views
+from core.lab.datasets.srn import ObjectViews
 from core.models.model import Model
 from tests.conftest import image_size
 
@@ -23,11 +24,19 @@ QUICK = {
 
 @pytest.fixture(scope="module")
 def found(tiny: Model) -> Results[FitTrial]:
-    targets = tuple(training_object_views(tiny, 2, torch.Generator().manual_seed(0)))
+    first, second = training_object_views(tiny, 2, torch.Generator().manual_seed(0))
+    targets = replace(first, whole=_enlarged(first.views)), second
     methods = {name: FitMethod(preset) for name, preset in QUICK.items()}
     trials = tuple(fit_views(tiny, targets, methods))
     assert list(fit_views(tiny, targets, methods, {trial.key for trial in trials})) == []
     return Results({"machine": "a machine"}, trials)
+
+
+def _enlarged(views: ObjectViews) -> ObjectViews:
+    """The views with four pixels for each."""
+    cameras = tuple(camera.resized(2 * camera.width, 2 * camera.height) for camera in views.cameras)
+    images, masks = (part.repeat(2, 1).repeat(2, 2) for part in (views.images, views.masks))
+    return replace(views, images=images, masks=masks, cameras=cameras)
 
 
 def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Results[FitTrial]):
@@ -43,7 +52,10 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Result
             assert trial.margin is not None
             assert trial.uncertainty is not None
             assert trial.confidence == confidence(trial.margin, trial.uncertainty) * explained(trial.psnr)
+        assert trial.whole is not None and 0 < trial.whole.overlap <= 1 and 0 < trial.whole.haze < 1
+        assert (trial.whole.psnr == trial.held_out) == (trial.name == "stool2")
     summaries = summarise_presets(found.rows)
+    assert summaries[0].whole is not None and summaries[0].whole.psnr > 5
     assert [one.preset for one in summaries] == list(QUICK)
     assert {one.fits for one in summaries} == {2}
     assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in summaries)

@@ -40,6 +40,16 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
             assert torch.allclose(camera.pose(), expected.pose(), rtol=0, atol=1e-6)
 
 
+def test_reduced_views_are_means_of_areas() -> None:
+    whole = views("a")
+    half = whole.reduced(SIZE // 2)
+    expected = whole.images.reshape(4, SIZE // 2, 2, SIZE // 2, 2, 3).mean((2, 4))
+    assert np.abs(half.images - expected).max() <= 1
+    assert np.array_equal(half.masks, whole.masks.reshape(4, SIZE // 2, 2, SIZE // 2, 2).mean((2, 4)) > 0.5)
+    assert half.cameras[0] == whole.cameras[0].resized(SIZE // 2, SIZE // 2)
+    assert whole.reduced(SIZE) is whole
+
+
 def test_a_manifest_says_what_is_shared(tmp_path: Path) -> None:
     write_manifest(tmp_path, "chairs", {"a": ("shape-1", "oak"), "b": ("shape-1", "red"), "not yet": ("x", "y")})
     for name in ("a", "b"):
