@@ -25,6 +25,7 @@ from core.lab.benchmarks import (
     rendering,
     rendering_charts,
     robustness,
+    threads,
 )
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
 from core.lab.benchmarks.figures import fit_photo, write_figures
@@ -134,6 +135,15 @@ def bench_gate(chosen: argparse.Namespace) -> None:
         write_results(path, Results({}, tuple(found)))
     elif lines := gate.compare(found, baseline):
         raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
+
+
+def bench_threads(chosen: argparse.Namespace) -> None:
+    """``bench threads``: seconds of whole jobs against threads and load, as CSV, table and chart."""
+    drawing.prepare(chosen.out)
+    model = load_model(chosen.model, chosen.device)
+    about = {"machine": describe_machine(model.device), "category": model.category}
+    rows = tuple(_reported(threads.measure_threads(model, chosen.counts, chosen.busy)))
+    print(charts.write(chosen.out, "threads", Results(about, rows)), flush=True)
 
 
 def bench_fit(chosen: argparse.Namespace) -> None:

@@ -26,6 +26,7 @@ from core.models.occupied_cells import pack
 from core.rendering.surface import surface_points
 from core.runtime.files import atomic_file
 from core.runtime.folders import VIEW_BANKS, cache_folder
+from core.runtime.pool import map_pieces
 
 PROTOTYPES = 120
 """With 60, fits of a model's own objects end in worse codes; with 240, fits of other objects are no better."""
@@ -144,26 +145,30 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
     for _ in model.find_occupied_cells():
         yield 0.0
     azimuth, elevation = directions()
-    prototypes, kept = _prototypes(model), list[int]()
+    prototypes = _prototypes(model)
     # Preallocated: small results between large temporaries would keep the memory of these from being returned.
     shape, pixels = (len(prototypes), len(azimuth)), SIDE * SIDE
     silhouettes = torch.empty(*shape, pixels // 8, dtype=torch.uint8)
     luminance = torch.empty(*shape, pixels, dtype=torch.int8)
     contrast, sizes, offsets = torch.empty(shape), torch.empty(shape), torch.empty(*shape, 2)
     parts = silhouettes, luminance, contrast, sizes, offsets
-    for number, codes in enumerate(prototypes):
-        points, colours = (part.cpu() for part in surface_points(model, codes))
-        if len(points) >= _MIN_POINTS:
-            for start in range(0, len(azimuth), _SPLATTED):
-                some = slice(start, start + _SPLATTED)
-                masks, light, size, offset = _splat(points, colours, azimuth[some], elevation[some], model.distance)
-                packed = pack(masks > 0).reshape(len(masks), -1), *_quantised(light.flatten(1)), size, offset
-                for part, whole in zip(packed, parts, strict=True):
-                    whole[len(kept), some] = part
-            kept.append(number)
-        yield (number + 1) / len(prototypes)
+
+    def fill(number: int) -> bool:
+        points, colours = (part.cpu() for part in surface_points(model, prototypes[number]))
+        for start in range(0, len(azimuth) if len(points) >= _MIN_POINTS else 0, _SPLATTED):
+            some = slice(start, start + _SPLATTED)
+            masks, light, size, offset = _splat(points, colours, azimuth[some], elevation[some], model.distance)
+            packed = pack(masks > 0).reshape(len(masks), -1), *_quantised(light.flatten(1)), size, offset
+            for part, whole in zip(packed, parts, strict=True):
+                whole[number, some] = part
+        return len(points) >= _MIN_POINTS
+
+    kept = list[bool]()
+    for seen in map_pieces(fill, range(len(prototypes))):
+        kept.append(seen)
+        yield len(kept) / len(prototypes)
     shapes, textures = (torch.stack([getattr(one, kind) for one in prototypes]) for kind in ("shape", "texture"))
-    return ViewBank(Codes(shapes[kept], textures[kept]), model.distance, *(part[: len(kept)] for part in parts))
+    return ViewBank(Codes(shapes[kept], textures[kept]), model.distance, *(part[kept] for part in parts))
 
 
 def _prototypes(model: Model) -> list[Codes]:

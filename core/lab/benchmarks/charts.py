@@ -19,6 +19,7 @@ from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.robustness import RobustnessTrial
+from core.lab.benchmarks.threads import ThreadTiming
 from core.lab.training.curve import CurvePoint, draw_curves
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
 
 CHARTS = {
     "render": Chart(rendering_charts.read_rendering, tables.rendering_table, rendering_charts.rendering_chart),
+    "threads": Chart(_rows_of(ThreadTiming), tables.threads_table, rendering_charts.threads_chart),
     "films": Chart(_rows_of(Film), tables.films_table, rendering_charts.films_chart),
     "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
     "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),

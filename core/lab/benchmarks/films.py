@@ -2,7 +2,7 @@
 baked copies.
 
 One turn of 72 frames, a morph into another object and back, and one large picture, without writing them. Times are
-processor times of one thread, which other load changes little; of exact films a few frames are timed. PSNR is that of
+processor times of all threads, which other load changes little; of exact films a few frames are timed. PSNR is that of
 the same frames against 384 samples a ray.
 """
 

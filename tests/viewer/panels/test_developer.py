@@ -35,11 +35,11 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
         window.context.drop([str(photo)])
         window.wait(lambda: len(fitting.candidates.tiles) == 4 and fitting.running)
         third = fitting.candidates.tiles[2].hypothesis
-        window.click("Photo/Details")
-        window.click("Photo/###show candidates")
+        window.show("Developer")
         window.click("Developer/**/candidate 3")
         window.wait(lambda: fitting.running and fitting.candidates.tiles[0].hypothesis.origin == third.origin)
         assert fitting.candidates.tiles[0].hypothesis.cameras[0].azimuth == third.cameras[0].azimuth
+        window.show("Photo")
         window.click("Photo/###stop fit")
         assert editor.scene.camera.azimuth == third.cameras[0].azimuth
         window.wait()

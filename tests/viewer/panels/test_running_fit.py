@@ -59,9 +59,9 @@ def test_a_finished_fit_waits_to_be_shown_while_another_object_is_edited(
         window.wait(lambda: bool(fitting.history.steps))
         window.press(imgui.Key.r)  # another shape and texture
         before = editor.state
-        window.click("Photo/###stop fit")
+        fitting.stop()
         window.wait(lambda: fitting.history.name == "block two" and len(fitting.history.steps) > 3)
-        window.click("Photo/###stop fit")
+        fitting.stop()
         window.wait()
         assert editor.state is before
         assert {one.name for one in editor.objects.added} == {"block", "block two"}

@@ -11,7 +11,7 @@ from core.detail.rendering import render_frame
 from core.export.framing import filling_distance
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import Bakery, endless_fit
+from tests.viewer.stand_ins import Bakery, detailed_fit, endless_fit
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.view_modes import MODES
@@ -270,7 +270,7 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
     drive: Drive, backend: Backend, photo: Path
 ) -> None:
     stools = replace(tiny_model(), category="chairs")
-    framing = replace(backend, load_model=lambda name: stools, distance=filling_distance)
+    framing = replace(backend, load_model=lambda name: stools, distance=filling_distance, fit=detailed_fit)
 
     def act(window: Driver) -> None:
         editor, viewport = window.session.editor, window.session.viewport
@@ -293,10 +293,9 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
         assert viewport.settings.covered == 0
         window.fit(photo)
         assert filled() == pytest.approx(0.75, abs=0.06)
-        found = window.session.fitting.view.camera
-        assert orbit.same_direction(editor.scene.camera, found)
+        assert orbit.same_direction(editor.scene.camera, window.session.fitting.view.camera)
         window.press(imgui.Key._4)
-        assert editor.scene.camera == found
+        assert editor.scene.camera == window.session.photo_camera
         assert window.session.messages.errors == []
 
     drive(act, framing, size=(900, 600))
