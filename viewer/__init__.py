@@ -1,1 +1,1 @@
-"""The window: an interactive latent-editing viewer."""
+"""An interactive latent-editing viewer in a window."""

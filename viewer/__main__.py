@@ -1,4 +1,4 @@
-"""``python -m viewer``: opens the window, or renders it into an image where there is no display."""
+"""``python -m viewer``: opens the window, or renders it into an image without a display."""
 
 import argparse
 import sys
@@ -26,7 +26,7 @@ _LONGEST = 900.0  # s that an image of the window may wait for its fit
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Open the window, or raise the one that is open. Without a display: one line on stderr, status 1."""
+    """Open the window, or raise the open one. Without a display: one line on stderr, status 1."""
     keep_little_free_memory()
     use_one_torch_thread()
     on_signals()
@@ -49,14 +49,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
-    """Run a window that keeps its work in a folder; without one draw it into an image, where nobody sees it."""
+    """Run a window that keeps its work in a folder; without one draw it into an image, offscreen."""
     headless, worker = instance is None, Worker(at_rest=return_free_memory)
     try:
         begin_session = partial(_session, chosen, folder, worker)
         if not headless:
             window.prepare(headless=False)
         session = begin_session() if headless else Splash(begin_session).run()
-        # Imported late: `--help`, a wrong word and the splash are there before torch is.
+        # Imported late: `--help`, a wrong word and the splash appear before torch is loaded.
         from viewer.app import App
         from viewer.screenshot import Screenshot
         from viewer.services.messages import MessageKind
@@ -80,7 +80,7 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
 
 
 def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) -> "Session":
-    """What takes seconds: torch, the window's modules, the models."""
+    """Make the session; takes seconds for torch, the window's modules and the models."""
     import_module("viewer.app")
     from core.models.library import DEFAULT_MODEL, load_model
     from viewer.services.backend import Backend
@@ -91,13 +91,13 @@ def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) ->
 
 
 def _found_again(model: str) -> str:
-    """A model's name, or its path from any folder."""
+    """Return a model's name, or its absolute path."""
     path = Path(model)
     return str(path.resolve()) if path.is_file() else model
 
 
 def parser() -> argparse.ArgumentParser:
-    """The words of the command line."""
+    """Return the parser of the command line."""
     words = argparse.ArgumentParser(
         prog="python -m viewer",
         description="Opens the window, or raises the one that is open; without a display, renders it into an image.",

@@ -1,4 +1,4 @@
-"""One table of all that keys, mouse and menus do; menus, keys, help, tooltips and the README's table are made of it."""
+"""The table of all actions, from which menus, keys, help, tooltips and the README's table are made."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ Test = Callable[[PanelContext], bool]
 
 @dataclass(frozen=True)
 class Action:
-    """Something that a key, a menu or a button runs."""
+    """An action of a key, a menu or a button."""
 
     id: str
     words: str  # in a menu
     keys: str  # one or more chords, such as ``Ctrl+Y, Ctrl+Shift+Z``; empty: none
-    tooltip: str  # what it does, as the help has it too
+    tooltip: str  # its effect, also in the help
 
     def run(self, context: PanelContext) -> None:
         """Do it."""
@@ -38,13 +38,13 @@ class Action:
         return self.id in _CHECKED and _CHECKED[self.id](context)
 
     def hint(self) -> str:
-        """The tooltip of a button for it: what it does, and its keys."""
+        """The tooltip of its button: its effect and its keys."""
         return f"{self.tooltip} ({self.keys})" if self.keys else self.tooltip
 
 
 @dataclass(frozen=True)
 class Gesture:
-    """Something that the mouse does, or a held key, in one panel."""
+    """An action of the mouse, or of a held key, in one panel."""
 
     words: str
     tooltip: str
@@ -135,13 +135,13 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("help", "Find…", "Ctrl+K, F1, ?", "keys, panels, objects and view modes; type, Enter does the first"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
-}  # By where it works; the order is that of the help.
+}  # by place; in the order of the help
 
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
 
 
 _TOGGLES = ("dark",)  # preferences that are on or off
-_IN_VIEW_ONLY = "reset_view", "fold_panels"  # their keys work only while the mouse or the focus is in the view
+_IN_VIEW_ONLY = "reset_view", "fold_panels"  # whose keys work only while the mouse or the focus is in the view
 _RUN: dict[str, Callable[[PanelContext], object]] = {
     "reset_view": lambda c: c.session.viewport.reset_view(),
     "see_front": lambda c: c.session.see_from("front"),
@@ -192,9 +192,9 @@ _CHECKED: dict[str, Test] = {
 
 
 def run_keys(context: PanelContext, in_view: bool = False) -> None:
-    """Run the actions whose keys are pressed; to be called once a frame, for those of the view inside of it.
+    """Run the actions whose keys are pressed; call once a frame, for the view's actions inside it.
 
-    While a name is asked for, or about to be, what is typed is no key: no letter of it may change the object.
+    While a name is being typed, keys are text: no letter of it may change the object.
     """
     if imgui.get_io().want_text_input:
         return
@@ -207,8 +207,9 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
 
 
 def _is_allowed(action: Action, context: PanelContext) -> bool:
-    """The segmentation dialog has keys of its own, and would hide the help; a popup is closed first; while the keyboard
-    goes from control to control, Tab and Space are for those.
+    """Return whether nothing else owns the keys.
+
+    The segmentation dialog has its own keys and would hide the help; a popup is closed first; Tab and Space navigate.
     """
     if context.session.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
@@ -218,10 +219,10 @@ def _is_allowed(action: Action, context: PanelContext) -> bool:
 
 
 def is_pressed(chord: int) -> bool:
-    """Whether a chord is pressed in this frame, or repeated.
+    """Return whether a chord is pressed or repeated in this frame.
 
-    A modifier that is let go in the frame in which its key goes down counts: between two slow frames both may happen.
-    imgui has no order of events within a frame, and would take ``Ctrl+R`` for ``R``.
+    A modifier released in the frame of its key counts: in a slow frame both may happen. imgui does not order events
+    within a frame and would take ``Ctrl+R`` for ``R``.
     """
     held = sum(int(one) for one in _EVERY_MODIFIER if imgui.is_key_down(one) or imgui.is_key_released(one))
     mods = chord & sum(map(int, _EVERY_MODIFIER))
@@ -229,12 +230,12 @@ def is_pressed(chord: int) -> bool:
 
 
 def chords(keys: str) -> list[int]:
-    """Key chords, for imgui, as numbers: ``Ctrl++`` has three, as two keys have a plus, one of them with Shift."""
+    """Return imgui's numbers of key chords: ``Ctrl++`` has three, as two keys have a plus, one of them with Shift."""
     return [sum(chord) for text in keys.split(", ") if text for chord in _chord(text)]
 
 
 def chord(*keys: imgui.Key) -> int:
-    """Keys pressed together, for imgui. As a number: older Pythons cannot join keys by ``|``."""
+    """Return imgui's number of keys pressed together; older Pythons cannot join keys by ``|``."""
     return sum(map(int, keys))
 
 
@@ -265,7 +266,7 @@ _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
 
 
 def markdown_table() -> str:
-    """The table of the viewer's README."""
+    """Return the table of the viewer's README."""
     lines = ["| where | keys and mouse | |", "|---|---|---|"]
     for place, rows in TABLE.items():
         for number, row in enumerate(rows):

@@ -27,12 +27,12 @@ from viewer.session import Session
 from viewer.values.preferences import Preferences
 
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 8.0, 20.0
-"""Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody
-touches anything meanwhile."""
+"""Frames per second at most; the second if OpenGL and the worker share the processor, the third while nothing is
+touched, the last during an idle turn."""
 _TOUCHED = 0.7  # s for which a touch counts
-_INSPECTOR, _LIBRARY = (300.0, 0.185), (140.0, 0.09)  # px of a 96 ppi screen at the least, share of the window's width
-_NARROW = 1100.0  # px of a 96 ppi screen: in a narrower window the library is a strip below the view
-_STRIP, _DRAWER = 105.0, 170.0  # px of a 96 ppi screen: height of that strip and of the drawer
+_INSPECTOR, _LIBRARY = (300.0, 0.185), (140.0, 0.09)  # px at 96 ppi at least, fraction of the window's width
+_NARROW = 1100.0  # px at 96 ppi: in a narrower window the library is a strip below the view
+_STRIP, _DRAWER = 105.0, 170.0  # px at 96 ppi: heights of that strip and of the drawer
 
 
 class App:
@@ -47,14 +47,14 @@ class App:
         native_dialogs: bool | None = None,
         instance: SingleInstance | None = None,
     ) -> None:
-        """Nothing opens yet.
+        """Create the app; nothing opens yet.
 
         Args:
-            size: px of a 96 ppi screen; None: most of the screen.
-            folder: where layout and preferences are kept for the next time; None keeps nothing.
-            headless: draw a window that nobody sees.
-            native_dialogs: None: as the system has them.
-            instance: where second starts hand their files to.
+            size: px at 96 ppi; None takes most of the screen.
+            folder: for layout and preferences; None keeps nothing.
+            headless: draw an invisible window.
+            native_dialogs: None uses the system's if it has them.
+            instance: to which later starts send their files.
         """
         window.prepare(headless)
         self.session = session
@@ -84,9 +84,9 @@ class App:
         self._software, self._touched = False, 0.0
         self._frame_started = 0.0
         self._themed: bool | None = None
-        self._folded: list[Panel] = []  # panels that were shown before only the view was
+        self._folded: list[Panel] = []  # shown before the view was shown alone
         self._failed: dict[str, str] = {}
-        self._reported: dict[str, str] = {}  # by what failed in the last frame, why
+        self._reported: dict[str, str] = {}  # last error of each callback that failed in the last frame
         if headless:
             self.context.attended = False
             window.make_headless(self.params, self._finish_frame)
@@ -95,7 +95,7 @@ class App:
         session.start()
 
     def run(self) -> None:
-        """Open the window; returns when it is closed, also by a signal."""
+        """Open the window; return when it is closed, also by a signal."""
         on_signals(lambda _: self._quit(), (*TERMINATION, "SIGINT"))
         window.run(self.params)
 
@@ -107,14 +107,14 @@ class App:
         self.params.app_shall_exit = True
 
     def _reset_layout(self) -> None:
-        """Every panel where it is at first, and as it is at first: shown or folded away."""
+        """Reset every panel to its initial place and visibility."""
         for panel in self.panels:
             self._dockable_of(panel).is_visible = not panel.folded
         self._place_panels()
         self.context.focus = "Mix"
 
     def _place_panels(self) -> None:
-        """Where they are at first in a window of this size."""
+        """Put panels in their initial places for the window's size."""
         docking, size = (
             self.params.docking_params,
             imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor(),
@@ -123,7 +123,7 @@ class App:
         docking.layout_reset = True
 
     def _follow_width(self) -> None:
-        """Place the panels anew where the library becomes a strip, or is none any more."""
+        """Place the panels again when the library becomes a strip or stops being one."""
         width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor()
         if not width:  # there is no window yet
             return
@@ -133,7 +133,7 @@ class App:
             self._place_panels()
 
     def _fold_panels(self) -> None:
-        """The view alone, or the panels that were there before, else those at first."""
+        """Show the view alone, or the panels from before, else the initial ones."""
         docked = [panel for panel in self.panels if panel.dock != "View"]
         if shown := [panel for panel in docked if self._dockable_of(panel).is_visible]:
             self._folded = shown
@@ -168,11 +168,10 @@ class App:
 
     @staticmethod
     def _splits(width: float, height: float) -> list[hello_imgui.DockingSplit]:
-        """The library on the left, or below the view where the window is narrow, the inspector on the right; the drawer
-        opens below the view.
+        """Return the layout: the library left or, in a narrow window, below; the inspector right; the drawer below.
 
         Args:
-            width, height: of the window, px of a 96 ppi screen.
+            width, height: of the window, px at 96 ppi.
         """
         dirs = imgui.Dir
         right, left = (max(least, share * width) for least, share in (_INSPECTOR, _LIBRARY))
@@ -194,7 +193,7 @@ class App:
         return window
 
     def _draw_bare(self, panel: Panel) -> None:
-        """Without a tab; and it never scrolls: what lies over the view must not change its size."""
+        """Draw a panel without a tab or scroll bar: overlays must not change the view's size."""
         bare = imgui.WindowClass()
         bare.dock_node_flags_override_set = imgui.DockNodeFlags_.auto_hide_tab_bar
         imgui.set_next_window_class(bare)
@@ -209,7 +208,7 @@ class App:
         imgui.end()
 
     def _draw_panel(self, panel: Panel) -> None:
-        """Draw a panel; one that fails says so, and the others work on."""
+        """Draw a panel; one that fails reports it, and the others go on."""
         if panel.title in self._failed:
             imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")
             added = self.context.session.editor.objects.added
@@ -220,14 +219,14 @@ class App:
             self._failed[panel.title] = error_text(error)
 
     def _offers_to_remove(self, name: str) -> bool:
-        """The object that came last, as what a panel fails of may be that; whether it was removed."""
+        """Offer to remove the newest object, a possible cause of the panel's failure; return whether it was removed."""
         removed = imgui.button(f"Remove {name}###remove newest")
         if removed:
             self.context.session.remove(name)
         return removed
 
     def _guard(self, what: str, draw: Callable[[], None]) -> Exception | None:
-        """Draw something; a failure is returned, reported in the first frame of many, and does not end the program."""
+        """Call ``draw``; return an error, and report it in the first of many frames."""
         state = imgui.internal.ErrorRecoveryState()
         imgui.internal.error_recovery_store_state(state)
         try:
@@ -249,7 +248,7 @@ class App:
         self._software = window.in_software(self._gl)
         self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
         self.context.baked_canvas, self.context.fast_opengl = BakedCanvas(self._gl), is_fast(self._gl)
-        # A mistake in a panel is logged by imgui, and does not end the program.
+        # imgui logs errors in a panel instead of ending the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
@@ -263,11 +262,11 @@ class App:
     def _dropped(self, paths: list[str]) -> None:
         try:
             self.context.drop(paths)
-        except Exception as error:  # glfw would keep it, and raise it in some later call
+        except Exception as error:  # glfw would keep it, and raise it in a later call
             self.session.messages.report("Cannot take this file", error)
 
     def _take(self, start: Start) -> None:
-        """A second start, which leaves its wishes to this window."""
+        """Take the files of a second start."""
         window.bring_to_front()
         if start.model:
             self.session.open_model(start.model)
@@ -310,7 +309,7 @@ class App:
         self.each_frame()
 
     def rate(self) -> float:
-        """Frames a second that the window needs now: few where software draws them beside a job of the worker."""
+        """The frames per second that the window needs now: few if software draws them beside a job of the worker."""
         io = imgui.get_io()
         if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
             self._touched = time.monotonic()
@@ -324,7 +323,7 @@ class App:
         self._guard("The menu failed", lambda: menu.draw(self.context))
 
     def _draw(self) -> None:
-        """All that is not docked."""
+        """Draw everything that is not docked."""
         context = self.context
         self._guard("This key failed", lambda: run_keys(context))
         self._guard("This key failed", lambda: self._close_top(context))
@@ -349,7 +348,7 @@ class App:
 
     @staticmethod
     def _close_top(context: PanelContext) -> None:
-        """Esc closes what is on top: a menu or a list, else the help; dialogs close themselves."""
+        """Close the topmost menu or list on Esc, else the help; dialogs close themselves."""
         if not imgui.is_key_pressed(imgui.Key.escape):
             return
         if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
@@ -358,7 +357,7 @@ class App:
             context.help_open = False
 
     def _save_preferences(self) -> None:
-        """Write them as soon as they change, so that a crash does not lose them."""
+        """Save preferences as soon as they change, so that a crash does not lose them."""
         if self._folder and self.context.preferences != self._saved_preferences:
             self._saved_preferences = self.context.preferences
             try:

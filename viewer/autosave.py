@@ -1,4 +1,4 @@
-"""Autosave: the work, written down while it is edited, kept from launch to launch, and after a run that ended badly."""
+"""Autosave: work is saved during editing and restored at the next launch, also after a crash."""
 
 import secrets
 import time
@@ -15,15 +15,13 @@ from viewer.services.messages import Button, MessageKind
 from viewer.session import PICTURES, Session
 from viewer.values.project import SUFFIX, Project, left_out
 
-_EVERY = 5.0  # s between two writings at the least
-_EARLIER = 10  # sessions that were replaced, kept
-_DAY = 86_400.0  # s, after which a file that a killed run was writing is removed
+_EVERY = 5.0  # s between two saves at least
+_EARLIER = 10  # number of replaced sessions that are kept
+_DAY = 86_400.0  # s after which an unfinished file of a killed run is removed
 
 
 class Autosave:
-    """A file for every run. At its end it becomes the one that the next run begins with; one that is left belongs to a
-    run that ended badly, and is offered.
-    """
+    """Keeps one file per run, which the next run continues; a crashed run's file is offered to be restored."""
 
     def __init__(
         self,
@@ -32,15 +30,13 @@ class Autosave:
         clock: Callable[[], float] = time.monotonic,
         every: float = _EVERY,
     ) -> None:
-        """Go on with what was kept in ``folder``, look for what was left there, and write there, at most once in so
-        many seconds.
-        """
+        """Continue the session in ``folder``, find files of crashed runs there, and save there every ``every`` s."""
         self._session, self._clock, self.every = session, clock, every
         self._kept_file, self._pictures_file = folder / f"session{SUFFIX}", folder / PICTURES
         self._earlier = folder / "earlier"
         self._own_file = folder / f"session-{secrets.token_hex(8)}{SUFFIX}"
         self._lock = _lock(self._own_file)
-        self._written: tuple[object, ...] = ()  # what the file holds
+        self._written: tuple[object, ...] = ()  # contents of the file
         self._when = clock()
         self._thread = ThreadPoolExecutor(1, "autosave")
         self._writing: Future[int] | None = None
@@ -49,18 +45,18 @@ class Autosave:
             self._lock.acquire(timeout=0)
         _sweep(folder)
         self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
-        """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
+        """files of crashed runs, the newest last; that is offered first, then the ones before"""
         session.archive.connect(self._archive)
         self._resume()
         self._offer()
 
     @property
     def earlier(self) -> tuple[Path, ...]:
-        """Sessions that were replaced by others, the last one first."""
+        """Replaced sessions, the last one first."""
         return tuple(sorted(self._earlier.glob(f"*{SUFFIX}"), reverse=True))
 
     def tick(self) -> None:
-        """Once a frame: begin to write, if there is something new and no drag is under way."""
+        """Begin to save if something changed and no drag is in progress; call once a frame."""
         if self._writing and self._writing.done():
             self.finish()
         parts = self._session.parts
@@ -73,13 +69,13 @@ class Autosave:
                 self._writing = self._thread.submit(project.save, self._own_file, self._session.models)
 
     def finish(self) -> None:
-        """Wait for the file that is being written, and tell how that went."""
+        """Wait for the current save and report its result."""
         if self._writing:
             writing, self._writing = self._writing, None
             self._tell(writing.result)
 
     def _offer(self) -> None:
-        """Ask whether to restore what was left last, telling what it holds; where that is nothing, it goes."""
+        """Offer to restore the newest crashed run, with its contents; delete an empty one."""
         if not self.recoverable:
             return
         path, held = self.recoverable[-1], "nobody knows what"
@@ -94,7 +90,7 @@ class Autosave:
         self._session.messages.notify(text, MessageKind.NOTE, buttons=buttons, lasts=True)
 
     def restore(self) -> None:
-        """Add what was left last to what there is. Where that cannot be, it stays until it is discarded."""
+        """Add the newest crashed run to the session; if that fails, keep it until it is discarded."""
         path = self.recoverable[-1]
         try:
             self._session.restore(Project.load(path, self._session.models))
@@ -105,7 +101,7 @@ class Autosave:
             self._discard(path)
 
     def discard(self) -> None:
-        """Delete what was left last, and offer what was left before it."""
+        """Delete the newest crashed run and offer the one before."""
         self._discard(self.recoverable[-1])
 
     def _discard(self, path: Path) -> None:
@@ -114,7 +110,7 @@ class Autosave:
         self._offer()
 
     def close(self) -> None:
-        """The run ends well; what an earlier one left stays until someone has decided."""
+        """End the run; files of crashed runs stay until a person has decided."""
         self.finish()
         self._thread.shutdown()
         self._keep()
@@ -123,14 +119,14 @@ class Autosave:
         Path(self._lock.lock_file).unlink(missing_ok=True)
 
     def _keep(self) -> None:
-        """The file of this run becomes the one that the next run begins with."""
-        # Where another window was closed meanwhile, the next launch begins with its session, and offers this one.
+        """Make the file of this run the next run's start."""
+        # If another window was closed meanwhile, the next launch begins with its session and offers this one.
         to = self._own_file if self._kept_file.exists() else self._kept_file
         if self._write(self._session.project(), to) and to == self._kept_file:
             self._own_file.unlink(missing_ok=True)
 
     def _resume(self) -> None:
-        """Take over the file by renaming it: a project that crashes the program is not loaded at the next start."""
+        """Take the file over by renaming it: a project that crashes the program is not loaded again."""
         try:
             self._kept_file.replace(self._own_file)
             project = Project.load(self._own_file, self._session.models)
@@ -168,17 +164,17 @@ class Autosave:
 
 
 def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:
-    """The very same values: comparing them by their numbers would take long."""
+    """Return whether the values are identical objects: comparing their numbers would take long."""
     return len(first) == len(second) and all(one is other for one, other in zip(first, second, strict=True))
 
 
 def _lock(path: Path) -> FileLock:
-    """The lock that a run holds on its file as long as it lives."""
+    """Return the lock that a run holds on its file during its lifetime."""
     return FileLock(path.with_name(f".{path.stem}.lock"), thread_local=False)
 
 
 def _runs(path: Path) -> bool:
-    """Whether the run that writes a file is still there, on whatever machine."""
+    """Return whether the run that writes a file still exists, on any machine."""
     lock = _lock(path)
     try:
         lock.acquire(timeout=0)
@@ -192,7 +188,7 @@ def _runs(path: Path) -> bool:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove unfinished files of runs that were killed."""
+    """Remove unfinished files of killed runs."""
     for path in folder.glob(".*.partial*"):
         with suppress(OSError):
             if time.time() - path.stat().st_mtime > _DAY:

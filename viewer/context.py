@@ -1,4 +1,4 @@
-"""The context of panels: the session, and the window's own things around it."""
+"""The context of panels: the session, and the window's own state."""
 
 from collections import deque
 from collections.abc import Callable
@@ -33,7 +33,7 @@ MODELS = (".safetensors", ".pth", ".pt")
 
 @dataclass(eq=False)
 class PanelContext:
-    """Given to every panel. Canvas and images are there once the window is."""
+    """Passed to every panel. Canvas and images exist once the window does."""
 
     session: Session
     files: FileDialog
@@ -42,13 +42,13 @@ class PanelContext:
     share_open: bool = False
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
-    fast_opengl: bool = False  # measured at start: a baked object is drawn in no more than a frame's time
-    attended: bool = True  # somebody may look at the window; nothing moves by itself in one that nobody sees
+    fast_opengl: bool = False  # measured at start: a baked object is drawn within a frame's time
+    attended: bool = True  # a person may see the window; in an invisible one nothing moves by itself
     images: Images | None = None
-    bold: imgui.ImFont | None = None  # the font of headings
-    focus: str = "Mix"  # the panel to bring to the front
-    tool: str = "turn"  # what a drag in the view does: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
-    dragged: str = ""  # the object that is dragged to a slot
+    bold: imgui.ImFont | None = None  # for headings
+    focus: str = "Mix"  # panel to bring to the front
+    tool: str = "turn"  # action of a drag in the view: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
+    dragged: str = ""  # object being dragged to a slot
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
     frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
     covered: float = 0.0  # px at the view's lower edge, by the history
@@ -57,7 +57,7 @@ class PanelContext:
     reset_layout: Callable[[], None] = lambda: None
     fold_panels: Callable[[], None] = lambda: None
     panels: tuple[str, ...] = ()  # titles of all
-    autosave: Autosave | None = None  # None where nothing is kept
+    autosave: Autosave | None = None  # None if nothing is saved
     clipboard: Clipboard = field(default_factory=Clipboard)
     file_manager: Callable[[Path], None] = show_in_folder
 
@@ -69,11 +69,11 @@ class PanelContext:
         return DARK if self.preferences.dark else LIGHT
 
     def set_preference(self, **values: Any) -> None:
-        """Change preferences by their names."""
+        """Change preferences by name."""
         self.preferences = replace(self.preferences, **values)
 
     def resize_text(self, steps: int) -> None:
-        """A larger text, or a smaller one."""
+        """Change the size of the text by ``steps``."""
         self.preferences = self.preferences.with_text_size(self.preferences.text * 1.1**steps)
 
     def next_view_mode(self) -> None:
@@ -83,18 +83,18 @@ class PanelContext:
         self.session.viewport.change(mode=USUAL_MODES[after % len(USUAL_MODES)])
 
     def add_key(self) -> None:
-        """Make what is shown a keyframe, and show the timeline."""
+        """Make the view a keyframe, and show the timeline."""
         self.session.player.add_key()
         self.focus = "Timeline"
 
     def see_photo(self) -> None:
-        """See the object from its photo's camera, the photo over it to be wiped away; and without the photo again."""
+        """See the object from its photo's camera, under the photo that is wiped away; or end that."""
         wiped = self.tool == "wipe" and self.session.photo_camera == self.session.editor.scene.camera
         self.tool = "turn" if wiped else "wipe"
         self.session.see_from("photo")
 
     def copy_image(self) -> None:
-        """The view on white, without its shadow, into the clipboard."""
+        """Copy the view on white, without its shadow."""
         assert self.session.viewport.frame is not None, "nothing is shown yet"
         try:
             copy_image(self.session.viewport.frame.image)
@@ -106,12 +106,12 @@ class PanelContext:
     # The camera as text
 
     def copy_camera(self) -> None:
-        """The camera as a line of text into the clipboard."""
+        """Copy the camera as a line of text."""
         imgui.set_clipboard_text(camera_text(self.session.editor.scene.camera))
         self.session.messages.notify("Copied the camera")
 
     def paste_camera(self) -> None:
-        """See the object from the camera that the clipboard's text names."""
+        """Use the camera in the clipboard's text."""
         try:
             self.session.editor.set_camera(
                 camera_from_text(imgui.get_clipboard_text(), self.session.editor.scene.camera)
@@ -123,22 +123,22 @@ class PanelContext:
 
     @property
     def file_name(self) -> str:
-        """What files are called: the name of the object, of letters and numbers."""
+        """The object's name in letters and numbers, for file names."""
         return file_name(self.session.editor.state.mix.a.words)
 
     def fit_image(self) -> None:
-        """Ask for an image, and fit it."""
+        """Ask for an image and fit it."""
         self.files.ask(FileRequest("Photo of one object", self.fit, IMAGE_SUFFIXES))
 
     def fit(self, *paths: Path) -> None:
-        """Fit images of one object and show how it goes."""
+        """Fit images of one object and show the progress."""
         for path in paths:
             if path.suffix.lower() in IMAGE_SUFFIXES:
                 self._remember(path)
         self.fit_unlisted(*paths)
 
     def fit_unlisted(self, *paths: Path) -> None:
-        """Fit images that are not to be among the recent files, and show how it goes."""
+        """Fit images without adding them to the recent files, and show the progress."""
         self.focus = "Photo"
         self.session.fitting.start(*paths)
 
@@ -149,12 +149,12 @@ class PanelContext:
         jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), ended))
 
     def open_file(self) -> None:
-        """Ask for a photo, a project, a scene, an image that holds one, or a model, and take it."""
+        """Ask for a photo, a project, a scene, an image of a scene, or a model, and open it."""
         kinds = (*PROJECTS, ".json", *IMAGE_SUFFIXES, *MODELS)
         self.files.ask(FileRequest("Photo, project or model to open", lambda path: self.drop([str(path)]), kinds))
 
     def load(self, path: Path) -> None:
-        """Open a project, a scene, an image that holds one, or a model."""
+        """Open a project, a scene, an image of a scene, or a model."""
         self._remember(path)
         if is_project(path):
             self.session.open_project(path)
@@ -164,12 +164,12 @@ class PanelContext:
             self.session.open_scene(path)
 
     def save_project(self) -> None:
-        """Save all that was made, where it was saved before; ask where, if it was not."""
+        """Save the project to its file; ask for a name if it has none."""
         path = self.session.project_path
         self._save_project(path) if path else self.save_project_as()
 
     def save_project_as(self) -> None:
-        """Ask where to, and save all that was made."""
+        """Ask for a name and save the project."""
         self.files.ask(
             FileRequest("Save the project as", self._save_project, PROJECTS, True, f"{self.file_name}{SUFFIX}")
         )
@@ -181,7 +181,7 @@ class PanelContext:
             self.save_project_as()
 
     def share(self, kind: str = "") -> None:
-        """Open the Share dialog, at one of :data:`viewer.values.share_settings.KINDS`, else at the last one."""
+        """Open the Share dialog at a kind of :data:`viewer.values.share_settings.KINDS`, or at the last one."""
         self.share_open = True
         if kind:
             self.set_preference(share=replace(self.preferences.share, kind=kind))
@@ -194,9 +194,7 @@ class PanelContext:
             self.session.messages.report("Cannot show the folder", error)
 
     def drop(self, paths: list[str]) -> None:
-        """Take files dropped on the window: projects, models, scenes, and images that hold one, are opened; all others
-        are photos of one object, which is fitted.
-        """
+        """Open dropped projects, models, scenes and images of scenes; fit all others as photos of one object."""
         others = []
         for path in map(Path, paths):
             if path.suffix.lower() in (SUFFIX, ".json", *MODELS) or embedded_scene(path):
@@ -212,12 +210,12 @@ class PanelContext:
 
 
 class Panel:
-    """A dockable window, one subject each."""
+    """A dockable window for one subject."""
 
     title: str
     dock: str  # View, Left (the library), Right (the inspector) or Drawer (below the view)
-    folded = False  # not shown until it is chosen in the menu Panels; can be closed
-    bare = False  # its subject needs no words: it has no tab, unless another panel is beside it
+    folded = False  # hidden until it is chosen in the menu Panels; can be closed
+    bare = False  # without a tab, unless it shares its place with another panel
 
     def draw(self, context: PanelContext) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""

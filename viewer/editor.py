@@ -1,4 +1,4 @@
-"""The editor: an object's codes, its camera and the timeline. Every edit can be undone."""
+"""The editor of an object's codes, its camera and the timeline. Every edit can be undone."""
 
 from dataclasses import replace
 from itertools import chain
@@ -23,9 +23,9 @@ from viewer.values.project import Project
 
 
 class Editor:
-    """Each edit is one step of undo, or joins the drag (``gesture``) that it belongs to until :meth:`end_gesture`.
+    """Edits one object of any open model; an edit is one undo step, or joins its drag (``gesture``).
 
-    The object may be of any open model. What it is mixed with is of the same one.
+    A drag ends with :meth:`end_gesture`. Objects are mixed only within a model.
     """
 
     def __init__(self, models: OpenModels, first: Model, generator: torch.Generator) -> None:
@@ -36,14 +36,14 @@ class Editor:
         scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
         self.history = History(State(scene, mix))
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, undo included
-        self.object_chosen = Signal[[]]()  # emitted after that when another object was chosen
+        self.object_chosen = Signal[[]]()  # emitted after that if another object was chosen
         self._generator = generator
 
-    # What there is
+    # State
 
     @property
     def state(self) -> State:
-        """All that undo restores."""
+        """Everything that undo restores."""
         return self.history.now
 
     @property
@@ -58,42 +58,42 @@ class Editor:
 
     @property
     def locked(self) -> frozenset[Part]:
-        """The parts of this model's objects that no edit of codes changes; opening a scene or a fit does, and undo."""
+        """Parts of this model's objects that edits of codes leave unchanged."""
         return frozenset(part for model, part in self._locked if model == self.scene.codes.model)
 
     def is_mixable(self, name: str) -> bool:
-        """Whether an object can be mixed with the one on screen: both are of one model."""
+        """Return whether an object can be mixed with the one on screen: both are of one model."""
         return self.objects[name].codes.model == self.scene.codes.model
 
     def space(self, part: Part) -> CodeSpace:
-        """The distribution of the trained codes of one part."""
+        """Return the distribution of the trained codes of a part."""
         codes = self.model.codes
         return codes.shape_space if part == "shape" else codes.texture_space
 
     def code(self, part: Part) -> Tensor:
-        """The current code of one part."""
+        """Return the current code of a part."""
         return getattr(self.scene.codes, part)
 
     def pair(self, pair: Pair) -> Codes:
-        """The shape of one object in the texture of another."""
+        """Return the shape of one object and the texture of another."""
         return self.objects[pair.texture].codes.taking("shape", self.objects[pair.shape].codes)
 
     # The camera
 
     def set_camera(self, camera: Camera, gesture: str = "") -> None:
-        """See the object from another place. Gestures that follow each other, as turning and zooming, are one step."""
+        """Change the camera. Successive gestures, such as turning and zooming, are one step."""
         scene = replace(self.scene, camera=camera)
         self._go(self.history.changed(replace(self.state, scene=scene), gesture, moves=bool(gesture)))
 
     # Codes
 
     def set_detail_strength(self, strength: float, gesture: str = "") -> None:
-        """Show more or less (0..1) of what the photo adds to the colours; nothing where there is no photo."""
+        """Set the strength of the photo detail, 0..1; nothing happens without a photo."""
         if detail := self.scene.codes.detail:
             self.set_detail(replace(detail, strength=min(1.0, max(0.0, strength))), gesture)
 
     def set_detail(self, detail: PhotoDetail, gesture: str = "") -> None:
-        """Show other detail of the object's photos."""
+        """Replace the detail of the object's photos."""
         codes = replace(self.scene.codes, detail=detail)
         self._edit(replace(self.scene, codes=codes), gesture=gesture)
 
@@ -102,39 +102,39 @@ class Editor:
         self._set_codes(replace(self.scene.codes, texture=texture), self.state.mix, gesture)
 
     def reset(self) -> None:
-        """Back to object A."""
+        """Return to object A."""
         self._set_codes(self.pair(self.state.mix.a), replace(self.state.mix, shape=0.0, texture=0.0))
 
     def sample(self) -> None:
-        """Sample shape and texture from the distribution of the trained ones; what is locked stays."""
+        """Sample shape and texture from the distribution of the trained ones, except locked parts."""
         self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
 
     # Along a direction
 
     def strength(self, direction: Direction) -> float:
-        """How far the object is along a direction, in standard deviations from the mean."""
+        """Return the object's position along a direction, in standard deviations from the mean."""
         return direction.strength(self.scene.codes, self.model.codes.mean)
 
     def move_along(self, direction: Direction, to: float, gesture: str = "") -> None:
-        """Give the object another strength along a direction."""
+        """Move the object along a direction to the position ``to``."""
         codes = direction.moved(self.scene.codes, self.model.codes.mean, to)
         self._set_codes(codes, self.state.mix, gesture)
 
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object current; it becomes A, with nothing of B."""
+        """Make an object current: A, with nothing of B."""
         self._set_codes(self.objects[name].codes, self._mix_from(Pair(name, name)))
         self.object_chosen.emit()
 
     def take(self, part: Part, name: str) -> None:
-        """Take only the shape, or only the texture, of an object, with nothing of B's."""
+        """Take only the shape or the texture of an object, with nothing of B."""
         mix = self.state.mix
         mix = replace(mix, a=mix.a._replace(**{part: name})).with_amount(part, 0.0)
         self._set_codes(self.scene.codes.taking(part, self.objects[name].codes), mix)
 
     def set_b(self, name: str) -> None:
-        """Choose what A is mixed with. What has been mixed in is taken from the new object."""
+        """Choose B; a mixed object takes its part from the new one."""
         mix = replace(self.state.mix, b=self.objects[name].name)
         self._mix(mix, tuple(part for part in PARTS if getattr(mix, part) > 0))
 
@@ -142,33 +142,33 @@ class Editor:
         """Mix shape and texture, each from A (0) to B (1)."""
         self._mix(replace(self.state.mix, shape=shape, texture=texture), PARTS, gesture)
 
-    # The whole scene, and the timeline
+    # Scene and timeline
 
     def add_and_show(self, added: EditableObject, camera: Camera) -> str:
-        """Add an object to the library and make it current, as A, seen from a camera; its name."""
+        """Add an object to the library, make it current as A, seen from a camera, and return its name."""
         name = self.objects.add(added)
         self.show_added(name, camera)
         return name
 
     def show_added(self, name: str, camera: Camera) -> None:
-        """Make an object current, as A, seen from a camera, whatever is locked."""
+        """Make an object current as A, seen from a camera; locks are ignored."""
         codes = self.objects[name].codes
         self._edit(Scene(codes, camera), self._mix_from(Pair(name, name)))
 
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
-        """Show codes and the camera they belong to, such as a step of a fit, or a time of the timeline."""
+        """Show codes and their camera, such as a step of a fit or a time of the timeline."""
         self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture)
 
     def join(self, scene: Scene) -> None:
-        """Change the scene as a part of the edit before."""
+        """Change the scene as part of the last edit."""
         if scene != self.scene:
             self._go(replace(self.history, now=replace(self.state, scene=scene)))
 
     def improve(self, name: str, better: EditableObject, camera: Camera) -> bool:
-        """Put a better one in the place of an added object. Whether that is shown: only where the object was, unedited.
+        """Replace an added object by a better one; return whether it is shown: only in place of the unedited object.
 
         Args:
-            camera: from where the better one is seen then.
+            camera: of the better one when shown.
         """
         before = self.objects[name].codes
         self.objects.replace(name, better)
@@ -178,7 +178,7 @@ class Editor:
         return shown
 
     def rename(self, name: str, to: str) -> str:
-        """Give an added object another name, in all that undo remembers too; the name, which is made unique."""
+        """Rename an added object, also in undo; return the name, which is made unique."""
         if to in ("", name):
             return name
         new = self.objects.rename(name, to)
@@ -186,7 +186,7 @@ class Editor:
         return new
 
     def set_timeline(self, timeline: Timeline, gesture: str = "") -> None:
-        """Change the timeline; what is shown stays."""
+        """Change the timeline; the view stays."""
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: Project) -> None:
@@ -211,31 +211,31 @@ class Editor:
     # Undo
 
     def end_gesture(self) -> None:
-        """The drag has ended: the next edit is a step of its own."""
+        """End the drag: the next edit is a step of its own."""
         if self.history.gesture:
             self.history = self.history.without_gesture()
 
     def undo(self) -> None:
-        """One edit back."""
+        """Undo an edit."""
         self._go(self.history.undone())
 
     def redo(self) -> None:
-        """One edit forward again."""
+        """Redo an edit."""
         self._go(self.history.redone())
 
     def go_to(self, index: int) -> None:
-        """Back, or forward, to one of the states that undo remembers."""
+        """Go to a state that undo remembers."""
         self._go(self.history.at(index))
 
-    # No edit
+    # Not edits
 
     def lock(self, part: Part, locked: bool) -> None:
-        """Keep the shape, or the texture, of this model's objects from being changed; or let it go again."""
+        """Lock the shape or the texture of this model's objects against edits, or unlock it."""
         this = frozenset({(self.scene.codes.model, part)})
         self._locked = self._locked | this if locked else self._locked - this
 
     def _mix_of(self, model: Model) -> Mix:
-        """The mix of now, or the last one of another model's objects, or the first two of those."""
+        """Return the current mix, or the last of another model's, or its first two objects."""
         used = (state.mix for state in (self.state, *reversed(self.history.past)))
         of_model = (mix for mix in used if self.objects[mix.b].codes.model == model.fingerprint)
         return next(of_model, None) or self._first_mix(model)
@@ -246,7 +246,7 @@ class Editor:
         return Mix(Pair(first, first), second)
 
     def _mix_from(self, pair: Pair) -> Mix:
-        """The way from a pair to B."""
+        """Return the mix of a pair with B."""
         return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
 
     def check(self, saved: Project) -> None:
@@ -268,7 +268,7 @@ class Editor:
         self._set_codes(codes, mix, gesture)
 
     def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
-        """An edit of codes. What is locked stays as it is: its code, where it is from, and its slider."""
+        """Edit codes; locked parts keep their code, its origin, and its slider."""
         now = self.state
         for part in self.locked if codes.model == now.scene.codes.model else ():
             codes = codes.taking(part, now.scene.codes)

@@ -1,4 +1,4 @@
-"""An image of the window, taken by the program itself once everything is rendered."""
+"""An image of the window, taken by the program once everything is rendered."""
 
 import time
 from pathlib import Path
@@ -8,25 +8,25 @@ from PIL import Image
 
 from viewer.app import App
 
-_RATE = 12.0  # Frames per second: the processor is the worker's
-_SETTLED = 5  # Frames after which the layout is stable
-_FOR_THUMBNAILS = 20.0  # s that are waited for thumbnails, of which a model may have hundreds
+_RATE = 12.0  # frames per second: the worker needs the processor
+_SETTLED = 5  # frames after which the layout is stable
+_FOR_THUMBNAILS = 20.0  # s to wait for thumbnails, of which a model may have hundreds
 
 
 class Screenshot:
-    """Lets a window run until nothing is under way, then ends it and saves what it showed."""
+    """Runs a window until all work is done, then ends it and saves its image."""
 
     def __init__(self, app: App, longest: float) -> None:
-        """Wait ``longest`` seconds at the most."""
+        """Wait ``longest`` seconds at most."""
         self._app = app
         self._until = time.monotonic() + longest
-        self._busy = 0.0  # s on the monotonic clock, when the last large frame was finished
+        self._busy = 0.0  # s on the monotonic clock at the end of the last large frame
         self._still = 0
         app.each_frame = self._check
         app.params.fps_idling.fps_max = _RATE
 
     def save(self, path: Path) -> None:
-        """Run the window, and write the image."""
+        """Run the window and write the image."""
         self._app.run()
         Image.fromarray(hello_imgui.final_app_window_screenshot()[..., :3]).save(path)
 

@@ -1,4 +1,4 @@
-"""A run of the program: the editor, all activities around it, and what is kept of them. No window here."""
+"""A run of the program without a window: the editor, its activities, and their saved state."""
 
 from contextlib import suppress
 from itertools import zip_longest
@@ -44,7 +44,7 @@ PICTURES = "pictures-1.safetensors"  # of the view and of tiles, in the folder o
 
 
 class Session:
-    """Makes the parts and connects them; opens, saves and replaces what is made with them."""
+    """Makes the parts and connects them; opens, saves and replaces projects."""
 
     def __init__(
         self,
@@ -54,21 +54,21 @@ class Session:
         folder: Path | None = None,
         first: str = DEFAULT_MODEL,
     ) -> None:
-        """Open the shipped models, and show the first object of one.
+        """Open the shipped models and show the first object of one.
 
         Args:
-            folder: of objects that last from launch to launch; None keeps nothing.
+            folder: of objects that are kept across launches; None keeps nothing.
             first: a shipped name, or the path of another model.
 
-        Raises ``ValueError`` where a model cannot be opened.
+        Raise ``ValueError`` if a model cannot be opened.
         """
         backend = backend or Backend()
         self.messages, self.models = Messages(), OpenModels(backend.load_model)
         self.jobs = Jobs(worker, backend, self.messages, self.models)
         self.photo_thumbnails = PhotoThumbnails(self.jobs)
         self.fit_options = FitOptions()
-        self.archive = Signal[Project]()  # emitted with what is about to be replaced, or cannot be continued with
-        self.project_path: Path | None = None  # where the project was saved, or opened from
+        self.archive = Signal[Project]()  # emitted with a project about to be replaced, or impossible to continue
+        self.project_path: Path | None = None  # of the saved or opened project
         self._user_objects = UserObjects(folder and folder / "mine")
         self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
         self._pictures = read_pictures(folder / PICTURES) if folder else {}  # of the last session
@@ -83,10 +83,10 @@ class Session:
         self._begin(self.models.open(first), ViewSettings())
 
     def _begin(self, first: Model, view: ViewSettings) -> None:
-        """All parts as they are at first, with the objects that are kept."""
+        """Make all parts in their initial state, with the kept objects."""
         jobs = self.jobs
         self.editor = Editor(self.models, first, self._generator)
-        self._initially_there = frozenset[str]()  # names of objects that were there from the beginning
+        self._initially_there = frozenset[str]()  # names of objects from the beginning
         for model in self.models:
             self._add_user_objects(model)
         self.viewport = Viewport(jobs, self.editor, view)
@@ -105,7 +105,7 @@ class Session:
             self._build_view_bank(model)
 
     def tick(self) -> None:
-        """Once a frame: what came from the worker, and what advances with time."""
+        """Take the worker's results and advance time; call once a frame."""
         self.jobs.worker.deliver()
         self.viewport.tick()
         self.player.tick()
@@ -115,7 +115,7 @@ class Session:
             self._keep_user_objects()
 
     def close(self) -> None:
-        """End what is under way."""
+        """End all jobs."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
         self.jobs.cancel("paint", "paint colour", "pull")
@@ -124,7 +124,7 @@ class Session:
     # Models and their objects
 
     def open_model(self, name: str) -> None:
-        """Add the objects of a model, a shipped name or a path, to the library, and show the first one."""
+        """Open a model by a shipped name or a path, add its objects to the library, and show the first."""
         load = self.jobs.backend.load_model
 
         def loaded(model: Model) -> None:
@@ -144,7 +144,7 @@ class Session:
             self.editor.show_object(next(iter(self.editor.objects.families[model.fingerprint])))
 
     def _add_models(self) -> None:
-        """Bring the objects of models that were opened into the library."""
+        """Add the objects of newly opened models to the library."""
         for model in self.models:
             if model.fingerprint not in self.editor.objects.families:
                 self.editor.objects.add_model(model)
@@ -153,7 +153,7 @@ class Session:
 
     @property
     def words(self) -> Words | None:
-        """What more of each principal direction makes of the object, such as *wider*; None until that is measured."""
+        """Words for the effect of each principal direction, such as *wider*; None until they are measured."""
         model, measure = self.editor.model, self.jobs.backend.direction_words
         if model.fingerprint not in self._words:
             self._words[model.fingerprint] = None
@@ -167,7 +167,7 @@ class Session:
 
     @property
     def preparing(self) -> float | None:
-        """Which share (0..1) of the view banks is made; None once all are there."""
+        """Finished fraction (0..1) of the view banks; None once all exist."""
         shares = [self.jobs.banks.shares.get(model.fingerprint, 0.0) for model in self.models]
         busy = self.jobs.busy(*(f"view bank {model.fingerprint}" for model in self.models))
         return sum(shares) / len(shares) if busy else None
@@ -177,12 +177,12 @@ class Session:
         self.jobs.submit(Job(name, lambda: banks.wait(model), lambda _: None, share=FIT_SHARE))
 
     def rename(self, name: str, to: str) -> None:
-        """Give an added object another name, wherever it is mentioned."""
+        """Rename an added object everywhere."""
         new = self.editor.rename(name, to)
         self.fitting.rename(name, new)
 
     def remove(self, name: str) -> None:
-        """Take an added object out of all lists; what is shown stays."""
+        """Remove an added object from all lists; the view stays."""
         self.editor.objects.remove(name)
         self.fitting.results.unseen.pop(name, None)
 
@@ -192,7 +192,7 @@ class Session:
         self._kept = objects.version
 
     def _keep_user_objects(self) -> None:
-        """Keep fitted objects for the next launch."""
+        """Save fitted objects for the next launch."""
         objects = self.editor.objects
         self._kept = objects.version
         try:
@@ -202,7 +202,7 @@ class Session:
 
     @property
     def pictures(self) -> dict[str, Pixels]:
-        """The view and the tiles that were shown last, for the next launch."""
+        """Return the last shown view and tiles, for the next launch."""
         return self.thumbnails.newest | self.viewport.picture
 
     @property
@@ -213,14 +213,14 @@ class Session:
 
     @property
     def samples(self) -> tuple[Path, ...]:
-        """Photos to try, of every category in turn."""
+        """Return sample photos, alternating between categories."""
         paths = zip_longest(*map(sample_images, dict.fromkeys(model.category for model in self.models)))
         return tuple(path for several in paths for path in several if path)
 
     # The view
 
     def see_from(self, view: str) -> None:
-        """One of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
+        """Use one of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
         if view == "home":
             self.viewport.reset_view()
         elif view == "photo" and (camera := self.photo_camera):
@@ -231,21 +231,22 @@ class Session:
 
     @property
     def photo_view(self) -> PhotoView | None:
-        """The photo of the object in the view that is shown, as its camera sees it; None where there is none."""
+        """The shown photo of the object in the view, as its camera sees it, if any."""
         detail = self.editor.scene.codes.detail
         return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
 
     @property
     def photo_camera(self) -> Camera | None:
-        """From where that photo was taken."""
+        """The camera of that photo."""
         view = self.photo_view
         return orbit.photo_camera(view.camera, self.editor.model) if view else None
 
     # Scenes and projects
 
     def open_scene(self, path: Path) -> None:
-        """Open a scene, or an image that holds one: its object joins the objects, and is shown. What cannot be read, or
-        is of a model that is not open, changes nothing.
+        """Open a scene, or an image of one, and show its object, which joins the others.
+
+        An unreadable scene, or one of a model that is not open, changes nothing.
         """
         try:
             wanted = scene_model(path)
@@ -258,7 +259,7 @@ class Session:
             self.messages.notify(f"Opened {path.name}")
 
     def project(self) -> Project:
-        """All that was made."""
+        """Return the project of all work."""
         history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
         used = frozenset[str]().union(*(state.mix.names for state in history.states))
         return Project(
@@ -274,7 +275,7 @@ class Session:
 
     @property
     def parts(self) -> tuple[object, ...]:
-        """Everything :meth:`project` is made of: as long as these are the same, so is that."""
+        """The inputs of :meth:`project`: while these are the same, so is that."""
         objects, fitting = self.editor.objects, self.fitting
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
@@ -283,8 +284,9 @@ class Session:
         return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
-        """Go on with a project: its states come before those of now, its objects join the others. Raises ``ValueError``
-        where that cannot be, and changes nothing then.
+        """Continue a project: its states precede the present ones, its objects join the others.
+
+        Raise ``ValueError`` and change nothing if it is invalid.
         """
         self._add_models()
         self.editor.restore(project)
@@ -306,10 +308,10 @@ class Session:
         return True
 
     def open_project(self, path: Path, keep_path: bool = True) -> None:
-        """Put a project in the place of all that was made. What cannot be read changes nothing.
+        """Replace all work by a project; an unreadable file changes nothing.
 
         Args:
-            keep_path: it is saved there again.
+            keep_path: later saves go to that file.
         """
         try:
             project = Project.load(path, self.models).beside(path.parent)
@@ -324,7 +326,7 @@ class Session:
             self.messages.notify(f"Opened {path.name}")
 
     def new(self) -> None:
-        """Begin afresh; fitted objects stay."""
+        """Begin a new project; fitted objects stay."""
         if not (before := self.project()).is_empty:
             self.archive.emit(before)
         self.close()

@@ -1,7 +1,7 @@
-"""Does the photo show the model's category? The loss of a fit cannot tell.
+"""Test whether a photo shows the model's category, which the loss of a fit cannot tell.
 
-A car in a chairs model becomes a grey chair of some kind, from a side that may well be clear. So a detector that was
-trained on photographs tells (:mod:`core.photos.detector`): ``Photo.categories`` has the probability of each category.
+In a chairs model a car becomes some grey chair, possibly from a clear direction. So a detector trained on photographs
+decides (:mod:`core.photos.detector`): ``Photo.categories`` holds the probability of each category.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,18 +11,18 @@ from core.models.library import DEFAULT_MODEL
 from core.models.model import singular
 from core.photos.photo import Photo
 
-UNLIKELY = 0.3  # Probability of a category below which people are told that the photo does not seem to show it.
+UNLIKELY = 0.3  # probability of a category below which people are warned
 
-_CLEAR = 0.9  # The share of one category among all known ones from which no other is offered.
+_CLEAR = 0.9  # fraction of one category's probability above which no other is offered
 
 
 def category_likelihood(category: str, photos: Sequence[Photo]) -> float:
-    """Return the probability that all photos show the category, 0..1; of a photo that tells nothing, 1."""
+    """Return the probability that all photos show the category, 0..1; 1 for photos of unknown category."""
     return prod(photo.categories.get(category, 1.0) for photo in photos)
 
 
 def likeliest_category(guess: Mapping[str, float]) -> str | None:
-    """The category that an image probably shows; None where it shows none of them."""
+    """Return the category that an image probably shows; None if it probably shows none."""
     if not guess:
         return None
     name, probability = max(guess.items(), key=lambda item: item[1])
@@ -30,7 +30,7 @@ def likeliest_category(guess: Mapping[str, float]) -> str | None:
 
 
 def likelier_model(guess: Mapping[str, float]) -> str:
-    """The model of the likeliest category, however unlikely it is that an image shows any.
+    """Return the model of the likeliest category, however unlikely.
 
     Example:
         >>> likelier_model({"cars": 0.2, "chairs": 0.1})
@@ -40,7 +40,7 @@ def likelier_model(guess: Mapping[str, float]) -> str:
 
 
 def other_model(guess: Mapping[str, float]) -> str:
-    """What else an image may show, in words, where its looks leave that open; else "".
+    """Return a hint at the second category of an ambiguous image, or "".
 
     Example:
         >>> other_model({"cars": 0.6, "chairs": 0.2})
@@ -54,7 +54,7 @@ def other_model(guess: Mapping[str, float]) -> str:
 
 
 def describe_difference(first: Mapping[str, float], other: Mapping[str, float]) -> str:
-    """The warning for a person who fits two images as one object; "" where they may show one.
+    """Return a warning if two images probably show different categories, or "".
 
     Example:
         >>> describe_difference({"cars": 0.9, "chairs": 0.05}, {"cars": 0.1, "chairs": 0.8})
@@ -70,7 +70,7 @@ def describe_difference(first: Mapping[str, float], other: Mapping[str, float]) 
 
 
 def describe_category(guess: Mapping[str, float], category: str) -> str:
-    """The warning for a person who fits a photo with a model of ``category``; "" where it shows one.
+    """Return a warning if a photo probably shows another category than the model's, or "".
 
     Example:
         >>> describe_category({"cars": 0.95, "chairs": 0.03}, "chairs")

@@ -1,12 +1,11 @@
-"""How far to trust a fitted camera: the probability that it is right, from what the fit itself knows.
+"""The confidence of a fitted camera: the probability that it is right, from results of the fit itself.
 
-Wrong cameras are mostly those of another basin (the opposite view above all) that explains the photo about as well. So
-a fit keeps the best hypothesis of another basin, the runner-up, and the margin between the two says how clear the
-choice was: by the share of the runner-up's loss that the winner saves. Some wrong cameras lie in no basin: the model
-cannot explain the photo. Their loss itself is high, the objective is flat, and its curvature says how uncertain the
-camera is. Where two searches were run and agree, the smaller margin counts. The three numbers below are a logistic
-regression over fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them
-anew and tells how well the confidence separates right from wrong.
+Most wrong cameras lie in another basin (above all the opposite view) that explains the photo about as well. So a fit
+keeps the best hypothesis of another basin, the runner-up; the margin is the fraction of its loss that the winner saves.
+Some wrong cameras lie in no basin: the model cannot explain the photo. Their loss is high, the objective is flat, and
+its curvature gives a large uncertainty. If two searches agree, the smaller margin counts. The three numbers below are a
+logistic regression over fits of renders with known cameras: ``python -m core bench fit --dataset TEST_SET`` recomputes
+them and measures how well the confidence separates right from wrong.
 """
 
 import math
@@ -16,33 +15,31 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 RIGHT_DEGREES = 10.0
-"""A camera that is turned by less is right: it is in the right basin, and the rest is a matter of precision."""
-DOUBTFUL = 0.5  # A camera of less confidence is more likely wrong than right.
-SURE = 0.9  # Nearly all cameras of more confidence were right.
-_RIDGE = 0.1  # Keeps the weights finite where they separate all fits.
+"""A camera rotated by less is right: it is in the right basin, and the rest is a matter of precision."""
+DOUBTFUL = 0.5  # cameras of less confidence are more often wrong than right
+SURE = 0.9  # nearly all cameras of more confidence were right
+_RIDGE = 0.1  # keeps weights finite that separate all fits
 _MIN_UNCERTAINTY = 0.01  # degrees
-_MIN_MARGIN = -30.0  # keeps the relative margin of a hypothesis that has lost finite
+_MIN_MARGIN = -30.0  # keeps the relative margin of a losing hypothesis finite
 
 
 _EXPLAINED_PSNR, _EXPLAINED_WIDTH = 20.0, 1.0
-"""dB: a render that is further from its photo does not explain it. The 116 right fits of 120 held-out views have 23.7
-and more, right fits of 7 real photographs 21.7 and more; the one that is wrong, of a squashed car, has 18."""
+"""dB below which a render does not explain its photo. The 116 right fits of 120 held-out views reach 23.7 and more,
+right fits of 7 real photographs 21.7; the wrong one, of a squashed car, has 18."""
 
 
 _RIGHT_ANYHOW = 0.5
-"""What is left of a confidence where the mask is surely not the object: a guess, not calibrated. On 26 photographs no
-wrong camera has more than 0.79 by it, where two had 0.87 and 0.97."""
+"""Factor on the confidence if the mask is certainly not the object; a guess, not calibrated. On 26 photographs it keeps
+every wrong camera at 0.79 or less, where two had 0.87 and 0.97."""
 
 
-_WITNESS_DEGREES = 30.0  # Azimuths that differ by less agree.
+_WITNESS_DEGREES = 30.0  # azimuths that differ by less agree
 _AGREES, _MIRRORED, _CONTRADICTS = 0.7, -0.3, -1.2
-"""Logarithms of the odds that a camera is right, by what a second witness tells of its azimuth."""
+"""Change of the log-odds of a right camera if a second witness agrees, is mirrored, or contradicts."""
 
 
 class Calibration(NamedTuple):
-    """The logarithm of the odds of a right camera: a constant, and the weights of the relative margin and of the
-    logarithm of the uncertainty.
-    """
+    """Log-odds of a right camera: a constant, and weights of the relative margin and the log uncertainty."""
 
     constant: float
     margin: float
@@ -50,19 +47,18 @@ class Calibration(NamedTuple):
 
 
 CALIBRATION = Calibration(0.14, 6.97, -1.55)
-"""Of the shipped chairs and cars together: 216 blind fits by ``normal``, 120 of them of held-out objects, before a
-restart lowered their margins. On the 184 of them that were fitted again since then, 6 of them wrong, the confidence
-has an AUROC of 0.96.
+"""Of the shipped chairs and cars together: 216 blind fits by ``normal``, 120 of held-out objects, before a restart
+lowered their margins. On the 184 of them fitted again since then, 6 of them wrong, the confidence has an AUROC of 0.96.
 """
 
 
 def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION, witness: float = 0.0) -> float:
-    """The probability that a fitted camera is right, 0..1.
+    """Return the probability that a fitted camera is right, 0..1.
 
     Args:
-        margin: the logarithm of the loss of the runner-up over that of the winner.
-        uncertainty: degrees that the winner may be off within its basin.
-        witness: as :func:`witness_odds` has it.
+        margin: log ratio of the runner-up's loss to the winner's.
+        uncertainty: degrees, of the winner within its basin.
+        witness: from :func:`witness_odds`.
 
     Example:
         >>> confidence(math.log(2), 1.0, Calibration(-2.0, 4.0, -1.0))
@@ -74,10 +70,10 @@ def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION,
 
 
 def witness_odds(told: tuple[float, float] | None, azimuth: float) -> float:
-    """Return what a second witness adds to the logarithm of the odds that a camera's azimuth (rad) is right.
+    """Return a second witness's change of the log-odds that a camera's azimuth (rad) is right.
 
     Args:
-        told: the azimuth and elevation of the witness (rad); None where there is none.
+        told: azimuth and elevation of the witness (rad), or None.
 
     Example:
         >>> [witness_odds(told and (told, 0.3), 1.0) for told in (1.2, -1.2, 2.5, None)]
@@ -92,14 +88,14 @@ def witness_odds(told: tuple[float, float] | None, azimuth: float) -> float:
 
 
 def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:
-    """A confidence of 0..1, in a word."""
+    """Return a word for a confidence of 0..1."""
     if confidence < DOUBTFUL:
         return "doubtful"
     return "sure" if confidence > SURE else "likely"
 
 
 def explained(psnr: float) -> float:
-    """How far a render explains its photo, 0..1, by their PSNR (dB): no camera is right that explains nothing.
+    """Return how well a render explains its photo, 0..1, from their PSNR (dB).
 
     Example:
         >>> round(explained(30.0), 3), round(explained(20.0), 3), round(explained(15.0), 3)
@@ -109,11 +105,11 @@ def explained(psnr: float) -> float:
 
 
 def plausible(category: float, cut_out: float, psnr: float) -> float:
-    """How far a camera can be right at all, 0..1, however clear it is among others.
+    """Return an upper bound of a camera's confidence, 0..1, independent of other cameras.
 
     Args:
-        category: the probability that the photo shows the model's category; likelier than not is not doubted.
-        cut_out: the probability that the mask is the object.
+        category: probability that the photo shows the model's category; no doubt above one half.
+        cut_out: probability that the mask is the object.
         psnr: dB, between render and photo.
 
     Example:
@@ -124,9 +120,7 @@ def plausible(category: float, cut_out: float, psnr: float) -> float:
 
 
 def _relative_margin(margin: float) -> float:
-    """The share of the runner-up's loss that the winner saves, at most 1: ten times worse is hardly clearer than
-    thrice.
-    """
+    """Return the fraction of the runner-up's loss that the winner saves; large ratios are equally clear."""
     return -math.expm1(-max(margin, _MIN_MARGIN))
 
 
@@ -135,9 +129,9 @@ def _log_uncertainty(uncertainty: float) -> float:
 
 
 def fit_calibration(margins: Sequence[float], uncertainties: Sequence[float], right: Sequence[bool]) -> Calibration:
-    """Logistic regression by Newton's method, with a small ridge on the weights per standard deviation.
+    """Fit a logistic regression by Newton's method, with a small ridge on the standardised weights.
 
-    Raises ``ValueError`` where the fits are not both right and wrong.
+    Raises ``ValueError`` unless some fits are right and some wrong.
     """
     if len(set(right)) < 2:
         raise ValueError("a calibration needs fits that are right and fits that are wrong")
@@ -157,9 +151,9 @@ def fit_calibration(margins: Sequence[float], uncertainties: Sequence[float], ri
 
 
 def auroc(scores: Sequence[float], right: Sequence[bool]) -> float:
-    """The chance that a right fit scores above a wrong one (area under the ROC curve), ties counting half.
+    """Return the probability that a right fit scores above a wrong one (area under the ROC curve); ties count half.
 
-    NaN where one kind lacks.
+    NaN if either kind is missing.
 
     Example:
         >>> auroc([0.9, 0.8, 0.3], [True, True, False])

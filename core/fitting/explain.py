@@ -1,4 +1,4 @@
-"""The reasons of a fit: what it began with, what each stage kept, and what each term of the objective costs."""
+"""The course of a fit: initial candidates, survivors of each stage, and the value of each loss term."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -18,19 +18,19 @@ _CANDIDATES = 12
 
 
 class Explanation(NamedTuple):
-    """Of the first photo of a fit."""
+    """The course of a fit, for its first photo."""
 
-    categories: dict[str, float]  # the probability of each
-    candidates: CandidateCameras | None  # the best matching views of the view bank; None where the camera was known
-    stages: tuple[FitStep, ...]  # the last step of each stage, with the hypotheses that were left
+    categories: dict[str, float]  # probability of each
+    candidates: CandidateCameras | None  # best matching views of the view bank; None for a known camera
+    stages: tuple[FitStep, ...]  # last step of each stage, with the remaining hypotheses
     terms: tuple[dict[str, float], ...]
-    """by name the terms of the objective, of the result and of the best in another basin, on the same pixels"""
+    """loss terms by name, of the result and of the best in another basin, on the same pixels"""
 
 
 def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
-    """Why the fit with these steps (:func:`core.fitting.fit.fit` of the job) ended as it did.
+    """Explain the result of a job with these steps of :func:`core.fitting.fit.fit`.
 
-    Raises ``ValueError`` where there is no step.
+    Raises ``ValueError`` without steps.
     """
     stages = _last_of_stages(steps)
     photo, generator = job.photos[0], torch.Generator().manual_seed(job.seed)

@@ -1,7 +1,7 @@
-"""Fitting (Eq. 5): from photos of an object to its codes and, where unknown, its cameras, in five steps.
+"""Fitting (Eq. 5): from photos of an object to its codes and unknown cameras, in five steps.
 
-Every hypothesis is a camera per photo and a pair of codes, all of them one batch of one network call. The codes enter
-as biases, so hypotheses cost what their points cost. The paper's own recipe is :mod:`core.fitting.paper`.
+Every hypothesis is a camera per photo and a pair of codes; all are one batch of one network call. Codes enter as
+biases, so the cost of a hypothesis is that of its points. The paper's own recipe is :mod:`core.fitting.paper`.
 """
 
 import math
@@ -28,12 +28,12 @@ __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerU
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Find codes and unknown cameras: a FitStep per iteration, the last one being the best found.
+    """Find codes and unknown cameras: yield a FitStep per iteration, the last one with the best result.
 
-    The search is of the field without contrast (:attr:`core.models.model.Model.soft`), the result is shown with it.
-    The model stays as it is; the same seed gives the same steps; to stop, ask for no more, and of the last step take
-    :func:`core.fitting.photo_views.with_photo_detail`. Raises ``ValueError`` where a photo shows nothing, or where
-    every hypothesis diverged.
+    The search uses the field without contrast (:attr:`core.models.model.Model.soft`); the result is shown with
+    contrast. The model does not change, and the same seed gives the same steps. To stop, abandon the generator and pass
+    the last step to :func:`core.fitting.photo_views.with_photo_detail`. Raises ``ValueError`` if a photo shows nothing,
+    or if every hypothesis diverged.
     """
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
@@ -51,7 +51,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         shown = state.to_step(step, steps, time.perf_counter() - began)
         for view, camera in zip(state.views, shown.cameras, strict=True):
             cameras[view] = camera
-        # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
+        # A fit resumed from one hypothesis has no competitors, so the margin is meaningless.
         margin = None if job.resume_from else shown.margin
         told = zip(map(partial(told_direction, model), job.photos), cameras, strict=True)
         witness = sum(witness_odds(direction, camera.azimuth) for direction, camera in told)
@@ -61,7 +61,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
-    """The five steps."""
+    """Run the five steps."""
     # 1. Rank the view bank.
     initial, first_stage = yield from _initial(problem, schedule, job, generator)
     result: SearchResult | None = None
@@ -80,7 +80,7 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
                 local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
             )
             for batch in optimise(problem, local, schedule.local, generator):
-                # The coarse winner stands beside them, as it was: whoever stops early gets the better one.
+                # Keep the coarse winner beside them, so that stopping early returns the better one.
                 yield state(next(numbers), concatenate(batch, coarse.best) if schedule.coarse else batch, result)
             # 3. Refine the best.
             selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
@@ -94,11 +94,11 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
                 raise
             return  # with the result of the first search
         if result:
-            first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the second
+            first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the second search
             result = better_of(problem, result._replace(winner=first), found)
         else:
             result = found
-        # 5. Restart once if in doubt: by other pixels, and something in front may hide parts of the object.
+        # 5. Restart once if in doubt, with other pixels, assuming that an occluder may hide parts of the object.
         again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
         yield state(last_stage, result.winner, result, restart_follows=again, finished=True)
         if not again:
@@ -108,8 +108,9 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
 def _initial(
     problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator
 ) -> Generator[SearchState, None, tuple[HypothesisBatch, int]]:
-    """The first hypotheses, and the number of the next stage. Of several unknown cameras, each has a coarse search of
-    its own before they meet.
+    """Return the first hypotheses and the number of the next stage.
+
+    Several unknown cameras first get a coarse search each.
     """
     if job.resume_from:
         return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces), 0

@@ -1,8 +1,8 @@
-"""Damped Gauss-Newton (Levenberg and Marquardt) for many hypotheses at once.
+"""Damped Gauss-Newton (Levenberg-Marquardt) for many hypotheses at once.
 
-The objective is a sum of weighted squares (:mod:`core.fitting.objective`), so the Jacobian of its residuals makes a
-quadratic that is right near its minimum. Each step minimises the damped quadratic on fresh pixels; a fixed batch would
-be overfitted. Camera and codes move together, so that steps follow the valleys in which one makes up for the other.
+The objective is a sum of weighted squares (:mod:`core.fitting.objective`), so the jacobian of its residuals gives a
+quadratic model that is accurate near the minimum. Each step minimises the damped quadratic on fresh pixels; a fixed
+batch would be overfitted. Camera and codes move together, so that steps follow valleys in which they compensate.
 """
 
 import math
@@ -41,23 +41,23 @@ from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 from core.runtime.precision import matmul_dtype
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
-"""of each camera parameter: beyond, the quadratic says nothing"""
+"""limit of the step of each camera parameter, beyond which the quadratic is unreliable"""
 _MAX_CODE_STEP = 3.0  # standard deviations
 _EFFECTIVE_PIXELS = 64
-"""Independent errors in a photo: so many that right cameras are about as far off as their uncertainty."""
-_SAMPLES_PER_JACOBIAN = 11  # One of so many samples of a ray goes into the Jacobian.
+"""Number of independent errors in a photo, chosen so that errors of right cameras match their uncertainty."""
+_SAMPLES_PER_JACOBIAN = 11  # samples of a ray per sample in the jacobian
 
 
 class NormalEquations(NamedTuple):
-    """The objective of hypotheses, and its quadratic around them.
+    """The objective of hypotheses, and its quadratic model around them.
 
     Parameters are those of the cameras, view by view, then those of the shape and of the texture code.
     """
 
     objective: Float[Tensor, "hypotheses"]
-    squared_error: Float[Tensor, "hypotheses"]  # as in ObjectiveValue
-    gradient: Float[Tensor, "hypotheses parameters"]  # half of it
-    hessian: Float[Tensor, "hypotheses parameters parameters"]  # half of Gauss-Newton's
+    squared_error: Float[Tensor, "hypotheses"]  # see ObjectiveValue
+    gradient: Float[Tensor, "hypotheses parameters"]  # half of the gradient
+    hessian: Float[Tensor, "hypotheses parameters parameters"]  # half of Gauss-Newton's Hessian
 
 
 def gauss_newton_step(
@@ -70,14 +70,14 @@ def gauss_newton_step(
     free: Bool[Tensor, "views 8"],
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> HypothesisBatch:
-    """One step of every hypothesis; its loss and squared error are those before the step.
+    """Step every hypothesis once; loss and squared error are those before the step.
 
     Args:
-        jitter: as for :func:`core.fitting.hypotheses.hypothesis_rays`.
-        free: which parameters of which camera may move.
-        cells: as for :func:`core.fitting.objective.evaluate_objective`.
+        jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
+        free: movable parameters of each camera.
+        cells: see :func:`core.fitting.objective.evaluate_objective`.
 
-    A hypothesis whose objective is not finite gets infinite loss and stays where it is.
+    A hypothesis with a non-finite objective gets infinite loss and does not move.
     """
     equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective, cells)
     step = _solve_damped(equations, stage.damping, free)
@@ -95,10 +95,10 @@ def camera_uncertainty(
     free: Bool[Tensor, "views 8"],
     view: int,
 ) -> float:
-    """How far, in rad, the direction of a single hypothesis' camera may be off within its basin.
+    """Return the uncertainty, in rad, of the direction of a single hypothesis' camera within its basin.
 
-    The standard deviation that the objective's curvature leaves it (Laplace's approximation), where all that is free
-    to move makes up for its error as well as it can. The other arguments are those of :func:`gauss_newton_step`.
+    The standard deviation from the objective's curvature (Laplace's approximation), with all free parameters
+    compensating for the camera's error as well as possible. Other arguments are those of :func:`gauss_newton_step`.
     """
     equations = normal_equations(model, one.parameters, pixels, None, stage, objective)
     movable = _free_mask(equations, free).nonzero()[:, 0]
@@ -119,7 +119,7 @@ def normal_equations(
     objective: Objective,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> NormalEquations:
-    """The quadratic of the objective around hypotheses."""
+    """Return the quadratic model of the objective around hypotheses."""
     terms = [term(pixels, objective) for term in objective.terms]
     with_depth = any(term.needs_depth for term in terms)
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, with_depth)
@@ -139,7 +139,7 @@ def _add_term(
     gradient: Float[Tensor, "hypotheses parameters"],
     hessian: Float[Tensor, "hypotheses parameters parameters"],
 ) -> Float[Tensor, "hypotheses"]:
-    """Add half a term's gradient and half of its Gauss-Newton Hessian to those of other terms; returns its value."""
+    """Add half of a term's gradient and Gauss-Newton Hessian to the sums; return its value."""
     vector, channels = to_vector(parameters).requires_grad_(), rendered.channels.detach().requires_grad_()
     residual = term.residual(from_vector(vector, parameters), RenderedPixels(channels))
     value = residual.detach()
@@ -148,10 +148,10 @@ def _add_term(
     of = vector, channels
     parts = [torch.autograd.grad(part.sum(), of, retain_graph=True, allow_unused=True) for part in scaled.unbind(-1)]
     by_vector, by_channels = zip(*parts, strict=True)
-    if by_vector[0] is not None:  # each residual has a parameter of its own
+    if by_vector[0] is not None:  # each residual has its own parameter
         gradient += torch.autograd.grad((known * scaled).sum(), vector, retain_graph=True)[0]
         hessian.diagonal(dim1=1, dim2=2).add_(torch.stack(by_vector).square().sum(0))
-    if by_channels[0] is not None:  # each residual has a pixel of its own
+    if by_channels[0] is not None:  # each residual has its own pixel
         rows = (torch.stack(by_channels, -2) @ jacobian).flatten(1, -2)
         gradient += (known.flatten(1)[:, None] @ rows)[:, 0]
         hessian.baddbmm_(rows.mT, rows)
@@ -167,7 +167,7 @@ def _render(
     cells: Bool[Tensor, "hypotheses x y z"] | None,
     with_depth: bool,
 ) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
-    """The pixels, and the Jacobian of their channels along all parameters that may move."""
+    """Render the pixels with the jacobian of their channels by all movable parameters."""
     shapes, textures = model.codes.shape_space, model.codes.texture_space
     shape, texture = shapes.code(parameters.shape), textures.code(parameters.texture)
     dtype = matmul_dtype(model.device.type)
@@ -211,7 +211,7 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypoth
     cos, sin = crop_transform[..., 1].cos()[..., None, None], crop_transform[..., 1].sin()[..., None, None]
 
     def across(axis: Tensor) -> Tensor:
-        """The change of a direction through a point of the image that moves by one focal length along an axis."""
+        """Return the change of a direction whose image point moves by one focal length along an axis."""
         return forward * (axis - directions * (directions * axis).sum(-1, keepdim=True))
 
     closer = -across(backward)
@@ -229,7 +229,7 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypoth
 
 
 def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Bool[Tensor, "parameters"]:
-    """Which parameters may move: the free ones of cameras, and the codes'."""
+    """Return which parameters may move: free ones of cameras, and all of the codes."""
     codes = equations.gradient.shape[1] - free.numel()
     return torch.cat((free.flatten(), torch.ones(codes, dtype=torch.bool)))
 
@@ -237,7 +237,7 @@ def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Boo
 def _solve_damped(
     equations: NormalEquations, damping: float, free: Bool[Tensor, "views 8"]
 ) -> Float[Tensor, "hypotheses parameters"]:
-    """The step to the minimum of the damped quadratic, but not beyond what it can know; zero where it is not finite."""
+    """Return the step to the minimum of the damped quadratic, limited in length; zero if not finite."""
     movable = _free_mask(equations, free)
     identity = torch.eye(len(movable))
     diagonal = equations.hessian.diagonal(dim1=1, dim2=2)
@@ -256,5 +256,5 @@ def _solve_damped(
 def _apply_step(
     parameters: Parameters, step: Float[Tensor, "hypotheses parameters"], free: Bool[Tensor, "views 8"]
 ) -> Parameters:
-    """The parameters after a step, within what cameras can be."""
+    """Return the parameters after a step, within valid ranges of cameras."""
     return clamp_parameters(from_vector(to_vector(parameters) + step, parameters), free.any(1))

@@ -1,4 +1,4 @@
-"""Hypotheses about what photos show: a camera for each and one pair of codes, many hypotheses in one batch."""
+"""Hypotheses about photos: a camera for each and one pair of codes, many hypotheses in one batch."""
 
 import math
 from collections.abc import Sequence
@@ -16,18 +16,16 @@ from core.models.codes import Codes, CodeSpace
 from core.models.model import Model
 from core.rendering.shape_cells import shape_cells
 
-CAMERA_PARAMETERS = 8
-"""of one view: azimuth, elevation, logarithms of distance and focal length; logarithm of scale, roll, shift x and y"""
-_BASIN = math.radians(25)  # Cameras that differ by less mostly converge to the same one.
-_SIMILAR_FOCAL = 0.2  # So do those with focal lengths whose logarithms differ by less.
-_OPPOSITE_COSINE = -0.6  # of the difference between two azimuths, where the cameras look from opposite sides
-MAX_ZOOM = 1.5
-"""logarithm of the longest focal length over the given one: beyond, there is no perspective left to be seen"""
+CAMERA_PARAMETERS = 8  # of one view: azimuth, elevation, log distance, log focal length; log scale, roll, shift x and y
+_BASIN = math.radians(25)  # cameras closer than this mostly converge to the same one
+_SIMILAR_FOCAL = 0.2  # for similar focal lengths: difference of their logarithms
+_OPPOSITE_COSINE = -0.6  # cosine of the azimuth difference of cameras on opposite sides
+MAX_ZOOM = 1.5  # logarithm of the longest focal length over the given one; beyond, no perspective is visible
 _MAX_ELEVATION = math.radians(89.9)
 
 
 class DivergedError(ValueError):
-    """No hypothesis is finite any more."""
+    """No hypothesis is finite."""
 
     def __init__(self) -> None:
         super().__init__("the fit diverged from every start")
@@ -35,17 +33,17 @@ class DivergedError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One explanation of the photos. A fit can resume from it."""
+    """One explanation of the photos, from which a fit can resume."""
 
-    origin: int  # the number of the initial hypothesis that it comes from
+    origin: int  # number of the initial hypothesis it comes from
     loss: float
     cameras: tuple[Camera, ...]  # one per photo, at the photo's size
     codes: Codes
-    crop_transform: Float[Tensor, "views 4"]  # as in Parameters; its scale is a part of the cameras' focal lengths
+    crop_transform: Float[Tensor, "views 4"]  # see Parameters; its scale is included in the cameras' focal lengths
 
 
 class Parameters(NamedTuple):
-    """All that is searched for.
+    """The searched parameters.
 
     Azimuth and elevation are searched directly: for an upright camera aimed at the origin the metric of (azimuth,
     elevation) is constant, also at the pole, where azimuth is roll.
@@ -53,13 +51,13 @@ class Parameters(NamedTuple):
 
     angles: Float[Tensor, "hypotheses views 2"]  # azimuth, elevation; rad
     distance: Float[Tensor, "hypotheses views"]
-    """logarithm of the distance over the model's, as far as the focal length does not make up for it"""
+    """logarithm of the distance over the model's, without the change that compensates for the focal length"""
     zoom: Float[Tensor, "hypotheses views"]
-    """logarithm of the focal length over the given one. The camera is as much further away, so that the object keeps
+    """Logarithm of the focal length over the given one. The camera moves away in proportion, so that the object keeps
     its size and only the perspective changes."""
     crop_transform: Float[Tensor, "hypotheses views 4"]
-    """How a photo shows what its camera sees: the logarithm of its scale (a crop is a zoom, from where the camera is),
-    its roll (rad, clockwise), and where the optical axis is, x right and y down, in focal lengths as given."""
+    """Map from the camera's image to the photo: log scale (a crop is a zoom from the same place), roll (rad,
+    clockwise), and position of the optical axis (x right, y down, in given focal lengths)."""
     shape: Float[Tensor, "hypotheses shape_rank"]
     """standard deviations along the principal directions; in the paper's recipe the code itself"""
     texture: Float[Tensor, "hypotheses texture_rank"]
@@ -67,18 +65,17 @@ class Parameters(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class HypothesisBatch:
-    """Hypotheses while they are optimised."""
+    """Hypotheses during optimisation."""
 
     parameters: Parameters
     loss: Float[Tensor, "hypotheses"]
-    """what they are ranked by: a running mean of the objective, weighed with the viewpoint classifier; infinite where a
-    hypothesis diverged"""
-    squared_error: Float[Tensor, "hypotheses"]  # as in ObjectiveValue
+    """for ranking: running mean of the objective, weighted by the viewpoint classifier; infinite if diverged"""
+    squared_error: Float[Tensor, "hypotheses"]  # see ObjectiveValue
     origin: Int[Tensor, "hypotheses"]
 
     @classmethod
     def of(cls, parameters: Parameters) -> "HypothesisBatch":
-        """Initial hypotheses, numbered in their order."""
+        """Number initial hypotheses in order."""
         zeros = torch.zeros(len(parameters.angles))
         return cls(parameters, zeros, zeros, torch.arange(len(zeros)))
 
@@ -91,7 +88,7 @@ class HypothesisBatch:
 
     @property
     def leader(self) -> int:
-        """The index of the least loss. Raises :class:`DivergedError` where all have diverged."""
+        """Return the index of the least loss. Raises :class:`DivergedError` if all have diverged."""
         best = int(self.loss.argmin())
         if not math.isfinite(float(self.loss[best])):
             raise DivergedError
@@ -104,27 +101,27 @@ class HypothesisBatch:
 
 
 def concatenate(*batches: HypothesisBatch) -> HypothesisBatch:
-    """All hypotheses of some batches."""
+    """Concatenate batches."""
     names = ("loss", "squared_error", "origin")
     parameters = Parameters(*map(torch.cat, zip(*(batch.parameters for batch in batches), strict=True)))
     return HypothesisBatch(parameters, *(torch.cat([getattr(batch, name) for batch in batches]) for name in names))
 
 
 def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
-    """The last batch, at the mean of the parameters of them all."""
+    """Return the last batch with the mean parameters of all batches."""
     parameters = (torch.stack(parts).mean(0) for parts in zip(*(batch.parameters for batch in batches), strict=True))
     return replace(batches[-1], parameters=Parameters(*parameters))
 
 
 def to_vector(parameters: Parameters) -> Float[Tensor, "hypotheses parameters"]:
-    """The parameters in a row: of the cameras, view by view, then of shape and texture."""
+    """Flatten the parameters: cameras view by view, then shape and texture."""
     angles, distance, zoom, crop_transform, shape, texture = parameters
     cameras = torch.cat((angles, distance[..., None], zoom[..., None], crop_transform), -1)
     return torch.cat((cameras.flatten(1), shape, texture), 1).detach()
 
 
 def from_vector(vector: Float[Tensor, "any parameters"], sizes: Parameters) -> Parameters:
-    """The inverse of :func:`to_vector`, for parameters with as many views and directions as ``sizes``."""
+    """Invert :func:`to_vector` for parameters with as many views and directions as ``sizes``."""
     views, shape = sizes.distance.shape[1], sizes.shape.shape[1]
     cameras, *codes = vector.split((views * CAMERA_PARAMETERS, shape, sizes.texture.shape[1]), 1)
     angles, distance, zoom, crop_transform = cameras.unflatten(1, (views, -1)).split((2, 1, 1, 4), -1)
@@ -141,12 +138,12 @@ def hypothesis_rays(
     samples: int = 1,
     jitter: Float[Tensor, "views all_rays"] | None = None,
 ) -> Rays:
-    """The rays of some pixels, (hypotheses, views, all rays), on the model's device.
+    """Cast the rays of some pixels, (hypotheses, views, all rays), on the model's device.
 
-    They are clipped to the box; where the network itself paints the background, to the depths it was trained on.
+    Rays are clipped to the box or, if the network paints the background, to its training depths.
 
     Args:
-        jitter: (views, all rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
+        jitter: (views, all rays) in [-0.5, 0.5], shift of a ray's samples in intervals.
     """
     device = model.device
     distance = (model.distance * (parameters.distance + parameters.zoom).exp()).to(device)[..., None]
@@ -166,9 +163,7 @@ def hypothesis_rays(
 def image_points(
     parameters: Parameters, pixels: Float[Tensor, "views rays 2"]
 ) -> Float[Tensor, "hypotheses views rays 2"]:
-    """Where pixels are in the images of upright cameras that look at the object; x right and y down from the middle, in
-    focal lengths.
-    """
+    """Map pixels to images of upright cameras aimed at the object; from the middle, x right, y down, focal lengths."""
     scale, roll, shift = parameters.crop_transform[..., None, :].split((1, 1, 2), -1)
     x, y = (pixels - shift).unbind(-1)
     cos, sin = roll[..., 0].cos(), roll[..., 0].sin()
@@ -177,23 +172,21 @@ def image_points(
 
 
 def hypothesis_cells(model: Model, parameters: Parameters) -> Bool[Tensor, "hypotheses x y z"] | None:
-    """The cells of the box that each hypothesis' shape may occupy, as :func:`core.rendering.shape_cells.shape_cells`
-    finds them.
-    """
+    """Return the cells that each hypothesis' shape may occupy (:func:`core.rendering.shape_cells.shape_cells`)."""
     return shape_cells(model, model.field.shape_bias(model.codes.shape_space.code(parameters.shape)))
 
 
 def known_cells(
     model: Model, cells: Bool[Tensor, "hypotheses x y z"] | None
 ) -> Bool[Tensor, "hypotheses_or_one x y z"] | None:
-    """The cells of hypotheses, where those are not known the cells of all objects; on the model's device."""
+    """Return the hypotheses' cells or, if unknown, the cells of all objects; on the model's device."""
     if cells is None and model.occupied_cells is not None:
         return model.occupied_cells[None].to(model.device)
     return cells
 
 
 def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Parameters:
-    """With elevations, distances and focal lengths of these views within the range that is searched."""
+    """Clamp elevations, distances and focal lengths of some views to the searched range."""
     azimuth, elevation = parameters.angles.unbind(-1)
     elevation = elevation.clamp(-_MAX_ELEVATION, _MAX_ELEVATION).where(views, elevation)
     return parameters._replace(
@@ -205,7 +198,7 @@ def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Pa
 
 
 def to_cameras(model: Model, parameters: Parameters, index: int, cameras: Sequence[Camera]) -> tuple[Camera, ...]:
-    """The cameras of one hypothesis.
+    """Return the cameras of one hypothesis.
 
     Args:
         cameras: one per view, with its size and focal length.
@@ -224,10 +217,10 @@ def to_cameras(model: Model, parameters: Parameters, index: int, cameras: Sequen
 def to_hypotheses(
     model: Model, batch: HypothesisBatch, cameras: Sequence[Camera], spaces: tuple[CodeSpace, CodeSpace]
 ) -> tuple[Hypothesis, ...]:
-    """The hypotheses of a batch, the least loss first, without those that have diverged.
+    """Return the hypotheses of a batch by loss, without diverged ones.
 
     Args:
-        cameras: as for :func:`to_cameras`.
+        cameras: see :func:`to_cameras`.
         spaces: of shape and texture.
     """
     parameters, losses = batch.parameters, batch.loss.tolist()
@@ -245,24 +238,24 @@ def to_hypotheses(
     )
 
 
-# Basins: cameras from which a fit mostly ends at the same place
+# Basins: cameras from which fits mostly converge to the same one
 
 
 def opposite_views(batch: HypothesisBatch, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, "hypotheses"]:
-    """Which hypotheses see a view from roughly the opposite side (azimuth + 180 degrees) of where this one does."""
+    """Mark hypotheses that see a view from roughly the opposite side (azimuth + 180 degrees) of this one."""
     turn = batch.parameters.angles[:, views, 0] - batch.parameters.angles[index, views, 0]
     return (turn.cos() < _OPPOSITE_COSINE).any(-1)
 
 
 def flip_azimuth(one: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
-    """The same hypotheses from the opposite side in these views: the front/back ambiguity."""
+    """Return the hypotheses seen from the opposite side in these views: the front/back ambiguity."""
     angles = one.parameters.angles.clone()
     angles[:, views, 0] += math.pi
     return replace(one, parameters=one.parameters._replace(angles=angles))
 
 
 def by_loss(batch: HypothesisBatch) -> Int[Tensor, "some"]:
-    """The hypotheses that have not diverged, the least loss first. Raises :class:`DivergedError` where all have."""
+    """Return the indices of finite hypotheses by loss. Raises :class:`DivergedError` if there are none."""
     order = batch.loss.argsort(stable=True)
     order = order[batch.loss[order].isfinite()]
     if not len(order):
@@ -271,9 +264,9 @@ def by_loss(batch: HypothesisBatch) -> Int[Tensor, "some"]:
 
 
 def suppress_neighbours(batch: HypothesisBatch, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
-    """As :func:`by_loss`, but all that are near a better one come last (non-maximum suppression).
+    """Return the order of :func:`by_loss` with neighbours of better hypotheses last (non-maximum suppression).
 
-    Near are those of one basin in all these views, and of similar focal lengths.
+    Neighbours share a basin in all these views and have similar focal lengths.
     """
     zooms = batch.parameters.zoom[:, views]
     near = _same_basin(batch, batch, views) & ((zooms[:, None] - zooms).abs() < _SIMILAR_FOCAL).all(-1)
@@ -284,9 +277,7 @@ def suppress_neighbours(batch: HypothesisBatch, views: Bool[Tensor, "views"]) ->
 
 
 def best_other_basin(best: HypothesisBatch, among: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
-    """The best of ``among`` in another basin than the single ``best``; if there is none, its opposite view, of infinite
-    loss as nothing is known of it.
-    """
+    """Return the best of ``among`` in another basin than ``best``; else its opposite view with infinite loss."""
     others = ~_same_basin(best, among, views)[0] & among.loss.isfinite()
     if not bool(others.any()):
         unknown = flip_azimuth(best, views)
@@ -297,7 +288,7 @@ def best_other_basin(best: HypothesisBatch, among: HypothesisBatch, views: Bool[
 def _same_basin(
     first: HypothesisBatch, second: HypothesisBatch, views: Bool[Tensor, "views"]
 ) -> Bool[Tensor, "firsts seconds"]:
-    """Which hypotheses are in one basin in all these views."""
+    """Mark pairs of hypotheses that share a basin in all these views."""
     one, other = (camera_rotation(*batch.parameters.angles[:, views].unbind(-1)) for batch in (first, second))
     cosines = (torch.einsum("avij,bvij->abv", one, other) - 1) / 2
     return (cosines > math.cos(_BASIN)).all(-1)

@@ -1,7 +1,7 @@
-"""Where hypotheses begin: at cameras of the view bank with shapes of its prototypes, or where a fit left off.
+"""Initial hypotheses: cameras of the view bank with shapes of its prototypes, or the state of an earlier fit.
 
-Codes have local minima, so shapes compete as cameras do: every camera of the view bank comes with the shape that looks
-most like the photo from there, and where all cameras are known, several shapes come with them.
+Codes have local minima, so shapes compete like cameras: every camera of the view bank comes with the shape most similar
+to the photo from there; if all cameras are known, with several shapes.
 """
 
 import math
@@ -30,18 +30,20 @@ from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras, shape_similarity
 
-_SHAPE_BLEND = 0.6  # How much of a prototype's shape a hypothesis begins with, the rest being the mean shape.
+_SHAPE_BLEND = 0.6  # weight of a prototype's shape in an initial shape; the rest is the mean shape
 _MIN_DIFFERENCE = 1e-3
-"""Standard deviations by which a prototype that is not the mean object differs from the mean shape."""
+"""Standard deviations by which a prototype other than the mean object differs from the mean shape."""
 _INITIAL_ZOOMS = (0.0, -0.3, 0.3)
-"""Logarithms of focal lengths over the model's that pairs of cameras (one and mostly its opposite) take turns in, where
-these are searched for: a code that has settled with one focal length does not let go of it."""
-_SIZE_TOLERANCE = 0.25  # How much the logarithm of an object's apparent size differs from that of its prototype.
+"""Log focal lengths over the model's, alternating between pairs of cameras (usually opposite ones).
+
+Only if focal lengths are searched: a code that has converged with one focal length keeps it."""
+_SIZE_TOLERANCE = 0.25  # variation of the log apparent size of objects around their prototype's
 
 
 def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator) -> HypothesisBatch:
-    """At most ``count`` hypotheses: the best cameras of the view bank for every photo without one, each with the shape
-    that looks most like the photos from there; and where all cameras are known, that many shapes.
+    """Return at most ``count`` hypotheses at the best cameras of the view bank for photos without a camera.
+
+    Each has the shape most similar to the photos from there. If all cameras are known, they differ in shape.
     """
     model, space = problem.model, problem.model.codes.shape_space
     candidates = {
@@ -66,12 +68,12 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
 
 
 def _place(problem: Problem, view: int, parameters: Parameters, found: CandidateCameras) -> None:
-    """Put one view of every hypothesis where a candidate camera is."""
+    """Put one view of every hypothesis at a candidate camera."""
     count, photo = len(parameters.angles), problem.photos[view]
     parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
     further = (found.distance[:count] / problem.model.distance).log()
     if not photo.scaled:
-        # Objects differ in size too: only what that does not explain is put down to the distance.
+        # Objects differ in size too: only the unexplained rest is attributed to the distance.
         further = further - further.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
     if photo.cropped:
         parameters.crop_transform[:, view, 2:] = found.shift[:count]
@@ -84,7 +86,7 @@ def _place(problem: Problem, view: int, parameters: Parameters, found: Candidate
 
 
 def random_angles(count: int, generator: torch.Generator) -> Float[Tensor, "count 2"]:
-    """Azimuths and elevations (rad) on the upper half of the sphere, no direction likelier than another."""
+    """Return azimuths and elevations (rad) uniform on the upper half of the sphere."""
     anywhere = torch.rand(count, 2, generator=generator)
     return torch.stack((2 * math.pi * anywhere[:, 0], anywhere[:, 1].asin()), -1)
 
@@ -100,7 +102,7 @@ def _candidates(problem: Problem, view: int, count: int, generator: torch.Genera
 
 
 def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "count rank"]) -> Parameters:
-    """Every shape, with the mean texture, at given cameras."""
+    """Return every shape, with the mean texture, at given cameras."""
     count, views = len(shape), len(cameras)
     angles = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras]).repeat(count, 1, 1)
     distance = torch.tensor([math.log(camera.distance / model.distance) for camera in cameras]).repeat(count, 1)
@@ -109,9 +111,9 @@ def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "c
 
 
 def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> Float[Tensor, "count rank"]:
-    """The mean shape, and shapes towards the prototypes that look most like the photos from these cameras.
+    """Return the mean shape, and shapes towards the prototypes most similar to the photos from these cameras.
 
-    They are fewer where the view bank has not so many.
+    Fewer than ``count`` if the view bank has fewer.
     """
     space = problem.model.codes.shape_space
     mean = torch.zeros(1, len(space.std))
@@ -120,7 +122,7 @@ def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> F
     bank = problem.bank
     if bank is None or not problem.components.prototype_shapes:
         return mean.expand(count, -1)
-    if bank.is_empty:  # If the camera is known, even a mist can be fitted.
+    if bank.is_empty:  # With a known camera even an untrained model can be fitted.
         return mean
     shapes, similarity = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
     for photo, camera in zip(problem.photos, cameras, strict=True):
@@ -132,9 +134,9 @@ def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> F
 
 
 def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBatch:
-    """At most ``count`` hypotheses at and around the cameras of a batch's best basins
-    (:data:`core.fitting.schedule.LOCAL_OFFSETS`), with codes that know nothing of what those have learnt: the mean
-    texture, and shapes that look most like the photos from there.
+    """Return at most ``count`` hypotheses at and around the best cameras (:data:`core.fitting.schedule.LOCAL_OFFSETS`).
+
+    Their codes are fresh: the mean texture, and shapes most similar to the photos from there.
     """
     if not problem.components.fresh_codes:
         return batch
@@ -143,7 +145,7 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
         cameras = to_cameras(problem.model, batch.parameters, index, problem.cameras)
         shapes = nearest_shapes(problem, cameras, max(most for *_, most in offsets))
         placed += [(rank, index, move, shape) for *move, most in offsets for rank, shape in enumerate(shapes[:most])]
-    placed.sort(key=lambda one: one[0])  # where there are not so many, every place has its most similar shapes
+    placed.sort(key=lambda one: one[0])  # if too many, every place keeps its most similar shapes
     _, indices, moves, shapes_there = zip(*placed[:count], strict=True)
     begin, unknown = batch[torch.tensor(indices)], problem.unknown
     angles = begin.parameters.angles + torch.tensor(moves).deg2rad()[:, None] * unknown[:, None]
@@ -153,7 +155,7 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
 
 
 def ordered(problem: Problem, batch: HypothesisBatch) -> Int[Tensor, "some"]:
-    """Hypotheses, the best first: one of each basin before a second one of any."""
+    """Return hypotheses, best first, with one of each basin before a second one of any."""
     if problem.components.distinct_basins:
         return suppress_neighbours(batch, problem.unknown)
     return by_loss(batch)
@@ -166,11 +168,11 @@ def resume_from(
     found: Hypothesis,
     spaces: tuple[CodeSpace, CodeSpace],
 ) -> HypothesisBatch:
-    """One hypothesis, where an earlier fit left it; known cameras are those of the photos.
+    """Return one hypothesis in the state of an earlier fit; known cameras are those of the photos.
 
     Args:
-        cameras: as for :func:`core.fitting.hypotheses.to_cameras`.
-        spaces: in which shape and texture are searched for.
+        cameras: see :func:`core.fitting.hypotheses.to_cameras`.
+        spaces: of shape and texture, in which the fit searches.
     """
     at = [photo.camera or camera for photo, camera in zip(photos, found.cameras, strict=True)]
     angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
@@ -183,10 +185,10 @@ def resume_from(
 
 
 def combine_views(parts: Sequence[tuple[list[int], HypothesisBatch]], views: int, count: int) -> HypothesisBatch:
-    """Hypotheses of all photos, from searches with some of them: the ``count`` combinations of least loss.
+    """Combine searches with some of the photos each: the ``count`` combinations of least loss.
 
     Args:
-        parts: which photos a search had, and what was left of its hypotheses.
+        parts: photos of each search, and its remaining hypotheses.
     """
     combinations: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
     for _, batch in parts:
@@ -200,7 +202,7 @@ def combine_views(parts: Sequence[tuple[list[int], HypothesisBatch]], views: int
 
 
 def _merge_views(views_of: Sequence[list[int]], chosen: Sequence[Parameters], views: int) -> Parameters:
-    """The cameras of all parts, and the mean of the codes they came with."""
+    """Return the cameras of all parts with the mean of their codes."""
     cameras = [part.new_zeros(len(part), views, *part.shape[2:]) for part in chosen[0][:4]]
     for some, parameters in zip(views_of, chosen, strict=True):
         for whole, part in zip(cameras, parameters[:4], strict=True):

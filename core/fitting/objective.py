@@ -1,8 +1,7 @@
 """The objective of a fit: a sum of loss terms, each a residual function, a weight and a robust kernel.
 
-What a term is worth, how Gauss-Newton weighs its residuals and how these change with the parameters all follow from
-these three, here and in :mod:`core.fitting.gauss_newton`. A new term is a function that returns a :class:`Term`, listed
-in :data:`TERMS`.
+A term's value, Gauss-Newton's weights and the derivatives all follow from these three, here and in
+:mod:`core.fitting.gauss_newton`. A new term is a function that returns a :class:`Term`, listed in :data:`TERMS`.
 """
 
 import math
@@ -21,25 +20,23 @@ from core.models.model import Model
 from core.rendering.importance import render_top_samples
 from core.runtime.precision import autocast
 
-MASK_WEIGHT = 0.1  # The squared error of opacity against that of colour.
+MASK_WEIGHT = 0.1  # of the squared error of opacity, relative to colour
 CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
-"""How far a camera moves before it costs much: rad below the ground's level, the logarithm of the distance away from
-that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.crop_transform`."""
-OCCLUDER_SCALE = 0.2  # As :attr:`Objective.occluder_scale`, once it is doubted that the object is seen as a whole.
-MOVED_SCALE = 0.05  # Of the scale, for a photo that was moved before it was fitted.
-SCALED_SCALE = 0.15
-"""The same where the photo was scaled, against the scale that objects have on average when seen from there."""
+"""Scales of the camera prior: rad below ground level; log distance from the training images', which is constant; log
+focal length; and the components of :attr:`Parameters.crop_transform`."""
+OCCLUDER_SCALE = 0.2  # as :attr:`Objective.occluder_scale`, if the object may be occluded
+MOVED_SCALE = 0.05  # of the scale, for a photo that was recentred
+SCALED_SCALE = 0.15  # The same for a photo that was scaled, against the mean scale of objects seen from there
 CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)
-"""Against the squared error of a pixel; grows with the logarithm only, so that a photo can insist."""
+"""Relative to a pixel's squared error; grows only logarithmically, so that a photo can override it."""
 _VIEWPOINT_LOSS_WEIGHT = 0.15
-"""Of a camera's negative log-likelihood, against the logarithm of the objective; chosen on 15 held-out chairs."""
+"""Of a camera's negative log-likelihood, added to the log objective; chosen on 15 held-out chairs."""
 
-Kernel = Callable[[Tensor], Tensor]
-"""From squared errors to losses, number by number: where it grows slower than they do, it is robust."""
+Kernel = Callable[[Tensor], Tensor]  # From squared errors to losses, elementwise; robust if it grows more slowly
 
 
 class RenderedPixels(NamedTuple):
-    """Pixels as hypotheses show them."""
+    """Pixels rendered by hypotheses."""
 
     channels: Float[Tensor, "hypotheses views rays channels"]
 
@@ -55,7 +52,7 @@ class RenderedPixels(NamedTuple):
 
     @property
     def depth(self) -> Float[Tensor, "hypotheses views rays"]:
-        """Scene units along the ray, times the opacity; only for terms with :attr:`Term.needs_depth`."""
+        """Scene units along the ray times opacity; only for terms with :attr:`Term.needs_depth`."""
         return self.channels[..., 4]
 
 
@@ -63,29 +60,30 @@ class Term(NamedTuple):
     """A loss term: the weighted sum over its items of a kernel of their squared errors."""
 
     residual: Callable[[Parameters, RenderedPixels], Float[Tensor, "hypotheses *items components"]]
-    """The squared error of an item is the mean square of its components. An item depends on one rendered pixel, and is
-    at the pixel's place, (hypotheses, views, rays, components), or on one parameter, for which no other item stands."""
+    """The squared error of an item is the mean square of its components. An item depends either on one rendered pixel,
+    at whose index it lies (hypotheses, views, rays, components), or on one parameter of its own."""
     weight: Float[Tensor, "*#items"] | float
     kernel: Kernel = torch.positive  # positive: least squares
-    needs_depth: bool = False  # whether it reads :attr:`RenderedPixels.depth`, which makes steps dearer
+    needs_depth: bool = False  # reads :attr:`RenderedPixels.depth`, which makes steps slower
 
 
 def term_value(term: Term, residual: Float[Tensor, "hypotheses *items components"]) -> Float[Tensor, "hypotheses"]:
-    """The value of a term with these residuals."""
+    """Return the value of a term with these residuals."""
     return (term.weight * term.kernel(residual.square().mean(-1))).flatten(1).sum(1)
 
 
 def residual_weights(
     term: Term, residual: Float[Tensor, "hypotheses *items components"]
 ) -> Float[Tensor, "hypotheses *items 1"]:
-    """The weights with which a sum of squared residuals has the gradient of the term's value: the kernel's derivative,
-    as in iteratively reweighted least squares.
+    """Return weights for which a sum of squared residuals has the gradient of the term's value.
+
+    These are the kernel's derivatives, as in iteratively reweighted least squares.
     """
     return (term.weight * _derivative(term.kernel, residual.square().mean(-1)))[..., None] / residual.shape[-1]
 
 
 def cauchy(scale: Float[Tensor, "views rays"]) -> Kernel:
-    """Cauchy's loss: far beyond a scale it grows with the logarithm; least squares where that is infinite."""
+    """Return Cauchy's loss, logarithmic far beyond a scale; least squares for infinite scales."""
     robust = scale.isfinite()
     unit = scale.square().where(robust, 1.0)
     return lambda squared: (unit * (squared / unit).log1p()).where(robust, squared)
@@ -107,17 +105,17 @@ def mask_term(pixels: PixelBatch, objective: "Objective") -> Term:
 
 
 def camera_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
-    """Unlikely cameras, averaged over views; grows with a logarithm only, so that a photo can insist."""
+    """Unlikeliness of cameras, averaged over views; grows only logarithmically, so that a photo can override it."""
 
     def residual(parameters: Parameters, _: RenderedPixels) -> Tensor:
         distance = camera_residuals(parameters, objective.expected_scale) / objective.camera_scale
-        return distance[..., None].where(distance[..., None] != 0, 0.0)  # what costs nothing is not held either
+        return distance[..., None].where(distance[..., None] != 0, 0.0)  # residuals of zero add no curvature
 
     return Term(residual, objective.camera_weight / len(pixels.pixels), torch.log1p)
 
 
 def code_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
-    """The squared lengths of both codes, in standard deviations."""
+    """Squared lengths of both codes, in standard deviations."""
     return Term(lambda at, _: torch.cat((at.shape, at.texture), 1)[..., None], objective.code_prior)
 
 
@@ -125,29 +123,27 @@ TERMS = (photometric_term, mask_term, camera_prior_term, code_prior_term)
 
 
 class Objective(NamedTuple):
-    """Which terms there are, their weights and scales."""
+    """The terms of the objective with their weights and scales."""
 
     code_prior: float  # of a squared standard deviation of a code, against a squared error
     camera_scale: Float[Tensor, "#views 7"] = torch.tensor([CAMERA_PRIOR_SCALE])
-    """of :func:`camera_residuals`; infinite where a camera is given, or says nothing"""
+    """of :func:`camera_residuals`; infinite for a given camera, or without information"""
     camera_weight: Float[Tensor, "7"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
     expected_scale: Float[Tensor, "views directions"] | None = None
-    """of photos (logarithm), from the directions of :func:`core.classifiers.viewpoint.directions`; None: all 0"""
-    mask_weight: float = MASK_WEIGHT  # 0 where the network itself paints the background, which makes all rays opaque
+    """log scale of photos for :func:`core.classifiers.viewpoint.directions`; None: all 0"""
+    mask_weight: float = MASK_WEIGHT  # 0 if the network paints the background, which makes all rays opaque
     robust_scale: float = math.inf
-    """A colour error of this size (root mean square over the channels) pulls half as hard as in Eq. 5: there is
-    something that the model cannot render."""
-    occluder_scale: float = math.inf
-    """The same for colours and opacity beside the object, where something in front may hide more of it."""
-    terms: tuple[Callable[[PixelBatch, "Objective"], Term], ...] = TERMS  # each for some pixels and this objective
+    """RMS colour error that pulls half as hard as in Eq. 5, for content that the model cannot render."""
+    occluder_scale: float = math.inf  # The same for colours and opacity beside the object, which an occluder may hide
+    terms: tuple[Callable[[PixelBatch, "Objective"], Term], ...] = TERMS  # built for some pixels and this objective
 
 
 class ObjectiveValue(NamedTuple):
-    """How well hypotheses explain some pixels."""
+    """Errors of hypotheses on some pixels."""
 
-    terms: Float[Tensor, "terms hypotheses"]  # of the objective, in its order
+    terms: Float[Tensor, "terms hypotheses"]  # in the objective's order
     squared_error: Float[Tensor, "hypotheses"]
-    """the mean squared error per channel over whole photos, as estimated from these pixels"""
+    """mean squared error per channel over whole photos, estimated from these pixels"""
 
     @property
     def objective(self) -> Float[Tensor, "hypotheses"]:
@@ -164,11 +160,11 @@ def evaluate_objective(
     jitter: Float[Tensor, "views all_rays"] | None = None,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> ObjectiveValue:
-    """The objective of every hypothesis over some pixels: Eq. 5 with robust errors, a mask and priors; differentiable.
+    """Evaluate Eq. 5 with robust errors, a mask and priors for every hypothesis on some pixels; differentiable.
 
     Args:
-        jitter: as for :func:`core.fitting.hypotheses.hypothesis_rays`.
-        cells: those that the shapes may occupy, where known better than ``model.occupied_cells``.
+        jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
+        cells: cells that the shapes may occupy, if known better than ``model.occupied_cells``.
     """
     codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
     rendered = _render(model, parameters, codes, pixels, samples, jitter, cells)
@@ -185,10 +181,10 @@ def paper_objective(
     code_prior: float,
     jitter: Float[Tensor, "views all_rays"] | None,
 ) -> ObjectiveValue:
-    """Eq. 5 as it stands, differentiable: the error over the whole image and the codes' squared norms.
+    """Evaluate the original Eq. 5, differentiable: the error over the whole image and the codes' squared norms.
 
     Args:
-        parameters: whose shape and texture are the codes themselves.
+        parameters: shape and texture are the codes themselves.
     """
     rendered = _render(model, parameters, (parameters.shape, parameters.texture), pixels, samples, jitter)
     error = image_squared_error(rendered, pixels)
@@ -199,9 +195,9 @@ def paper_objective(
 def image_squared_error(
     rendered: RenderedPixels, pixels: PixelBatch, occluder_scale: float = math.inf
 ) -> Float[Tensor, "hypotheses"]:
-    """The mean squared error per channel over whole photos, as estimated from some of their pixels.
+    """Estimate the mean squared error per channel over whole photos from some of their pixels.
 
-    What something in front may hide counts as little as it does in the objective.
+    Possibly occluded pixels are down-weighted as in the objective.
     """
     kernel = cauchy(_scales(pixels, math.inf, occluder_scale))
     seen = _derivative(kernel, (rendered.opacity - pixels.target_opacity).square())
@@ -212,11 +208,13 @@ def image_squared_error(
 def camera_residuals(
     parameters: Parameters, expected_scale: Float[Tensor, "views directions"] | None = None
 ) -> Float[Tensor, "hypotheses views 7"]:
-    """How far cameras are below the ground's level (rad, at most 0), away from the usual distance and focal length
-    (logarithms), and how far photos are from showing what they see as it is, or at the scale that is expected.
+    """Return the residuals of the camera prior.
+
+    Elevation below ground level (rad, at most 0), log distance and log focal length from the usual, and the crop
+    transform, its scale relative to the expected one.
     """
     (azimuth, elevation), scale = parameters.angles.unbind(-1), parameters.crop_transform[..., 0]
-    if expected_scale is not None:  # of the directions as they are: a step sees it as constant
+    if expected_scale is not None:  # constant during a step
         scale = scale - (direction_weights(azimuth, elevation) * expected_scale).sum(-1).detach()
     first = elevation.clamp_max(0), parameters.distance, parameters.zoom, scale
     return torch.cat((torch.stack(first, -1), parameters.crop_transform[..., 1:]), -1)
@@ -225,10 +223,10 @@ def camera_residuals(
 def viewpoint_weights(
     parameters: Parameters, probabilities: Sequence[Float[Tensor, "directions"] | None]
 ) -> Float[Tensor, "hypotheses"]:
-    """Factors for the losses of hypotheses: at least 1, the more the less likely their viewpoints are.
+    """Return factors on the losses of hypotheses, at least 1, larger for unlikely viewpoints.
 
     Args:
-        probabilities: of every view, as :func:`core.classifiers.viewpoint.predict_viewpoint` has them, or None.
+        probabilities: of every view, from :func:`core.classifiers.viewpoint.predict_viewpoint`, or None.
     """
     nll = torch.zeros(len(parameters.angles))
     for probability, angles in zip(probabilities, parameters.angles.unbind(1), strict=True):
@@ -244,7 +242,7 @@ def _derivative(kernel: Kernel, squared: Float[Tensor, "*batch"]) -> Float[Tenso
 
 
 def _scales(pixels: PixelBatch, on_object: float, beside: float) -> Float[Tensor, "views rays"]:
-    """A scale for the pixels of the object, another for the rest."""
+    """Return one scale for pixels of the object and another for the rest."""
     scale = torch.full_like(pixels.target_opacity, on_object)
     return scale.masked_fill(pixels.target_opacity < 0.5, beside)
 

@@ -1,4 +1,4 @@
-"""A photo as fitting uses it: its pixels sorted into the object, what is near it, and the rest."""
+"""A photo as input of a fit: its pixels in three strata, on the object, near it, and elsewhere."""
 
 import math
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ from core.photos.photo import Photo
 from core.photos.plain_background import connected_to_border
 
 _STRATA_FRACTIONS = (0.5, 0.3, 0.2)  # of the rays: on the object, near it, elsewhere
-_NEAR_MARGIN = 0.12  # of the object's size: how far "near" reaches
-_LEAST_CERTAINTY = 0.1  # of a pixel on the very edge of a mask that may be off: thin legs are nothing but edge
-_SURE_EDGE = 0.3  # px: an edge that is off by less is where it is
+_NEAR_MARGIN = 0.12  # reach of "near", relative to the object's size
+_LEAST_CERTAINTY = 0.1  # of a pixel at an uncertain mask edge: thin legs are edge only
+_SURE_EDGE = 0.3  # px of edge uncertainty that are negligible
 _FOOTPRINT = 4  # rays through a pixel of a blurred photo
 
 
@@ -31,41 +31,40 @@ class PixelBatch(NamedTuple):
     colours: Float[Tensor, "views rays 3"]
     target_opacity: Float[Tensor, "views rays"]  # 1 on the object, 0 on the background
     mask_valid: Float[Tensor, "views rays"]
-    """0 where the opacity is not known: background that the object encloses may be a white part of it"""
-    certainty: Float[Tensor, "views rays"]
-    """0..1, how much colour and opacity count: less beside edges of a mask that may be off"""
-    footprints: Float[Tensor, "views rays rays_each 2"]  # what is added to a pixel to get the rays whose mean it sees
+    """0 for unknown opacity: background enclosed by the object may be a white part of it"""
+    certainty: Float[Tensor, "views rays"]  # 0..1, weight of colour and opacity: lower beside uncertain mask edges
+    footprints: Float[Tensor, "views rays rays_each 2"]  # offsets of the rays that a pixel averages
     weights: Float[Tensor, "views rays"]
-    """the share of the photo that each stands for: a sum with these estimates the mean over all its pixels"""
+    """fraction of the photo that each represents: weighted sums estimate means over all pixels"""
 
     @property
     def points(self) -> Float[Tensor, "views all_rays 2"]:
-        """Where the rays pass that are cast."""
+        """The points that rays are cast through."""
         return (self.pixels[:, :, None] + self.footprints).flatten(1, 2)
 
     def mean_of_rays(self, values: Float[Tensor, "hypotheses views all_rays ..."]) -> Tensor:
-        """The values of pixels, (hypotheses, views, rays, ...), from those of their rays."""
+        """Average rays to pixels, (hypotheses, views, rays, ...)."""
         each = self.footprints.shape[2]
         return values if each == 1 else values.unflatten(2, (-1, each)).mean(3)
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """All pixels of a photo, flat; their meaning is that of :class:`PixelBatch`."""
+    """All pixels of a photo, flat; fields as in :class:`PixelBatch`."""
 
     pixels: Float[Tensor, "pixels 2"]
     colours: Float[Tensor, "pixels 3"]
     target_opacity: Float[Tensor, "pixels"]
     mask_valid: Float[Tensor, "pixels"]
     certainty: Float[Tensor, "pixels"]
-    blur: float  # focal lengths, standard deviation of what a pixel sees
+    blur: float  # focal lengths, standard deviation of a pixel's blur
     strata: tuple[Int[Tensor, "_"], ...]
-    """indices of the pixels on the object, near it, elsewhere; only non-empty ones, without what was not seen"""
-    fractions: tuple[float, ...]  # of the rays that each stratum gets
+    """pixel indices on the object, near it, elsewhere; only non-empty ones, without unseen pixels"""
+    fractions: tuple[float, ...]  # of the rays for each stratum
 
     @classmethod
     def of(cls, photo: Photo, model: Model) -> "Observation":
-        """From a photo. Raises ``ValueError`` where it shows no object."""
+        """Build from a photo. Raises ``ValueError`` if it shows no object."""
         mask = photo.mask.cpu().numpy()
         if not mask.any():
             raise ValueError("the image shows no object: its mask is empty")
@@ -88,7 +87,7 @@ class Observation:
         )
 
     def sample(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Float[Tensor, "rays"]]:
-        """Pixels spread evenly over each stratum, and the share of the photo that each stands for."""
+        """Sample pixels evenly in each stratum; return indices, and the fraction of the photo that each represents."""
         ends = np.rint(np.cumsum(self.fractions) * count).astype(int)
         counts = [max(1, int(n)) for n in np.diff(ends, prepend=0)]
         counts[0] = max(1, counts[0] + count - sum(counts))
@@ -101,9 +100,9 @@ class Observation:
 
 
 def sample_pixels(observations: Sequence[Observation], count: int, generator: torch.Generator) -> PixelBatch:
-    """``count`` pixels of every photo, at least one of each stratum there is.
+    """Sample ``count`` pixels of every photo, at least one of each stratum.
 
-    Where a photo is blurred they are half as many, of several rays each.
+    If a photo is blurred, half as many pixels with several rays each.
     """
     blurred = any(observation.blur for observation in observations)
     count = max(count // (2 if blurred else 1), len(_STRATA_FRACTIONS))
@@ -117,13 +116,13 @@ def sample_pixels(observations: Sequence[Observation], count: int, generator: to
 
 
 def _footprints(blur: float, count: int, generator: torch.Generator) -> Float[Tensor, "count rays_each 2"]:
-    """The corners of squares with the second moments of the blur, each turned by an angle of its own."""
+    """Return corners of squares with the second moments of the blur, randomly rotated."""
     turns = (torch.rand(count, 1, generator=generator) + torch.arange(_FOOTPRINT)) * (2 * math.pi / _FOOTPRINT)
     return blur * math.sqrt(2) * torch.stack((turns.cos(), turns.sin()), -1)
 
 
 def _certainty(mask: np.ndarray, edge_error: float) -> np.ndarray:
-    """How sure pixels belong where the mask has them, 0..1, by their distance from its edge."""
+    """Return the certainty of pixels, 0..1, by their distance from the mask's edge."""
     if edge_error < _SURE_EDGE:
         return np.ones(mask.shape)
     distance = distance_transform_edt(mask) + distance_transform_edt(~mask) - 0.5

@@ -1,4 +1,4 @@
-"""The paper's own recipe (section 3.3), the baseline of every chart: one start anywhere, mean codes, AdamW, Eq. 5."""
+"""The paper's own recipe (section 3.3), the baseline of every chart: one random start, mean codes, AdamW, Eq. 5."""
 
 import math
 import time
@@ -24,16 +24,16 @@ from core.models.model import Model
 
 _RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}  # AdamW's; rad, scene units, numbers of a code
 _HALVED_EVERY = 50  # steps, in the authors' code
-_SCORE_EVERY = 10  # Steps between two scores, the best of which is the result.
+_SCORE_EVERY = 10  # steps between two scores; the best one is the result
 
 
 def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """As :func:`core.fitting.fit.fit`; by the paper's recipe where the job's settings are those."""
+    """Fit like :func:`core.fitting.fit.fit`, by the paper's recipe if the job's settings are those."""
     return fit(model, job) if isinstance(job.settings, PaperSettings) else search.fit(model, job)
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """As :func:`core.fitting.fit.fit`, by the paper's recipe."""
+    """Fit like :func:`core.fitting.fit.fit`, by the paper's recipe."""
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
     observations = tuple(Observation.of(replace(photo, blur=0.0), model) for photo in job.photos)
     cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in job.photos)
@@ -68,7 +68,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 def initialise(
     model: Model, cameras: Sequence[Camera], unknown: Bool[Tensor, "views"], generator: torch.Generator
 ) -> HypothesisBatch:
-    """One hypothesis: the mean codes, and unknown cameras anywhere on the upper half at the usual distance."""
+    """Return one hypothesis: mean codes, unknown cameras at random on the upper half at the usual distance."""
     known = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
     angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), known)[None]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in cameras]])
@@ -84,7 +84,7 @@ def optimise(
     unknown: Bool[Tensor, "views"],
     generator: torch.Generator,
 ) -> Iterator[HypothesisBatch]:
-    """The hypothesis after every step of AdamW, each on pixels of its own; of infinite loss once it has diverged."""
+    """Yield the hypothesis after every AdamW step, each on new pixels; with infinite loss after divergence."""
     searched = Parameters(*(part.clone().requires_grad_() for part in one.parameters))
     rates = {
         "angles": _RATES["angles"],
@@ -116,7 +116,7 @@ def _with_loss(one: HypothesisBatch, found: ObjectiveValue) -> HypothesisBatch:
 
 
 def _restore_known(searched: Parameters, before: Parameters, unknown: Bool[Tensor, "views"]) -> None:
-    """Unknown cameras within what they can be, known ones back where they stood: AdamW moves them all."""
+    """Clamp unknown cameras and restore known ones, since AdamW moves all."""
     bounded = clamp_parameters(searched, unknown)
     searched.angles.copy_(torch.where(unknown[:, None], bounded.angles, before.angles))
     searched.distance.copy_(torch.where(unknown, bounded.distance, before.distance))

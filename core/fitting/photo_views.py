@@ -1,4 +1,4 @@
-"""The photo of a fit as its camera sees it: at the size it was taken in, upright, the optical axis in the middle."""
+"""The photo of a fit from its camera: at full resolution, upright, the optical axis in the middle."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ _DEEP = 6 / 128  # image heights from the mask; nearer, the photo is right and t
 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """A step of a fit with what its photos show beyond the codes, which a fit does at its end by itself."""
+    """Add photo detail to a step of a fit; a completed fit has it already."""
     known = all(photo.camera for photo in photos)
     sure = 1.0 if known or step.confidence is None else step.confidence
     transforms = [
@@ -50,12 +50,11 @@ def photo_view(
     """A photo as the camera sees the object; what is not certain of its background has a low opacity.
 
     Args:
-        camera: the one found, or the photo's own.
-        crop_transform: how the photo shows what the camera sees, as :class:`core.fitting.hypotheses.Parameters` has
-            it; None: as it is.
+        camera: the fitted one, or the photo's own.
+        crop_transform: of :class:`core.fitting.hypotheses.Parameters`; None: identity.
         codes: fitted to the photo; where they are solid, deep background is not certain.
     """
-    import cv2  # loaded only where there is a photo
+    import cv2  # loaded only if there is a photo
 
     rgba = photo_pixels(photo)
     height, width = rgba.shape[:2]
@@ -64,7 +63,7 @@ def photo_view(
         rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBT * unseen)
     if crop_transform is not None and bool(crop_transform[1:].any()):
         _, roll, *shift = crop_transform.tolist()
-        focal = model.focal * height / model.image_size  # which shifts are measured in
+        focal = model.focal * height / model.image_size  # the unit of shifts
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
     if codes:
         seen = render(model, codes, camera.resized(max(1, round(_LOOK * width / height)), _LOOK), _LOOK)
@@ -87,7 +86,7 @@ def _doubtful(
     Args:
         opacity: of the fitted object as the photo's camera sees it.
     """
-    import cv2  # loaded only where there is a photo
+    import cv2  # loaded only if there is a photo
     from scipy.ndimage import distance_transform_edt
 
     (height, width), (rows, columns) = rgba.shape[:2], opacity.shape
@@ -100,7 +99,7 @@ def _doubtful(
 
 
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
-    """On white, with opacity: as finely as it was taken, or as it was fitted where no more is known."""
+    """Return pixels on white with opacity, at full resolution if available."""
     if photo.fine is not None:
         return decompressed(photo.fine)
     opacity = photo.mask.float() if photo.opacity is None else photo.opacity
@@ -110,7 +109,7 @@ def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
 def _around_object(
     rgba: UInt8[np.ndarray, "height width 4"], camera: Camera
 ) -> tuple[UInt8[np.ndarray, "rows columns 4"], Camera]:
-    """The middle of an image, which holds the object, and the camera that sees just that."""
+    """Crop an image around its middle to the object, and adapt the camera."""
     height, width = rgba.shape[:2]
     opaque = rgba[..., 3] > 0
     if not opaque.any():
@@ -124,12 +123,12 @@ def _around_object(
 def _upright(
     rgba: UInt8[np.ndarray, "height width 4"], roll: float, shift: tuple[float, float]
 ) -> UInt8[np.ndarray, "height width 4"]:
-    """Turned back by a roll (rad, clockwise), and moved back by a shift (px); beyond the image is white."""
-    import cv2  # loaded only where there is a photo
+    """Undo a roll (rad, clockwise) and a shift (px); outside the image is white."""
+    import cv2  # loaded only if there is a photo
 
     height, width = rgba.shape[:2]
     cos, sin = math.cos(roll), math.sin(roll)
-    back = np.array([[cos, -sin], [sin, cos]])  # from a place in the upright image to that in the photo
+    back = np.array([[cos, -sin], [sin, cos]])  # from the upright image to the photo
     middle = np.array([width, height]) / 2 - 0.5  # of pixels whose first is at 0
     matrix = np.column_stack((back, middle + shift - back @ middle))
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP

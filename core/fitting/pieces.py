@@ -1,4 +1,4 @@
-"""The rays of hypotheses in pieces for the pool of threads."""
+"""Rays of hypotheses in pieces for the thread pool."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,7 +17,7 @@ Piece = tuple[slice, slice, slice]  # some hypotheses, views and rays: an index
 
 
 def map_rays(function: Callable[[Piece], tuple[Tensor, ...]], shape: torch.Size, samples: int) -> tuple[Tensor, ...]:
-    """Return a function's values for rays, (hypotheses, views, rays, ...), from its values for pieces of them.
+    """Return a function's values for rays, (hypotheses, views, rays, ...), computed in pieces.
 
     Args:
         shape: numbers of hypotheses, views and rays.
@@ -38,11 +38,11 @@ def cells_of(cells: Bool[Tensor, "hypotheses_or_one x y z"] | None, some: slice)
 
 
 def _split(hypotheses: int, rays: int, count: int) -> Iterator[Piece]:
-    """Pieces of equal size: some hypotheses where there are many, else some of their rays."""
+    """Split into pieces of equal size: by hypotheses if there are enough, else by rays."""
     everything = slice(None)
     if hypotheses >= 2 * count:
         ends = torch.linspace(0, hypotheses, count + 1).round().int().tolist()
         yield from ((slice(*pair), everything, everything) for pair in pairwise(ends))
-    else:  # every so manieth ray, as they come sorted: on the object, near it, elsewhere
+    else:  # every n-th ray, as they are sorted: on the object, near it, elsewhere
         ways = min(count, rays)
         yield from ((everything, everything, slice(first, None, ways)) for first in range(ways))

@@ -1,4 +1,4 @@
-"""A fit's input, the job, and its fixed part: observations, known cameras, the objective and the pixels to score by."""
+"""A fit's input, the job, and its fixed part: observations, known cameras, the objective and the scoring pixels."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -28,20 +28,20 @@ from core.photos.photo import Photo
 from core.photos.ranking import ObjectImage, expected_scales
 from core.photos.view_bank import ViewBank
 
-SCORING_RAYS = 2048  # per photo, always the same ones
-_VALIDATION_RAYS = 512  # per photo, that are not those of the steps: they say how uncertain a camera is
+SCORING_RAYS = 2048  # per photo, constant
+_VALIDATION_RAYS = 512  # per photo, not used by steps: for the uncertainty of a camera
 
 
 @dataclass(frozen=True, eq=False)
 class FitJob:
-    """Photos of one object, to be fitted. Raises ``ValueError`` where there are none."""
+    """Photos of one object to fit. Raises ``ValueError`` without photos."""
 
     photos: tuple[Photo, ...]
-    bank: ViewBank  # of the model that is fitted
+    bank: ViewBank  # of the fitted model
     settings: FitSettings = field(default_factory=FitSettings)
     seed: int = 0
     resume_from: Hypothesis | None = None  # refine this one, without a search
-    components: Components = ALL_COMPONENTS  # what is switched on; for ablations
+    components: Components = ALL_COMPONENTS  # enabled components, for ablations
 
     def __post_init__(self) -> None:
         if not self.photos:
@@ -52,24 +52,24 @@ class FitJob:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Photos of one object to find codes and cameras for, as all steps of a fit see them."""
+    """The constant part of a fit: photos of one object with unknown codes and cameras."""
 
     model: Model
-    bank: ViewBank | None  # None: begin from random cameras and the mean shape
+    bank: ViewBank | None  # None: start from random cameras and the mean shape
     settings: FitSettings
     components: Components
     photos: tuple[Photo, ...]
     observations: tuple[Observation, ...]
-    cameras: tuple[Camera, ...]  # known cameras, and for unknown ones their size and focal length
+    cameras: tuple[Camera, ...]  # known cameras; for unknown ones their size and focal length
     viewpoints: tuple[Float[Tensor, "directions"] | None, ...]
-    """how probable every viewing direction is, where a camera is unknown and the model can tell"""
-    scoring: PixelBatch  # the pixels that hypotheses are compared on
+    """probability of every viewing direction, for unknown cameras of models with a classifier"""
+    scoring: PixelBatch  # pixels to compare hypotheses on
     validation: PixelBatch
-    occluded: bool = False  # whether something in front may hide parts of the object
+    occluded: bool = False  # an occluder may hide parts of the object
 
     @classmethod
     def of(cls, model: Model, job: FitJob, generator: torch.Generator) -> "Problem":
-        """Raises ``ValueError`` where a photo shows no object."""
+        """Build from a job. Raises ``ValueError`` if a photo shows no object."""
         photos, settings, components = job.photos, job.settings, job.components
         if settings.estimate_focal:
             photos = tuple(replace(photo, focal=None) for photo in photos)
@@ -84,13 +84,14 @@ class Problem:
 
     @property
     def unknown(self) -> Bool[Tensor, "views"]:
-        """Whose cameras are searched for."""
+        """Photos with unknown cameras."""
         return torch.tensor([photo.camera is None for photo in self.photos])
 
     @property
     def free(self) -> Bool[Tensor, "views 8"]:
-        """Which camera parameters are searched for: of a cropped photo, the roll and the shift too, and the scale
-        instead of the distance unless its focal length is known.
+        """Searched camera parameters; for a cropped photo also roll and shift.
+
+        A scaled photo without known focal length has its scale searched instead of the distance.
         """
         cropped = self.unknown & torch.tensor([photo.cropped for photo in self.photos])
         scaled = cropped & torch.tensor([photo.focal is None for photo in self.photos])
@@ -100,18 +101,18 @@ class Problem:
 
     @property
     def spaces(self) -> tuple[CodeSpace, CodeSpace]:
-        """In which shape and texture are searched for."""
+        """Code spaces of shape and texture in which the fit searches."""
         return self.model.codes.shape_space, self.model.codes.texture_space
 
     def objective(self, robust_scale: float) -> Objective:
-        """The objective of hypotheses, with this scale of the robust loss."""
+        """Return the objective with this scale of the robust loss."""
         scale = torch.tensor([CAMERA_PRIOR_SCALE]).repeat(len(self.photos), 1)
         for prior, photo in zip(scale, self.photos, strict=True):
             if photo.cropped:
                 prior[3] = SCALED_SCALE if photo.scaled else MOVED_SCALE
                 prior[5:] = math.inf  # the shift
             if photo.focal is not None:
-                prior[1:4] = math.inf  # the distance is whatever the size asks for
+                prior[1:4] = math.inf  # the distance follows from the size
         scale[~self.unknown] = math.inf
         weight = torch.tensor(CAMERA_PRIOR_WEIGHT) * self.components.camera_prior
         mask_weight = MASK_WEIGHT if self.components.mask_loss and not self.model.white_from_network else 0.0
@@ -127,7 +128,7 @@ class Problem:
 
     @cached_property
     def expected_scale(self) -> Float[Tensor, "views directions"] | None:
-        """Of photos that were scaled, the scale (logarithm) at which they show objects from all directions."""
+        """Log scale at which scaled photos show objects, for all directions."""
         scaled = self.unknown & torch.tensor([photo.scaled and photo.focal is None for photo in self.photos])
         if self.bank is None or not bool(scaled.any()):
             return None
@@ -148,11 +149,11 @@ def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None
 
 
 def told_direction(model: Model, photo: Photo) -> tuple[float, float] | None:
-    """Azimuth and elevation (rad) that a chair's 3D box tells; None with other models or where the camera is known."""
+    """Return azimuth and elevation (rad) from a chair's 3D box; None for other models or a known camera."""
     return photo.direction if model.category == "chairs" and photo.camera is None else None
 
 
 def nominal_camera(photo: Photo, model: Model) -> Camera:
-    """Of the photo's size, with the focal length and the distance of the training images."""
+    """Return a camera of the photo's size with the training images' focal length and distance."""
     height, width = photo.mask.shape
     return Camera(0.0, 0.0, model.distance, model.focal * height / model.image_size, width, height)

@@ -1,4 +1,4 @@
-"""How a fit spends its steps: how many hypotheses are alive when, and how finely each is rendered."""
+"""The schedule of a fit: numbers of hypotheses, rays and samples over its steps."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -9,31 +9,31 @@ from core.fitting.settings import Components, FitSettings
 
 
 class Stage(NamedTuple):
-    """Some steps between two prunings."""
+    """Steps between two prunings."""
 
-    hypotheses: int  # kept when it begins
+    hypotheses: int  # kept at the beginning
     steps: int
     rays: int  # per photo and step
     samples: int  # along a ray
-    robust_scale: float  # as in Objective: while a camera is far off, the largest errors lead on
-    damping: float  # of steps, against the diagonal of the Gauss-Newton Hessian
+    robust_scale: float  # see Objective; infinite while cameras are far off, since large errors then show the way
+    damping: float  # relative to the diagonal of the Gauss-Newton Hessian
 
 
 class Schedule(NamedTuple):
-    """All stages of a search, in the order they are run."""
+    """All stages of a search, in order."""
 
-    coarse: tuple[Stage, ...]  # from everywhere, to find about where a camera is; none where all are known
+    coarse: tuple[Stage, ...]  # from everywhere, to locate cameras; empty if all are known
     local: tuple[Stage, ...]  # around the best of those cameras
     final: Stage  # refines the best hypothesis
 
     @property
     def stages(self) -> tuple[Stage, ...]:
-        """All of them."""
+        """All stages."""
         return *self.coarse, *self.local, self.final
 
     @property
     def steps(self) -> int:
-        """How many there are at most."""
+        """Maximum number of steps."""
         return sum(stage.steps for stage in self.stages)
 
 
@@ -43,10 +43,10 @@ def stage_numbers(stages: Sequence[Stage], first: int = 0) -> Iterator[int]:
 
 
 class _Row(NamedTuple):
-    """A stage in shares of the settings, but for its last two values."""
+    """A stage relative to the settings, except for its last two values."""
 
-    keep: float  # of the hypotheses of the stage before
-    limit: float  # the most hypotheses
+    keep: float  # fraction of the previous stage's hypotheses
+    limit: float  # maximum number of hypotheses
     steps: int  # of _ALL_STEPS
     rays: float
     samples: float
@@ -55,7 +55,7 @@ class _Row(NamedTuple):
 
 
 _COARSE = (
-    # keep, limit, steps, rays, samples, robust scale, damping (high where few rays say little about a step)
+    # keep, limit, steps, rays, samples, robust scale, damping (high for few, unreliable rays)
     _Row(1.0, math.inf, 6, 1 / 16, 1 / 2, math.inf, 0.3),
     _Row(0.5, math.inf, 6, 3 / 32, 1 / 2, math.inf, 0.3),
     _Row(1.0, 8, 6, 5 / 32, 3 / 4, math.inf, 0.3),
@@ -82,20 +82,19 @@ LOCAL_OFFSETS = (
     ),
     ((0.0, 0.0, 4), (13.0, 0.0, 1), (-13.0, 0.0, 1)),
 )
-"""Degrees of azimuth and elevation from the cameras where the local search begins, and how many shapes each comes with:
-around the best basin's camera, around the next one's. Thirteen degrees are for a coarse search that has settled beside
-its best."""
+"""Degrees of azimuth and elevation from the start cameras of the local search, and numbers of shapes: around the best
+basin's camera, and the next one's. Thirteen degrees correct a coarse search that has converged beside its best."""
 LOCAL_HYPOTHESES = sum(shapes for offsets in LOCAL_OFFSETS for *_, shapes in offsets)
-"""of the local search, where the model has so many shapes"""
-_SHAPES = 6  # hypotheses where every camera is known: shapes to begin from
+"""of the local search, if the model has enough shapes"""
+_SHAPES = 6  # hypotheses if every camera is known: initial shapes
 
 
 def build_schedule(settings: FitSettings, components: Components, unknown: bool, resumed: bool = False) -> Schedule:
-    """The stages of a fit.
+    """Return the stages of a fit.
 
-    Where a camera is ``unknown``, a coarse search from many cameras comes first. The codes it finds are given up: what
-    they have learnt under a wrong camera they do not forget. A ``resumed`` fit has the final stage only, for all its
-    steps: what its hypothesis knows must not be lost to early stages.
+    An ``unknown`` camera adds a coarse search from many cameras, whose codes are discarded: codes fitted under a wrong
+    camera do not recover. A ``resumed`` fit has only the final stage, for all steps, so that early stages do not spoil
+    its hypothesis.
     """
     coarse: tuple[Stage, ...] = ()
     count = min(settings.hypotheses, _SHAPES)

@@ -1,8 +1,8 @@
 """The steps of a multi-start search for cameras and codes: optimise, prune, select, refine, assess.
 
-Hypotheses descend together by :mod:`core.fitting.gauss_newton`, stage by stage as :mod:`core.fitting.schedule` has it,
-and are pruned between stages. The best hypothesis of another basin, mostly the opposite view of the winner (the
-front/back ambiguity), is kept: how far it is behind says how much the camera can be trusted.
+Hypotheses descend together by :mod:`core.fitting.gauss_newton` in the stages of :mod:`core.fitting.schedule`, with
+pruning between stages. The best hypothesis of another basin, mostly the opposite view of the winner (the front/back
+ambiguity), is kept: its margin determines the confidence of the camera.
 """
 
 import math
@@ -29,29 +29,29 @@ from core.fitting.observations import sample_pixels
 from core.fitting.problem import Problem
 from core.fitting.schedule import Stage
 
-_LOSS_FLOOR = 1e-6  # An objective below this counts as this: nobody can tell a perfect image from a more perfect one.
-_EMA = 0.4  # weight of a step's loss in the running mean by which hypotheses are pruned
-_WINDOW = 4  # Steps of the refinement whose mean is scored: a single one follows its own pixels.
+_LOSS_FLOOR = 1e-6  # floor of the loss before the logarithm of ratios
+_EMA = 0.4  # weight of a step's loss in the running mean for pruning
+_WINDOW = 4  # steps of the refinement averaged for a score, as single steps overfit their pixels
 _MIN_SAMPLES_FOR_CELLS, _SAMPLES_BETWEEN_UPDATES = 60_000, 100_000
 """Compute a shape's cells only if it will be sampled this often; recompute them after so many samples."""
 _MIN_IMPROVEMENT = 0.01
-"""The refinement ends where two such means in a row are not better by this share than all that were scored before."""
-RESTART_BELOW = 0.92  # A camera of less confidence is searched for once more; goes with CALIBRATION.
+"""The refinement ends when two successive means do not improve the best earlier one by this fraction."""
+RESTART_BELOW = 0.92  # confidence of a camera below which the search restarts; belongs to CALIBRATION
 
 
 class SearchResult(NamedTuple):
-    """The winner of a search, and what is known about its camera."""
+    """The winner of a search, and the assessment of its camera."""
 
     winner: HypothesisBatch  # a single one
-    runner_up: HypothesisBatch | None = None  # the best hypothesis of another basin, where a camera is searched for
-    margin: float = math.nan  # logarithm of its loss over the winner's when both had been optimised equally long
-    uncertainty: float | None = None  # degrees, once assessed, where one camera is searched for
+    runner_up: HypothesisBatch | None = None  # best hypothesis of another basin, if a camera is searched
+    margin: float = math.nan  # log ratio of its loss to the winner's, both optimised equally long
+    uncertainty: float | None = None  # degrees, once assessed, if one camera is searched
 
 
 def optimise(
     problem: Problem, batch: HypothesisBatch, stages: Sequence[Stage], generator: torch.Generator
 ) -> Iterator[HypothesisBatch]:
-    """All hypotheses after each step of some stages, pruned before each stage; losses are running means."""
+    """Yield all hypotheses after each step of some stages, pruned before each stage; losses are running means."""
     for stage in stages:
         batch, objective = prune(problem, batch, stage.hypotheses), problem.objective(stage.robust_scale)
         samples_per_step, cells = len(problem.photos) * stage.rays * stage.samples, None
@@ -70,7 +70,7 @@ def optimise(
 
 
 def prune(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBatch:
-    """The ``count`` best, one from each basin first; of three or more, one is the opposite view of the leader."""
+    """Keep the ``count`` best, one from each basin first; of three or more, one is the opposite view of the leader."""
     if len(batch) <= count:
         return batch
     kept, unknown = ordered(problem, batch)[:count], problem.unknown
@@ -81,7 +81,7 @@ def prune(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBat
 
 
 def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> HypothesisBatch:
-    """The hypotheses with their losses on the pixels that are the same for all."""
+    """Return the hypotheses with their losses on the common scoring pixels."""
     objective = problem.objective(robust_scale)
     with torch.no_grad():
         cells = hypothesis_cells(problem.model, batch.parameters)
@@ -95,8 +95,10 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
 def select(
     problem: Problem, batch: HypothesisBatch, coarse: HypothesisBatch, final: Stage, resumed: bool = False
 ) -> SearchResult:
-    """The best of the batch, of where it came from in the coarse search, of the winner there, and of the opposite view
-    of its leader; with the runner-up. Of a ``resumed`` hypothesis, the others may be the runner-up only.
+    """Select the winner and the runner-up.
+
+    Candidates are the batch, its coarse ancestors, the coarse winner, and the opposite view of the leader. If
+    ``resumed``, all but the batch can only be runner-up.
     """
     again = torch.isin(coarse.origin, batch.origin)
     again[coarse.leader] = True
@@ -110,21 +112,21 @@ def select(
 
 
 def with_runner_up(problem: Problem, winner: HypothesisBatch, among: HypothesisBatch) -> SearchResult:
-    """The winner beside the best of another basin."""
+    """Pair the winner with the best hypothesis of another basin."""
     runner_up = best_other_basin(winner, among, problem.unknown)
     margin = math.log(max(float(runner_up.loss), _LOSS_FLOOR) / max(float(winner.loss), _LOSS_FLOOR))
     return SearchResult(winner, runner_up, margin)
 
 
 class Refined(NamedTuple):
-    """A hypothesis on its way."""
+    """Progress of a refinement."""
 
-    best: HypothesisBatch  # scored; never worse than the one before
+    best: HypothesisBatch  # scored; never worse than the previous one
     finished: bool
 
 
 def refine(problem: Problem, winner: HypothesisBatch, final: Stage, generator: torch.Generator) -> Iterator[Refined]:
-    """The best mean over some steps so far, after each step; ends where further ones no longer improve it."""
+    """Yield after each step the best mean over recent steps; ends at convergence."""
     scored, recent = [winner], list[HypothesisBatch]()
     for step, after in enumerate(optimise(problem, winner, (final,), generator), 1):
         recent = [*recent, after][-_WINDOW:]
@@ -143,7 +145,7 @@ def _has_converged(scored: Sequence[HypothesisBatch]) -> bool:
 
 
 def assess(problem: Problem, selected: SearchResult, refined: HypothesisBatch, final: Stage) -> SearchResult:
-    """The refined winner with the uncertainty of the one unknown camera, by pixels that are not fitted."""
+    """Add the uncertainty of a single unknown camera to the refined winner, from pixels that were not fitted."""
     if int(problem.unknown.sum()) != 1:
         return selected._replace(winner=refined)
     view, objective = int(problem.unknown.nonzero()[0, 0]), problem.objective(final.robust_scale)
@@ -152,13 +154,14 @@ def assess(problem: Problem, selected: SearchResult, refined: HypothesisBatch, f
 
 
 def is_doubtful(result: SearchResult) -> bool:
-    """Whether the one unknown camera deserves another search."""
+    """True if the single unknown camera deserves another search."""
     return result.uncertainty is not None and confidence(result.margin, result.uncertainty) < RESTART_BELOW
 
 
 def better_of(problem: Problem, first: SearchResult, second: SearchResult) -> SearchResult:
-    """The better of two searches. Its margin is the smaller of both where they agree on the camera, else at most that
-    over the other.
+    """Return the better of two searches.
+
+    The margin is the smaller of both if they agree on the camera, else at most the margin over the other.
     """
     best, worse = sorted((first, second), key=lambda result: float(result.winner.loss))
     other = with_runner_up(problem, best.winner, worse.winner)

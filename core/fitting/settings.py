@@ -6,25 +6,20 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class FitSettings:
-    """The budget of a fit; every field is an axis of the charts. Raises ``ValueError`` where no fit can use it."""
+    """The budget of a fit; every field is an axis of the charts. Raises ``ValueError`` for unusable values."""
 
     hypotheses: int = 28
-    """cameras to begin from, for every photo whose camera is unknown, as far as the view bank has so many; also the
-    most hypotheses of the local search, and where all cameras are known the most shapes"""
-    steps: int = 82
-    """of the local search and the refinement together, at most, and at least six; where a camera is unknown, a coarse
-    search of a third as many comes first"""
-    rays: int = 1024  # per photo and step while the best hypothesis is refined; the many before get fewer each
+    """initial cameras for every photo without one, limited by the view bank; also the maximum number of hypotheses of
+    the local search, and of shapes if all cameras are known"""
+    steps: int = 82  # x
+    rays: int = 1024  # per photo and step of the refinement; earlier stages with many hypotheses use fewer
     samples: int = 64
-    """along a ray through a box of one scene unit while the best hypothesis is refined; fewer through a smaller box,
-    and in the stages before, which sort"""
+    """along a ray through a box of one scene unit during the refinement; fewer in smaller boxes and earlier stages"""
     code_prior: float = 1e-5
-    """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
-    max_restarts: int = 1
-    """searches after the first, each run while the one unknown camera is in doubt; the best result of all is kept"""
+    """of a squared standard deviation of a code, relative to a pixel's squared error (Eq. 5's 1 / nu^2)"""
+    max_restarts: int = 1  # further searches while the single unknown camera is in doubt; the best result is kept
     estimate_focal: bool = False
-    """search for the focal length of unknown cameras too, from half as many hypotheses again; else it is that of the
-    training images"""
+    """also search the focal length of unknown cameras, from half as many hypotheses again; else use the model's"""
 
     def __post_init__(self) -> None:
         counts = min(self.hypotheses, self.steps, self.rays, self.samples - 1, self.max_restarts + 1)
@@ -32,9 +27,9 @@ class FitSettings:
             raise ValueError(f"no fit has these settings: {self}")
 
     def for_box(self, extent: tuple[float, float, float]) -> "FitSettings":
-        """Return the settings with equally long intervals in a box of this half size: samples go by its mean chord."""
+        """Return the settings with equally long intervals in a box of this half size, by its mean chord."""
         x, y, z = (2 * half for half in extent)
-        chord = 3 * x * y * z / (x * y + y * z + z * x)  # relative to that of a unit cube
+        chord = 3 * x * y * z / (x * y + y * z + z * x)  # relative to a unit cube's
         return replace(self, samples=max(2, round(self.samples * chord)))
 
 
@@ -42,7 +37,7 @@ class FitSettings:
 class PaperSettings(FitSettings):
     """The paper's own recipe (:mod:`core.fitting.paper`).
 
-    Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the same
+    Section 3.3 says 299 steps and 64 samples. The authors use all pixels at every step; the number here gives the same
     gradient on average.
     """
 
@@ -63,22 +58,22 @@ PRESETS: dict[str, FitSettings] = {
     "normal": FitSettings(),
     "fine": FitSettings(hypotheses=40, steps=123, rays=1536),
     "paper": PaperSettings(),
-}  # By what they cost, and the paper's.
+}  # by cost, and the paper's
 
 
 @dataclass(frozen=True)
 class Components:
-    """The parts of a fit that an ablation can switch off."""
+    """Components of a fit that an ablation can switch off."""
 
-    view_bank: bool = True  # begin from the cameras of the view bank that match best, else from random ones
+    view_bank: bool = True  # start from the best matching cameras of the view bank, else from random ones
     prototype_shapes: bool = True
-    """begin from the shapes of the view bank that look most like the photo, else from the mean shape"""
-    viewpoint_classifier: bool = True  # weigh cameras by what viewpoint predicts
+    """start from the view bank's shapes most similar to the photo, else from the mean shape"""
+    viewpoint_classifier: bool = True  # weight cameras by the viewpoint classifier
     distinct_basins: bool = True  # keep the best hypothesis of each basin before a second one of any
     fresh_codes: bool = True
-    """begin the local search around the best cameras with fresh codes, else go on with those found so far"""
-    early_stopping: bool = True  # end the refinement once further steps no longer improve it
-    robust_loss: bool = True  # the last stages use Cauchy's loss, else squared errors throughout
+    """start the local search with fresh codes around the best cameras, else continue with the fitted codes"""
+    early_stopping: bool = True  # end the refinement at convergence
+    robust_loss: bool = True  # Cauchy's loss in the last stages, else squared errors throughout
     mask_loss: bool = True
     camera_prior: bool = True
 

@@ -15,7 +15,7 @@ from core.models.codes import Codes
 
 
 class RunnerUp(NamedTuple):
-    """The best hypothesis of another basin than the result's: mostly seen from the opposite side."""
+    """The best hypothesis of another basin than the result's, mostly from the opposite side."""
 
     cameras: tuple[Camera, ...]
     loss: float  # on the same pixels as the result's
@@ -23,41 +23,37 @@ class RunnerUp(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FitStep:
-    """Where a fit stands: the leading hypothesis after a step. The last one is the result."""
+    """The state of a fit after a step, by its leading hypothesis. The last one is the result."""
 
     step: int
-    steps: int  # how many there will be, as far as is known
-    origin: int  # the number of the initial hypothesis that it comes from
-    loss: float
-    """what hypotheses are ranked by: the objective of some rays, smoothed over steps and weighed with the viewpoint
-    classifier"""
+    steps: int  # expected total
+    origin: int  # number of the initial hypothesis it comes from
+    loss: float  # for ranking: the objective of some rays, smoothed over steps and weighted by the viewpoint classifier
     psnr: float
-    """dB over whole photos, estimated from the rays of the step, while the best is refined from more of them; pixels
-    behind a suspected occluder are down-weighted in the restart"""
+    """dB over whole photos, estimated from the step's rays; the restart down-weights possibly occluded pixels"""
     seconds: float  # since the job began
     cameras: tuple[Camera, ...]  # one per photo, at the photo's size
     codes: Codes
-    active: int = 1  # how many hypotheses are optimised
-    restart: bool = False  # the search is run once more, as the first one has left its camera in doubt
+    active: int = 1  # number of optimised hypotheses
+    restart: bool = False  # part of the second search, after the first left its camera in doubt
     runner_up: RunnerUp | None = None
-    """where one camera is searched for, once its hypotheses are sorted; not in the paper's recipe"""
+    """for one searched camera, once its hypotheses are sorted; not in the paper's recipe"""
     margin: float | None = None
-    """logarithm of the runner-up's loss over the leader's when both had been optimised equally long (of two searches
-    that agree, in the closer one); comes with the runner-up, but not where a fit resumed from a given hypothesis"""
-    uncertainty: float | None = None
-    """degrees that the camera may be off where it is in the right basin; comes with the runner-up, in the end"""
+    """log ratio of the runner-up's loss to the leader's, both optimised equally long (the smaller of two agreeing
+    searches); comes with the runner-up, except in a resumed fit"""
+    uncertainty: float | None = None  # degrees, of the camera within its basin; comes with the runner-up, at the end
     hypotheses: tuple[Hypothesis, ...] = ()
-    """the leader, then the others that have not diverged, the least loss first. Where several cameras are unknown, they
-    are of the photos of the search under way: each camera has one of its own at first."""
+    """the leader, then the others by loss, without diverged ones; with several unknown cameras, for the photos of the
+    current search, as each camera first has its own"""
 
-    category_likelihood: float = 1.0  # the probability that the photos show an object of the model's category
-    mask_confidence: float = 1.0  # the probability that all masks are the object
-    stage: int = 0  # number of the stage of the schedule, counted through all searches of the fit
-    witness: float = 0.0  # what the 3D box of a chair adds to the logarithm of the odds of the camera
+    category_likelihood: float = 1.0  # probability that the photos show the model's category
+    mask_confidence: float = 1.0  # probability that all masks are the object
+    stage: int = 0  # number of the stage, counted through all searches
+    witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box
 
     @property
     def confidence(self) -> float | None:
-        """The probability that the cameras are right, 0..1; None where that is not known."""
+        """Probability that the cameras are right, 0..1; None if unknown."""
         if self.margin is None or self.uncertainty is None:
             return None
         at_all = plausible(self.category_likelihood, self.mask_confidence, self.psnr)
@@ -65,19 +61,19 @@ class FitStep:
 
 
 class SearchState(NamedTuple):
-    """Where a search stands after a step."""
+    """The state of a search after a step."""
 
     problem: Problem
-    views: Sequence[int]  # which photos of the job are searched with
+    views: Sequence[int]  # photos of the job in this search
     stage: int
-    batch: HypothesisBatch  # what is optimised
-    result: SearchResult | None = None  # whose winner leads, once there is one
+    batch: HypothesisBatch  # the optimised hypotheses
+    result: SearchResult | None = None  # its winner leads, once it exists
     restart: bool = False
     restart_follows: bool = False
-    finished: bool = False  # a search has ended, though another may follow
+    finished: bool = False  # the search has ended, though another may follow
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
-        """The step of the stream that shows this state."""
+        """Return the step of the stream that shows this state."""
         leading = self.result.winner if self.result else self.batch.best
         hypotheses = self._ranked()
         first, runner_up = hypotheses[0], self.result and self.result.runner_up
@@ -102,7 +98,7 @@ class SearchState(NamedTuple):
         return replace(shown, runner_up=other, margin=self.result.margin, uncertainty=self.result.uncertainty)
 
     def _ranked(self) -> tuple[Hypothesis, ...]:
-        """The leader, then the others."""
+        """Return the leader, then the others."""
         result, batch = self.result, self.batch
         batches = [batch]
         if result and batch is result.winner:

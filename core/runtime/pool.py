@@ -1,9 +1,8 @@
 """A pool of threads that compute pieces of work, each with one torch thread.
 
-OpenMP shares out every single operation, at whose end all threads wait for the slowest: beside another busy program
-that is many times slower than one thread. Here a thread computes a whole piece and takes the next when it is free, so
-that a busy core takes fewer. Pieces and the order of their results do not depend on the number of threads; nor do the
-results, bit for bit.
+OpenMP splits every operation, and all threads wait for the slowest at its end: beside another busy program this is many
+times slower than one thread. Here a thread computes a whole piece and takes the next when it is free, so a busy core
+takes fewer. Pieces, the order of results, and the results bit for bit do not depend on the number of threads.
 """
 
 import threading
@@ -36,10 +35,10 @@ _caller = _Caller()
 def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) -> Iterator[_Result]:
     """Yield ``function(piece)`` for each piece, in order; several are computed at a time.
 
-    Between two values a few more pieces may be under way. An exception is raised in the place of its piece's result.
-    A closed generator waits for the pieces that have begun, and no others begin. Gradient, inference and autocast
-    modes of the caller hold in the threads, which start at its first call with its priority. A piece that maps pieces
-    itself computes these alone.
+    A few more pieces may run between two values. An exception is raised in place of its piece's result. A closed
+    generator waits for the running pieces and starts no others. The threads start at the first call with the caller's
+    priority, and inherit its gradient, inference and autocast modes. A piece that maps pieces itself computes these
+    alone.
 
     Example:
         >>> list(map_pieces(lambda piece: piece.sum(), torch.arange(6).split(4)))
@@ -64,7 +63,7 @@ def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) 
 
 
 def _helpers() -> ThreadPoolExecutor | None:
-    """Return the threads that work for this one, as many as there are to be now."""
+    """Return the threads that work for this one, in the current number."""
     count = 1 if _caller.helps else thread_count()
     if count != _caller.count:
         if _caller.helpers:
@@ -78,7 +77,7 @@ def _started(count: int) -> ThreadPoolExecutor:
     for _ in range(count):
         helpers.submit(all_begun.wait)
     all_begun.wait()
-    # A thread that sets its own number sets that of threads to come as well, which are not all of this project.
+    # A thread that sets its own number also sets that of later threads, not all of which belong to this project.
     torch.set_num_threads(torch.get_num_threads())
     return helpers
 
@@ -90,7 +89,7 @@ def _begin() -> None:
 
 
 def _in_modes(function: Callable[[_Piece], _Result]) -> Callable[[_Piece], _Result]:
-    """Return the function as the calling thread would run it: torch keeps these modes by thread."""
+    """Bind the caller's modes to the function: torch keeps them per thread."""
     inference, grad = torch.is_inference_mode_enabled(), torch.is_grad_enabled()
     autocast, dtype = torch.is_autocast_enabled("cpu"), torch.get_autocast_dtype("cpu")
 

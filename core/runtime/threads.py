@@ -1,21 +1,21 @@
-"""How many threads compute: torch's own and those of the pool (:mod:`core.runtime.pool`). Imports no torch."""
+"""Thread counts: torch's own and the pool's (:mod:`core.runtime.pool`). Imports no torch."""
 
 import os
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-VARIABLE = "CODENERF_THREADS"  # environment: threads of the pool, instead of one for each core
+VARIABLE = "CODENERF_THREADS"  # environment: threads of the pool, instead of one per core
 _LIBRARIES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-"""Read by torch, its matrix library, numpy's and OpenCV when they are loaded."""
+"""read by torch, its matrix library, numpy's and OpenCV when they are loaded"""
 _LIMITS = ("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")
-"""Files of control groups, version 2 and 1: microseconds of processor time that a period has, and the period."""
+"""Files of control groups, version 2 and 1: microseconds of processor time per period, and the period."""
 
 
 def use_one_torch_thread() -> None:
-    """Let libraries that are loaded from now on, and child processes, use one thread: the first line of a program.
+    """Limit libraries that are loaded from now on, and child processes, to one thread.
 
-    To import :mod:`core` changes nothing: a library leaves the threads of torch to its caller.
+    The first line of a program. Importing :mod:`core` changes nothing: a library leaves torch's threads to its caller.
     """
     os.environ.update(dict.fromkeys(_LIBRARIES, "1"))
 
@@ -27,9 +27,9 @@ def use_threads(count: int | None) -> None:
 
 
 def thread_count() -> int:
-    """Return the number of threads of the pool: ``CODENERF_THREADS``, else one for each core of this process.
+    """Return the number of threads of the pool: ``CODENERF_THREADS``, else one per core of this process.
 
-    Raises ``ValueError`` where the variable is no positive number.
+    Raise ``ValueError`` unless the variable is a positive number.
     """
     told = os.environ.get(VARIABLE)
     if told is None:
@@ -41,7 +41,7 @@ def thread_count() -> int:
 
 @cache
 def available_cores(cgroups: Path = Path("/sys/fs/cgroup")) -> int:
-    """Return the number of cores this process may use: its affinity, and the limit of its container."""
+    """Return the number of cores that affinity and the container's limit grant this process."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     for names in _LIMITS:
         with suppress(OSError, ValueError):  # another version or system; "max"

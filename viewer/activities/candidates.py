@@ -1,4 +1,4 @@
-"""The candidates of a fit: a tile for every hypothesis of its search, with a thumbnail of it."""
+"""The candidates of a fit: a tile with a thumbnail for every hypothesis of its search."""
 
 import math
 from collections.abc import Container, Iterator, Sequence
@@ -18,24 +18,23 @@ from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.worker import Job
 from viewer.values.project import SavedTile
 
-_MAX_STEP = 45.0
-"""degrees: one step turns no camera so far, so what is farther is another hypothesis of the same origin"""
+_MAX_STEP = 45.0  # degrees: no step turns a camera so far; a farther one is another hypothesis of the same origin
 _SIZE, _SAMPLES = 32, 16  # px, and along a ray
-_CLOSER = 1.5  # Photos are cropped with room around the object, for which a tile has none
+_CLOSER = 1.5  # photos are cropped with a margin around the object, tiles without
 
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """A hypothesis as the window shows it."""
+    """A hypothesis in the window."""
 
     number: int  # in the order of appearance
-    hypothesis: Hypothesis  # as it was in the last step that had it
+    hypothesis: Hypothesis  # of the last step that had it
     eliminated_at: float | None = None  # s of the fit when it was dropped; None while active
     frame: Frame | None = None
 
 
 def update_tiles(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
-    """The tiles after a step: active ones by their loss, then the eliminated ones, the latest first."""
+    """Return the tiles after a step: active ones by loss, then eliminated ones, the latest first."""
     left = [tile for tile in tiles if tile.eliminated_at is None]
     active, fresh = list[Tile](), count(len(tiles))
     for hypothesis in step.hypotheses:
@@ -50,7 +49,7 @@ def update_tiles(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
 
 
 def _angle(tile: Tile, hypothesis: Hypothesis) -> float:
-    """Degrees by which the farthest camera has moved; infinite for hypotheses of different origins or photos."""
+    """Return the largest motion of a camera in degrees; infinite for hypotheses of different origins or photos."""
     before, now = tile.hypothesis, hypothesis
     if before.origin != now.origin or len(before.cameras) != len(now.cameras):
         return math.inf
@@ -58,7 +57,7 @@ def _angle(tile: Tile, hypothesis: Hypothesis) -> float:
 
 
 def _angle_between(first: Camera, second: Camera) -> float:
-    """Degrees between the directions of two cameras; cheap, as it is called many times a frame."""
+    """Return degrees between the directions of two cameras; cheap, as it is called many times a frame."""
     cosine = math.sin(first.elevation) * math.sin(second.elevation) + math.cos(first.elevation) * math.cos(
         second.elevation
     ) * math.cos(first.azimuth - second.azimuth)
@@ -66,7 +65,7 @@ def _angle_between(first: Camera, second: Camera) -> float:
 
 
 class Candidates:
-    """The tiles of the fit under way, or of the last one, rendered anew one by one while it runs."""
+    """The tiles of the current or last fit, re-rendered one by one while it runs."""
 
     def __init__(self, jobs: Jobs) -> None:
         self._jobs = jobs
@@ -74,11 +73,11 @@ class Candidates:
         self._over = True
 
     def close(self) -> None:
-        """Render no more."""
+        """Stop rendering."""
         self._jobs.cancel("candidates")
 
     def reset(self, tiles: tuple[Tile, ...] = ()) -> None:
-        """Another fit."""
+        """Show the tiles of another fit."""
         self.close()
         self.tiles = tiles
 
@@ -87,17 +86,17 @@ class Candidates:
         return tuple(SavedTile(tile.number, tile.hypothesis, tile.eliminated_at) for tile in self.tiles)
 
     def restore(self, saved: tuple[SavedTile, ...]) -> None:
-        """Bring tiles back; their thumbnails are rendered anew."""
+        """Restore saved tiles; their thumbnails are rendered again."""
         self.reset(tuple(Tile(*tile) for tile in saved))
         self.finish()
 
     def update(self, step: FitStep) -> None:
-        """The fit has made a step."""
+        """Take a step of the fit."""
         self.tiles, self._over = update_tiles(self.tiles, step), False
         self._start()
 
     def finish(self) -> None:
-        """The fit has ended: the tiles stay, and those that were eliminated without a thumbnail get theirs now."""
+        """Keep the tiles after the fit, and render those that were eliminated without a thumbnail."""
         self._over = True
         self._start()
 
@@ -107,9 +106,7 @@ class Candidates:
             self._jobs.submit(Job("candidates", self._render, self._keep, ended, share=BACKGROUND_SHARE))
 
     def _render(self) -> Iterator[tuple[int, Frame]]:
-        """Every other thumbnail is the best candidate's; between them comes whoever was rendered the longest ago.
-        After the fit come those that have no thumbnail yet.
-        """
+        """Render the best candidate every other time, else the least recent one; after the fit, missing ones."""
         turns, rendered = count(), dict[int, int]()
         while waiting := [tile for tile in self.tiles if self._is_due(tile, rendered)]:
             turn = next(turns)
@@ -128,9 +125,7 @@ class Candidates:
 
 
 def _thumbnail(model: Model, hypothesis: Hypothesis) -> Frame:
-    """A hypothesis from its camera, coarse. In each step it has another shape, for which the fast renderer would look
-    up the occupied cells first; for so few pixels the reference takes half the time.
-    """
+    """Render a hypothesis coarsely. Its shape is new, so the reference renderer takes half the time of the fast one."""
     camera = hypothesis.cameras[0].resized(_SIZE, _SIZE)
     with torch.inference_mode(), autocast(model.device):
         rendered = render_exact(model, hypothesis.codes, replace(camera, focal=_CLOSER * camera.focal), _SAMPLES)

@@ -1,4 +1,4 @@
-"""Videos, meshes, pictures and scenes on their way into files."""
+"""Export of videos, meshes, images and scenes to files."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -18,39 +18,41 @@ _MOST_SLOWER = 4.0
 
 
 class Exporting:
-    """One file at a time."""
+    """Exports one file at a time."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
         self.preview = SharePreview(jobs, editor)
-        self.path: Path | None = None  # the file under way
-        self.kind = ""  # one of :data:`~viewer.values.share_settings.KINDS`, or mixes: what is under way, or was last
-        self.saved: Path | None = None  # the last file that was written
-        self.progress = 0.0  # of the one under way, 0..1
+        self.path: Path | None = None  # the file being written
+        self.kind = ""  # of the current or last file: one of :data:`~viewer.values.share_settings.KINDS`, or mixes
+        self.saved: Path | None = None  # the last written file
+        self.progress = 0.0  # of the current file, 0..1
         self._began = 0.0  # s on the monotonic clock
-        self._expected: float | None = None  # s, of the one under way, by what its parts took
-        self._slower = 1.0  # how many times as long as expected the last one took: other work goes on beside it
+        self._expected: float | None = None  # s, estimated for the current file
+        self._slower = 1.0  # actual over estimated time of the last file: other work runs beside it
 
     @property
     def running(self) -> bool:
-        """A file is under way."""
+        """A file is being written."""
         return self.path is not None
 
     @property
     def remaining(self) -> float | None:
-        """s that it will take still at this rate; None until that is known."""
+        """Seconds left at the current rate; None while unknown."""
         if not self.running or self.progress <= 0:
             return None
         return (time.monotonic() - self._began) * (1 / self.progress - 1)
 
     def estimate(self, settings: ShareSettings) -> float | None:
-        """s that a video or a picture will take; None where, or until, that cannot be told."""
+        """Return the seconds that a video or an image will take; None while unknown."""
         seconds = self.preview.seconds(settings)
         return None if seconds is None else seconds * self._slower
 
     def share(self, path: Path, settings: ShareSettings) -> None:
-        """Write what the settings name, in the format of the name's ending: the object turning once round or the
-        timeline as a video or a folder of images, the object as a picture (a PNG holds the scene as well) or as a mesh.
+        """Write a video, an image or a mesh, in the format of the path's ending.
+
+        A video shows the turntable or the timeline, a name without an ending is a folder of frames; a PNG also holds
+        the scene.
         """
         timeline, backend, models = self._editor.state.timeline, self._jobs.backend, self._jobs.models
         if not self.running:
@@ -70,21 +72,21 @@ class Exporting:
             self._begin(settings.kind, path, write, count)
 
     def mixes(self, path: Path, size: int = 256) -> None:
-        """Write the mixes of A and B as one image on white, a cell so many px wide and high."""
+        """Write the mixes of A and B as one image on white, with cells ``size`` px wide."""
         mix = self._editor.state.mix
         cells = mixes(self._editor.pair(mix.a), self._editor.objects[mix.b].codes)
         camera = orbit.home(self._editor.model).resized(size, size)
         self._begin("mixes", path, lambda scene: write_mixes(self._jobs.frames, cells, camera, path))
 
     def cancel(self) -> None:
-        """Give the file under way up; no half-written file stays."""
+        """Cancel the export; no partial file stays."""
         if self.path:
             self._jobs.cancel("export")
             self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
     def scene(self, path: Path, scene: Scene | None = None) -> None:
-        """Write a scene, or what is shown, as JSON, at once."""
+        """Write a scene, or the scene on screen, as JSON at once."""
         try:
             (scene or self._editor.scene).save(path)
         except ValueError as error:
@@ -101,7 +103,7 @@ class Exporting:
             yield float(image is not None)
 
     def _begin(self, kind: str, path: Path, stream: Callable[[Scene], Iterator[float]], total: float = 1.0) -> None:
-        """Run a stream that yields how much it has done, of so much in all."""
+        """Run a stream that yields the amount of work done, of ``total``."""
         if self.running:
             return
         self.kind, self.path, self.progress, self._began = kind, path, 0.0, time.monotonic()
@@ -125,5 +127,5 @@ class Exporting:
 
 
 def _camera(scene: Scene) -> Camera:
-    """From where its photo was taken; where there is none, from where it is seen."""
+    """Return the camera of its photo, or else the camera on screen."""
     return scene.codes.detail.views[0].camera if scene.codes.detail else scene.camera

@@ -11,20 +11,20 @@ from viewer.values.objects import EditableObject
 
 
 class FitResults:
-    """Keeps results out of the view while a person edits something else; they wait to be shown."""
+    """Keeps results out of the view while a person edits something else, until they are shown."""
 
     def __init__(self, editor: Editor, viewport: Viewport) -> None:
         self._editor, self._viewport = editor, viewport
-        self.checking: Ready | None = None  # what the fit under way has handed over while it is still being checked
-        self.unseen: dict[str, Camera] = {}  # cameras of their photos, by names of objects not shown yet
+        self.checking: Ready | None = None  # result of the current fit that is still being checked
+        self.unseen: dict[str, Camera] = {}  # cameras of the photos of objects not shown yet, by name
         editor.scene_changed.connect(self._forget_seen)
 
     def add(self, found: EditableObject, camera: Camera, restored: bool = False) -> Ready:
-        """Take a result in.
+        """Add a result.
 
         Args:
             camera: of its photo, at the size of the model's images.
-            restored: it takes the place of an object of the same photo, which a run that ended badly has made.
+            restored: replaces an object of the same photo, made by a run that crashed.
         """
         if self._viewport.following:
             turned, own = self._viewport.turned, self._editor.scene.camera
@@ -40,7 +40,7 @@ class FitResults:
         return Ready(name, camera)
 
     def improve(self, handed: Ready, better: EditableObject, camera: Camera) -> bool:
-        """Put the final result in the place of the one handed over. Whether it is another."""
+        """Replace the preliminary result by the final one; return whether they differ."""
         name = handed.name
         differs = better.codes != self._editor.objects[name].codes
         own = self._editor.scene.camera
@@ -53,13 +53,13 @@ class FitResults:
         return differs
 
     def show(self, name: str) -> None:
-        """Make a result that waits current."""
+        """Make a waiting result current."""
         if camera := self.unseen.pop(name, None):
             self._editor.show_added(name, camera)
             self._viewport.frame_result()
 
     def rename(self, name: str, to: str) -> None:
-        """A result has another name."""
+        """Rename a result."""
         if name in self.unseen:
             self.unseen[to] = self.unseen.pop(name)
         if self.checking and self.checking.name == name:
@@ -72,5 +72,5 @@ class FitResults:
 
 
 def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
-    """Both were fitted to one photo of one name; a second object of it carries a number."""
+    """Return whether both were fitted to one photo of one name; a second object of it carries a number."""
     return one.photo == other.photo != "" and re.sub(r" \(\d+\)$", "", one.name) == other.name

@@ -1,4 +1,4 @@
-"""Requests for fits in the window, and the stream of their steps; it runs on the worker."""
+"""Requests for fits, and the stream of their steps, which runs on the worker."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -18,20 +18,20 @@ from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
 from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white
 
 WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
-"""Presets to choose from; the paper's own recipe is a baseline for the command line."""
-_RESUMED_SHARE = 3  # A fit that is resumed has one of so many steps of the preset: there is no search
+"""presets to choose from; the paper's own recipe is a baseline for the command line"""
+_RESUMED_SHARE = 3  # a resumed fit has the preset's steps over this: there is no search
 
 
 class Remark(str):
-    """A message about a photo that is fitted all the same."""
+    """A message about a photo that is fitted anyway."""
 
 
 class Doubt(NamedTuple):
-    """A question about the next photo, and the end of the stream: nothing is fitted until a person answers."""
+    """A question about the next photo, which ends the stream: a person answers first."""
 
     words: str
     model: Model  # would fit the photo
-    cut: CutOut | None  # None where no object was found
+    cut: CutOut | None  # None if no object was found
     seen: SeenCutOut
 
 
@@ -43,7 +43,7 @@ class FitOptions:
     estimate_focal: bool = False
 
     def settings(self, resumed: bool) -> FitSettings:
-        """Of a fit from the beginning, or of one that is resumed."""
+        """Return the settings of a new fit, or of a resumed one."""
         settings = replace(PRESETS[self.preset], estimate_focal=self.estimate_focal)
         return replace(settings, steps=max(1, settings.steps // _RESUMED_SHARE)) if resumed else settings
 
@@ -51,10 +51,10 @@ class FitOptions:
 def fit_stream(
     jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, known: Mapping[PhotoSource, CutOut]
 ) -> Iterator[Model | Remark | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
-    """The photos that have not been read, the model unless the request names one, then the steps.
+    """Yield the photos not read before, the model unless the request names one, then the steps.
 
     Args:
-        here: the model of the object on screen, taken where several models are as likely.
+        here: the model on screen, taken if several models are equally likely.
         known: cut-outs of photos that were asked about.
     """
     backend, models, history = jobs.backend, jobs.models, request.history
@@ -91,14 +91,14 @@ def fit_stream(
 
 
 def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
-    """Return the probability of each category; a doubtful mask has no say in it."""
+    """Return the probability of each category, ignoring a doubtful mask."""
     if is_doubtful(cut):
         return cut.detections[0].probabilities if cut.detections else {}
     return backend.guess_category(cut)
 
 
 def _doubt(cut: CutOut, about_category: str) -> str:
-    """Return the question for a person; empty where the cut-out can be fitted at once."""
+    """Return the question for a person; empty if the cut-out can be fitted at once."""
     if has_rival(cut):
         return "Which one? Click on it"
     if is_doubtful(cut):

@@ -1,4 +1,4 @@
-"""The fit under way, or the last one, as the window shows it: its steps, photos and cameras."""
+"""The view of the current or last fit: its steps, photos and cameras."""
 
 import time
 from dataclasses import replace
@@ -13,51 +13,49 @@ from viewer.editor import Editor
 from viewer.values.fit_history import FitHistory
 from viewer.values.seen_cut_out import SeenCutOut
 
-_RENDER_EVERY = 0.3  # s between two renders of the fit, which take their time from it
-_RENDER_STEPS = 4  # steps between two renders at the least, for machines on which they are slow
+_RENDER_EVERY = 0.3  # s between renders of the fit, which take its processor time
+_RENDER_STEPS = 4  # least steps between renders, for machines on which they are slow
 
 
 class FitView:
-    """Shows the steps of a fit in the view where that follows the fit."""
+    """Shows the steps of a fit while the view follows it."""
 
     def __init__(self, editor: Editor, viewport: Viewport, models: OpenModels) -> None:
         self._editor, self._viewport, self._models = editor, viewport, models
         self.history = FitHistory()
-        self.seen: SeenCutOut | None = None  # the cut-out of the photo read last
-        self.from_runner_up = False  # seen from the runner-up's camera
+        self.seen: SeenCutOut | None = None  # cut-out of the photo read last
+        self.from_runner_up = False  # shown from the runner-up's camera
         self._rendered_at, self._steps_since = 0.0, 0  # time (s) of the last render, and steps since
 
     def show(self, history: FitHistory) -> None:
-        """Show another fit, which has not begun or is over."""
+        """Show another fit, which is about to begin or over."""
         self.history, self.seen, self.from_runner_up = history, None, False
         self._rendered_at, self._steps_since = 0.0, 0
 
     def close(self) -> None:
-        """Give the view back to the scene."""
+        """Return the view to the scene."""
         self._viewport.unfollow()
 
     @property
     def model(self) -> Model:
-        """The model that is fitted. Only once that is known."""
+        """The model of the fit; raises until it is known."""
         return self._models[self.history.model]
 
     @property
     def camera(self) -> Camera:
-        """The photo's camera in the newest step and the viewpoint shown, at the size of the model's images. Only once
-        there are steps.
-        """
+        """The photo's camera in the newest step and shown viewpoint, at the model's image size; needs a step."""
         step = self.history.last
         assert step is not None, "nothing found yet"
         return self.camera_of(step.runner_up if self.from_runner_up and step.runner_up else step)
 
     def show_viewpoint(self, runner_up: bool) -> None:
-        """Turn the view to the camera that was found, or to the runner-up's, mostly on the object's other side."""
+        """Turn the view to the fitted camera, or to the runner-up's, which is mostly on the opposite side."""
         if self.history.last:
             self.from_runner_up = runner_up
             self._editor.set_camera(self.camera)
 
     def camera_of(self, found: FitStep | RunnerUp) -> Camera:
-        """The camera of the photo that is shown, at the size of the model's images."""
+        """Return the camera of the shown photo, at the model's image size."""
         size = self.model.image_size
         return found.cameras[self.history.photo_index].resized(size, size)
 
@@ -67,7 +65,7 @@ class FitView:
             self.history = replace(self.history, photo_index=index)
 
     def add_step(self, step: FitStep) -> None:
-        """Show a step more of the fit under way, rendered where the last render is long enough ago."""
+        """Add a step of the current fit; render it if the last render is old enough."""
         self.history = self.history.with_step(step)
         self._viewport.update_live(View(step.codes, self.camera_of(step)))
         self._steps_since += 1

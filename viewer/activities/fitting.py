@@ -1,4 +1,4 @@
-"""The fit under way, and those that wait for it."""
+"""The current fit and the queue of the next ones."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,15 +23,15 @@ from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.seen_cut_out import SeenCutOut
 
-_FITS = 8  # which are kept
+_FITS = 8  # number of fits that are kept
 _NAMED = 3  # files that a message names
 _NONE: Mapping[PhotoSource, CutOut] = {}
 
 
 class Fitting:
-    """Runs one fit at a time and keeps the queue of the others; ``view`` shows it, ``results`` has its results.
+    """Runs one fit at a time and queues the others; ``view`` shows it, ``results`` has its results.
 
-    A photo whose cut-out is in doubt waits in ``questions``, and the next fit begins meanwhile.
+    A photo with a doubtful cut-out waits in ``questions`` while the next fit begins.
     """
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions) -> None:
@@ -39,11 +39,11 @@ class Fitting:
         self.candidates = Candidates(jobs)
         self.view = FitView(editor, viewport, jobs.models)
         self.results = FitResults(editor, viewport)
-        self.request: FitRequest | None = None  # what is under way
-        self.queue: tuple[FitRequest, ...] = ()  # those that wait
-        self.questions: tuple[Question, ...] = ()  # photos that a person looks at first, the oldest first
+        self.request: FitRequest | None = None  # the current one
+        self.queue: tuple[FitRequest, ...] = ()  # waiting
+        self.questions: tuple[Question, ...] = ()  # photos to be looked at by a person first, the oldest first
         self._shown_fit, self._fits = "", dict[str, FitHistory]()  # object whose fit is shown; fits by name
-        self._before = self.history, self.candidates.tiles  # what was there before the last fit began
+        self._before = self.history, self.candidates.tiles  # those before the last fit began
 
     @property
     def history(self) -> FitHistory:
@@ -52,7 +52,7 @@ class Fitting:
 
     @property
     def shown(self) -> FitHistory:
-        """The fit of the object in the view; empty if that was not fitted in this run."""
+        """The fit of the object in the view; empty if it was not made in this run."""
         if self.running and self._viewport.following:
             return self.history
         name = self._editor.state.mix.a.shape
@@ -61,29 +61,29 @@ class Fitting:
 
     @property
     def running(self) -> bool:
-        """A fit is under way."""
+        """A fit is running."""
         return self.request is not None
 
     @property
     def pending(self) -> tuple[FitRequest, ...]:
-        """Requests that are not over: the fit under way, unless its result is there, and those that wait."""
+        """Unfinished requests: the current fit, unless its result is there, and the queue."""
         return (*self._unfinished, *self.queue, *(question.request for question in self.questions))
 
     @property
     def _unfinished(self) -> tuple[FitRequest, ...]:
-        """The fit under way, to be begun anew; none where its result is there."""
+        """Return the current fit, to be restarted; nothing if its result is there."""
         if self.request is None or self.results.checking:
             return ()
         history = replace(self.request.history, photos=self.history.photos, model=self.history.model)
         return (self.request._replace(history=history),)
 
     def close(self) -> None:
-        """Drop a fit under way, and those that wait."""
+        """Cancel the current fit and the queue."""
         self.queue, self.questions = (), ()
         self._drop()
 
     def tick(self) -> None:
-        """Once a frame: go back to the fit of the object in the view, if it was in this run."""
+        """Return to the fit of the object in the view, if it was made in this run; call once a frame."""
         name = self._editor.state.mix.a.shape
         if self.running or name == self._shown_fit or name not in self._fits:
             return
@@ -92,7 +92,7 @@ class Fitting:
         self.candidates.reset()
 
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Bring back the last fit, unless there is one already, and go on with unfinished requests."""
+        """Restore the last fit, unless there is one already, and continue unfinished requests."""
         if not self.history.sources:
             self.view.show(history)
             found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
@@ -104,7 +104,7 @@ class Fitting:
     # What is fitted
 
     def start(self, *paths: Path) -> None:
-        """Fit the object in images; pose files (.txt) among them belong to the images of their names."""
+        """Fit the object in images; pose files (.txt) belong to the images of the same name."""
         try:
             sources, others = match_poses(paths)
         except ValueError as error:
@@ -117,10 +117,10 @@ class Fitting:
         self.fit(*sources)
 
     def fit(self, *sources: PhotoSource, model: str = "") -> bool:
-        """Fit the object in photos, after those that wait; it answers a question about them. False without photos.
+        """Queue a fit of photos, which answers a question about them; return False without photos.
 
         Args:
-            model: fingerprint; empty: that of the category that the first photo shows.
+            model: fingerprint; empty chooses by the category of the first photo.
         """
         paths = {source.path for source in sources}
         self.questions = tuple(one for one in self.questions if one.source.path not in paths)
@@ -129,14 +129,14 @@ class Fitting:
         return bool(sources)
 
     def add_photo(self, history: FitHistory, path: Path) -> None:
-        """Fit once more, with another photo of the object."""
+        """Fit again with another photo of the object."""
         self.fit(*history.sources, PhotoSource(path), model=history.model)
 
     def refit(self, model: Model | None = None) -> None:
-        """Fit the photos of the object in the view once more, from the beginning.
+        """Fit the photos of the object in the view again, from the beginning.
 
         Args:
-            model: None is the one that was fitted before.
+            model: None keeps the model of the last fit.
         """
         shown = self.shown
         photos = shown.photos if model is None else ()
@@ -144,7 +144,7 @@ class Fitting:
         self._begin(FitRequest(replace(history, photo_index=shown.photo_index), answered=len(shown.sources)))
 
     def choose(self, sources: tuple[PhotoSource, ...], index: int, number: int, model: str = "") -> None:
-        """Fit another of the objects that were detected in a photo, the most prominent being 0."""
+        """Fit another detected object of a photo, by its number; the most prominent one is 0."""
         chosen = sources[index]._replace(hints=Hints(object=number))
         self.fit(*sources[:index], chosen, *sources[index + 1 :], model=model)
 
@@ -154,7 +154,7 @@ class Fitting:
         """Fit a photo as it is cut out.
 
         Args:
-            model: fingerprint of the model to fit; empty is the one that the question names.
+            model: fingerprint of the model to fit; empty takes the question's.
         """
         history, model = question.request.history, model or question.model
         photos = history.photos if model == history.model else ()
@@ -172,23 +172,23 @@ class Fitting:
         """Continue from the codes in the view, and for the photo shown from the camera of the view."""
         if initial := self.resume_point:
             scene, cameras, index = self._editor.scene, list(initial.cameras), self.history.photo_index
-            seen = scene.camera  # how large the object is in the view is not how large it is in the photo
+            seen = scene.camera  # the object's size in the view is not its size in the photo
             cameras[index] = replace(cameras[index], azimuth=seen.azimuth, elevation=seen.elevation)
             self.resume(replace(initial, cameras=tuple(cameras), codes=scene.codes))
 
     @property
     def resume_point(self) -> Hypothesis | None:
-        """The best hypothesis of the newest step; None where the fit cannot be resumed yet."""
+        """The best hypothesis of the newest step; None if the fit cannot be resumed yet."""
         step = self.history.last
         best = step.hypotheses[0] if step and step.hypotheses else None
         return best if best and self.can_resume(best) else None
 
     def can_resume(self, hypothesis: Hypothesis) -> bool:
-        """Return whether a fit of all photos can continue from a hypothesis; one of fewer photos cannot be used."""
+        """Return whether a fit of all photos can continue from a hypothesis; not from one of fewer photos."""
         return len(hypothesis.cameras) == len(self.history.photos)
 
     def stop(self) -> None:
-        """End the fit here and keep its result; the next one begins."""
+        """End the current fit, keep its result and begin the next."""
         if self.running:
             self._jobs.cancel("fit")
             if self.history.steps:
@@ -204,17 +204,17 @@ class Fitting:
         self.candidates.reset(tiles)
 
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
-        """Do not fit photos that wait."""
+        """Remove photos from the queue."""
         self.queue = tuple(one for one in self.queue if one.history.sources is not sources)
         self.questions = tuple(one for one in self.questions if one.request.history.sources is not sources)
 
     def follow(self) -> None:
-        """Show the fit on its way, from the photo's camera; its result becomes current."""
+        """Follow the fit from the photo's camera; its result becomes current."""
         if self.running and not self.results.checking and self.history.last:
             self._viewport.follow()
 
     def rename(self, name: str, to: str) -> None:
-        """A result has another name."""
+        """Rename a result."""
         self.results.rename(name, to)
         self._fits = {to if one == name else one: fit for one, fit in self._fits.items()}
         self._shown_fit = to if self._shown_fit == name else self._shown_fit
@@ -224,10 +224,10 @@ class Fitting:
         while len(self._fits) > _FITS:
             del self._fits[next(iter(self._fits))]
 
-    # On the way
+    # Progress
 
     def _begin(self, request: FitRequest, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
-        """Run a request now, or after those that wait; ``known`` is that of :func:`fit_stream`."""
+        """Run a request now, or after the waiting ones; ``known`` is that of :func:`fit_stream`."""
         if not self.running:
             self._run(request, known=known)
             return
@@ -288,7 +288,7 @@ class Fitting:
             self.view.add_step(value)
 
     def _ask(self, doubt: Doubt) -> None:
-        """Put a request aside until a person has answered; the next one begins."""
+        """Put a request aside until a person has answered, and begin the next."""
         assert self.request is not None
         history = replace(self.request.history, photos=self.history.photos, model=self.history.model)
         request = self.request._replace(history=history)
@@ -324,7 +324,7 @@ class Fitting:
         self._viewport.unfollow()
 
     def _hand_over(self, first: FitStep) -> None:
-        """The first search has a result: it can be used while the second one checks it."""
+        """Show the first search's result while the second one checks it."""
         found = self.results.checking = self._add(first)
         self._keep_fit(found.name)
         self._viewport.unfollow()
@@ -335,7 +335,7 @@ class Fitting:
         return self.results.add(self._fitted(step), self.view.camera_of(step), restored)
 
     def _tell(self, text: str, found: Ready) -> None:
-        """About a result, with a button that shows it where something else is being edited."""
+        """Report a result, with a button to show it if something else is being edited."""
         waits, show = found.name in self.results.unseen, Button("Show", lambda: self.results.show(found.name))
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
 

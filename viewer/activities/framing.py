@@ -1,4 +1,4 @@
-"""How large the object is in the view: three quarters of it after a fit, and whichever object is chosen."""
+"""The object's size in the view: three quarters of it after a fit and after a choice."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -8,25 +8,25 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-SHARE = 0.75  # of the view's width or height, whichever binds
+SHARE = 0.75  # of the view's width or height, the smaller one
 
 
 class Framing:
-    """Moves the camera nearer or farther, as a part of the edit before, unless somebody has touched the scene since."""
+    """Moves the camera nearer or farther, as part of the last edit, unless the scene was touched since."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
-        self._last, self._zoomed = editor.scene, False  # scene of before, and whether a person zoomed
+        self._last, self._zoomed = editor.scene, False  # last scene, and whether a person zoomed
         self._panel = (0, 0)  # px, the view of the newest request
         editor.scene_changed.connect(self._look)
 
     def keep_size(self, panel: tuple[int, int]) -> None:
-        """Frame another object; as near as it is where a person has zoomed."""
+        """Frame another object; keep the distance if a person has zoomed."""
         if not self._zoomed:
             self.frame(panel)
 
     def frame(self, panel: tuple[int, int]) -> None:
-        """Frame the object of the scene, soon, in a view of this size."""
+        """Frame the object of the scene soon, in a view of ``panel`` px."""
         editor, scene, self._zoomed = self._editor, self._editor.scene, False
         model, self._panel = editor.model, panel
         seen = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera

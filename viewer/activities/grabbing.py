@@ -1,4 +1,4 @@
-"""The shape pulled by the mouse: the direction with the largest effect under it, and how far it was moved."""
+"""Pulls of the shape by the mouse: the direction with the largest effect there, and its motion."""
 
 from core.rendering.grab import Pull
 from viewer.activities.viewport import Viewport
@@ -7,24 +7,24 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values.direction import Direction
 
-_DETAIL = 256  # px of the view's shorter side, as pulls are measured
+_DETAIL = 256  # px of the view's shorter side when measuring pulls
 _REACH = 3.0  # standard deviations to either side of the mean, as far as sliders go
 
-Place = tuple[float, float]  # shares of the view's width and height
+Place = tuple[float, float]  # fractions of the view's width and height
 
 
 class Grabbing:
-    """A pull is one step of undo."""
+    """Finds and follows pulls; each is one step of undo."""
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self.pull: Pull | None = None  # under the mouse; None until it is known, and off the object
         self._at: tuple[object, ...] = ()  # codes, camera and place of the newest search
-        self._held: tuple[Direction, float] | None = None  # the direction pulled, and its strength at first
+        self._held: tuple[Direction, float] | None = None  # the pulled direction and its strength at first
 
     @property
     def scale(self) -> float:
-        """px of the view for one px of a pull's motion."""
+        """px of the view per px of a pull's motion."""
         return min(self._viewport.settings.panel) / _DETAIL
 
     def look(self, place: Place) -> None:
@@ -43,7 +43,7 @@ class Grabbing:
         self._jobs.submit(Job("pull", lambda: (pulls(model, codes, crop.camera, point),), keep, ended, urgent=True))
 
     def drag(self, drag: tuple[float, float]) -> None:
-        """Move the surface by so many px of the view (right, down) from where it was grabbed."""
+        """Move the surface by ``drag`` px of the view (right, down) from the place of the grab."""
         if self.pull is None or (self._held is None and self._jobs.busy("pull")):
             return
         if self._held is None:
@@ -54,7 +54,7 @@ class Grabbing:
         self._editor.move_along(direction, max(-_REACH, min(_REACH, start + amount)), gesture="grab")
 
     def release(self) -> None:
-        """Let the object go: the next pull is another step of undo."""
+        """End the pull; the next one is another step of undo."""
         if self._held is not None:
             self._held = None
             self._editor.end_gesture()

@@ -1,4 +1,4 @@
-"""A slow turn of what a fit has found, until a hand touches something."""
+"""A slow turn of a fitted object, until something is touched."""
 
 import math
 import time
@@ -12,27 +12,25 @@ from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.values import orbit
 
-_REST = 2.0  # s for which the finished picture is shown first
+_REST = 2.0  # s for which the finished image is shown first
 _SPEED = 2 * math.pi / 40  # rad/s
 
 
 class IdleTurn:
-    """No edit while it lasts: the camera turns from that of the scene. It is drawn by OpenGL from the baked object, and
-    where that is not to be there is none.
-    """
+    """Turns the view from the scene's camera, which is no edit; only if OpenGL draws the baked object."""
 
     def __init__(
         self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
-        self._of: Scene | None = None  # what is to be turned; another scene ends it
-        self._began: float | None = None  # s on the clock, when it turns, or will
-        self._shown: Camera | None = None  # from where it is seen while it turns
+        self._of: Scene | None = None  # scene to turn; another scene ends the turn
+        self._began: float | None = None  # s on the clock when the turn begins
+        self._shown: Camera | None = None  # of the turned view
         viewport.result_shown.connect(self._prepare)
 
     @property
     def due(self) -> bool:
-        """It turns, or will do so when the finished picture is there."""
+        """It turns, or will once the finished image is there."""
         return self._of is not None
 
     @property
@@ -42,7 +40,7 @@ class IdleTurn:
 
     @property
     def _edited(self) -> bool:
-        """The scene is another than the one to be turned."""
+        """The scene differs from the one to be turned."""
         scene, of = self._editor.scene, self._of
         return of is None or scene.codes is not of.codes or not orbit.same_direction(scene.camera, of.camera)
 
@@ -50,7 +48,7 @@ class IdleTurn:
         self._of, self._began, self._shown = self._editor.scene, None, None
 
     def tick(self) -> None:
-        """Once a frame, unless something is touched: turn a little."""
+        """Turn a little; call once a frame while nothing is touched."""
         viewport, scene = self._viewport, self._editor.scene
         if not self.due or viewport.source != "scene" or self._jobs.busy("fit", "framing"):
             self._began = self._shown = None
@@ -66,7 +64,7 @@ class IdleTurn:
             self._jobs.worker.wake()
 
     def stop(self) -> None:
-        """Stay where it is, as a part of the edit before."""
+        """Stop at the current camera, as part of the last edit."""
         turns = self.turning and not self._edited and self._viewport.source == "scene"
         scene, shown = self._editor.scene, self._shown if turns else None
         self._of = self._began = self._shown = None

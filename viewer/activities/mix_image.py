@@ -1,4 +1,4 @@
-"""The mixes between two objects as one image: B's shape more and more to the right, its texture upwards."""
+"""The mixes between two objects as one image: B's shape increases to the right, its texture upwards."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,7 +16,7 @@ STEPS = 5  # mixes along each side
 
 
 def mixes(a: Codes, b: Codes) -> dict[tuple[int, int], Codes]:
-    """The mixes by column and row, from A's corner at the lower left; the corners come first."""
+    """Return the mixes by column and row, from A's corner at the lower left; the corners come first."""
     order = sorted(range(STEPS), key=lambda step: -abs(step - STEPS // 2))
     last = STEPS - 1
     return {(column, row): a.mixed(b, column / last, row / last) for row in order for column in order}
@@ -30,8 +30,8 @@ def write_mixes(
 ) -> Iterator[float]:
     """Write all mixes as one image on white.
 
-    Yields the share that is done; nothing is left at ``path`` unless the image is whole: to cancel, close the
-    generator. Raises ``ValueError`` for a name of another format, or a path that cannot be written.
+    Yield the fraction done. To cancel, close the generator: no partial file stays. Raise ``ValueError`` for another
+    format or a path that cannot be written.
 
     Args:
         cells: from :func:`mixes`.

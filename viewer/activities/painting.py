@@ -1,4 +1,4 @@
-"""The paint of the object in the view: the colour of one of its parts, found and changed on the worker."""
+"""The paint of the object in the view: the colour of a part, measured and changed on the worker."""
 
 from collections.abc import Iterator
 
@@ -12,14 +12,14 @@ from viewer.services.worker import Job
 
 
 class Painting:
-    """A drag over colours is one step of undo; its newest colour wins, and those that were begun are shown."""
+    """Paints parts; a drag over colours is one step of undo, and its newest colour wins."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
         self._part = ""
-        self._begun = self._shown = editor.scene.codes  # before the drag under way, and after its newest colour
-        self._wanted: Rgb | None = None  # the colour of the drag under way
-        self._known: tuple[Codes, str, Rgb | None] | None = None  # codes, part, and its colour once that is known
+        self._begun = self._shown = editor.scene.codes  # before the current drag, and after its newest colour
+        self._wanted: Rgb | None = None  # the colour of the current drag
+        self._known: tuple[Codes, str, Rgb | None] | None = None  # codes, part, and its colour once known
         self._released = True
 
     @property
@@ -29,7 +29,7 @@ class Painting:
 
     @property
     def part(self) -> str:
-        """The part that is painted."""
+        """The painted part."""
         return self._part if self._part in self.parts else next(iter(self.parts), "")
 
     @part.setter
@@ -62,7 +62,7 @@ class Painting:
 
     @property
     def is_original(self) -> bool:
-        """True while the object has the paint of its photo, or of the object that it was made from."""
+        """The object has the paint of its photo, or of the object it was made from."""
         return bool((self._editor.code("texture") == self._original).all())
 
     @property
@@ -71,11 +71,11 @@ class Painting:
         return codes.detail.texture if codes.detail else self._editor.pair(mix.a).texture
 
     def restore(self) -> None:
-        """Give the object the paint that it had at first."""
+        """Restore the object's original paint."""
         self._editor.set_texture(self._original)
 
     def paint(self, colour: Rgb) -> None:
-        """Give the part a colour, as soon as it is found; the same drag until :meth:`release`."""
+        """Give the part a colour once it is found; the same drag until :meth:`release`."""
         if self._released or self._editor.scene.codes is not self._shown:
             self._begun = self._shown = self._editor.scene.codes
             self._editor.end_gesture()
@@ -86,7 +86,7 @@ class Painting:
             yield (yield from self._jobs.backend.paint(model, begun, wanted))
 
         def keep(found: Codes) -> None:
-            if self._editor.scene.codes is self._shown:  # else the person has gone on to something else
+            if self._editor.scene.codes is self._shown:  # otherwise the person has gone on to something else
                 self._editor.set_texture(found.texture, gesture="paint")
                 self._shown = self._editor.scene.codes
 
@@ -97,7 +97,7 @@ class Painting:
         self._jobs.submit(Job("paint", stream, keep, ended, urgent=True))
 
     def release(self) -> None:
-        """The hand lets the colour go: the next one is another step of undo."""
+        """End the drag; the next colour is another step of undo."""
         if not self._released:
             self._released = True
             self._end()

@@ -1,4 +1,4 @@
-"""The timeline being made: its keyframes, the playhead, and playing it in the view."""
+"""Editing and playing of the timeline: keyframes and playhead."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -14,28 +14,28 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 
 _GESTURE = "play"  # of playing and scrubbing, so that either is one step of undo
-_RATE = 12.0  # frames per second while it plays: on two cores about as many as can be rendered of shapes that change
+_RATE = 12.0  # frames per second while playing: about as many as two cores render of changing shapes
 _DETAIL = 128  # px along the shorter side
 _SETTINGS = RenderSettings(samples=96, divisors=(1,))
-_STEP = 1.0  # s from the last keyframe to one that is appended
+_STEP = 1.0  # s from the last keyframe to an appended one
 _MAX_FRAMES = 720  # kept: a minute
 
 
 class Player:
-    """Edits the timeline, and shows in the view what it holds at a time.
+    """Edits the timeline, and shows its frame at the playhead.
 
-    While it plays, its frames are rendered ahead and kept, so that it runs smoothly from the second time round.
+    While it plays, frames are rendered ahead and kept, so that the second round is smooth.
     """
 
     def __init__(
         self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
-        self.seconds = 0.0  # where the playhead is
-        self._began: float | None = None  # s on the clock when the playhead was at 0, while it plays
+        self.seconds = 0.0  # of the playhead
+        self._began: float | None = None  # s on the clock at which the playhead was at 0, while playing
         self._last_scene: Scene | None = None
-        self._last_timeline: Timeline | None = None  # what it showed last; another one is an edit
-        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # by their number, of :attr:`_rendered_of`
+        self._last_timeline: Timeline | None = None  # timeline of the last tick; another one is an edit
+        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # by number, of :attr:`_rendered_of`
         self._rendered_of: tuple[Timeline, object] | None = None
 
     @property
@@ -54,16 +54,16 @@ class Player:
         return self.timeline.nearest(self.seconds)
 
     def close(self) -> None:
-        """Play no more."""
+        """Stop playing."""
         self._began = None
         self._jobs.cancel("timeline")
 
     def toggle(self) -> None:
-        """Play, or pause."""
+        """Play or pause."""
         self.pause() if self.playing else self.play()
 
     def play(self) -> None:
-        """Play from the playhead; from the beginning if that is the end."""
+        """Play from the playhead; from the beginning if it is at the end."""
         if not self.timeline.keys:
             return
         if not self.timeline.loop and self.seconds >= self.timeline.length - 1e-3:
@@ -75,20 +75,20 @@ class Player:
         self._render_ahead()
 
     def pause(self) -> None:
-        """Stay at the playhead."""
+        """Pause at the playhead."""
         if self.playing:
             self._stop()
             self._editor.end_gesture()
 
     def seek(self, seconds: float) -> None:
-        """Move the playhead, and show that time; to be ended by :meth:`Editor.end_gesture`."""
+        """Move the playhead and show its frame; :meth:`Editor.end_gesture` ends the drag."""
         self._stop()
         self.seconds = max(0.0, min(self.timeline.length, seconds))
         if self.timeline.keys:
             self._show()
 
     def tick(self) -> None:
-        """Once a frame: advance, if it plays. Any other edit stops it."""
+        """Advance while playing; any other edit stops it. Call once a frame."""
         if self._began is None:
             return
         if self._editor.scene is not self._last_scene or self.timeline is not self._last_timeline:
@@ -111,7 +111,7 @@ class Player:
     # Edits of the timeline
 
     def add_key(self) -> None:
-        """Make the view a keyframe at the playhead; where one is there, a second after the last one."""
+        """Make the view a keyframe at the playhead; if there is one, a second after the last one."""
         self.pause()
         timeline = self.timeline
         gap = MIN_GAP if timeline.loop else 0.0
@@ -125,17 +125,17 @@ class Player:
         self._jobs.messages.notify(f"Keyframe {(self.key or 0) + 1} of {len(self.timeline.keys)}, at {seconds:.1f} s")
 
     def replace_key(self, index: int) -> None:
-        """Put the view in the place of a keyframe."""
+        """Replace a keyframe by the view."""
         self.pause()
         self._editor.set_timeline(self.timeline.replaced(index, self._shown))
 
     def remove_key(self, index: int) -> None:
-        """Take a keyframe out."""
+        """Remove a keyframe."""
         self.pause()
         self._editor.set_timeline(self.timeline.removed(index))
 
     def move_key(self, index: int, seconds: float) -> None:
-        """Give a keyframe another time, and show it; to be ended by :meth:`Editor.end_gesture`."""
+        """Move a keyframe to another time and show it; :meth:`Editor.end_gesture` ends the drag."""
         moved, gesture = self.timeline.moved(index, seconds), f"key {index}"
         self._stop()
         self.seconds = moved.keys[index].seconds
@@ -148,13 +148,13 @@ class Player:
         self._editor.end_gesture()
 
     def step(self, by: int) -> None:
-        """Show the next keyframe after the playhead (1), or the one before it (-1); at the last one, stay."""
+        """Show the next keyframe after the playhead (1) or the previous one (-1), if any."""
         ahead = [index for index, key in enumerate(self.timeline.keys) if by * (key.seconds - self.seconds) > 1e-6]
         if ahead:
             self.go_to_key(min(ahead) if by > 0 else max(ahead))
 
     def stretch(self, length: float) -> None:
-        """Make it last longer or shorter; to be ended by :meth:`Editor.end_gesture`."""
+        """Change the timeline's length in seconds; :meth:`Editor.end_gesture` ends the drag."""
         share = self.seconds / self.timeline.length
         stretched = self.timeline.stretched(length)
         self._stop()
@@ -162,7 +162,7 @@ class Player:
         self._editor.set_timeline(stretched, "timeline length")
 
     def loop(self, loop: bool) -> None:
-        """Let the first keyframe come again after the last one, or not."""
+        """Let the first keyframe follow the last one, or not."""
         self.pause()
         self._editor.set_timeline(self.timeline.looped(loop))
 
@@ -173,12 +173,12 @@ class Player:
             self._viewport.release("timeline")
 
     def _newest_frame(self) -> tuple[Frame, orbit.PanelCrop] | None:
-        """The newest frame that is there, of this moment or before."""
+        """Return the newest rendered frame at or before the playhead."""
         now = int(self.seconds * _RATE)
         return next((self._frames[index] for index in range(now, -1, -1) if index in self._frames), None)
 
     def _render_ahead(self) -> None:
-        """Render the frames that are not there, from this moment on and once round; none of a baked object."""
+        """Render the missing frames once round from the playhead; none if OpenGL draws the object."""
         if all(self._viewport.is_baked(key.view.codes) for key in self.timeline.keys):
             return
         timeline, layout = self.timeline, self._layout
@@ -186,7 +186,7 @@ class Player:
             self._rendered_of = timeline, layout
             self._frames.clear()
         count, now = timeline.frame_count(_RATE), int(self.seconds * _RATE)
-        if count > _MAX_FRAMES:  # too long to keep all of it: only what comes next
+        if count > _MAX_FRAMES:  # too long to keep all: only the next ones
             self._frames.clear()
         order = [index for index in (*range(now, count), *range(now)) if index not in self._frames][:_MAX_FRAMES]
 
@@ -207,7 +207,7 @@ class Player:
 
     @property
     def _layout(self) -> tuple[int, int, int, tuple[float, float]]:
-        """How frames lie in the view: what :func:`~viewer.values.orbit.fit_to_panel` takes."""
+        """Return the placement of frames in the view, the arguments of :func:`~viewer.values.orbit.fit_to_panel`."""
         settings = self._viewport.settings
         return *settings.panel, _DETAIL, settings.offset
 

@@ -1,4 +1,4 @@
-"""A photo whose object a person points out by clicks, a box and strokes, segmented while they change."""
+"""Segmentation of a photo by a person's clicks, box and strokes, updated while they change."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,9 +15,9 @@ from viewer.services.worker import Job
 from viewer.values.fit_history import PhotoSource
 from viewer.values.seen_cut_out import on_white
 
-_SHOWN = 640  # px: the longer side of what is shown
-_SMALL = 160  # px: that of the other masks
-_DIMMED = 0.25  # what is left of the background's light
+_SHOWN = 640  # px: longer side of the shown image
+_SMALL = 160  # px: longer side of the other masks
+_DIMMED = 0.25  # remaining light of the background
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,36 +26,36 @@ class Segmentation:
 
     hints: Hints
     found: CutOut
-    shown: UInt8[np.ndarray, "height width 3"]  # the photo with its background darkened
-    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # the next masks, shown small in the same way
+    shown: UInt8[np.ndarray, "height width 3"]  # the photo with darkened background
+    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # the next masks, small, shown in the same way
 
 
 class Segmenting:
-    """At most one photo at a time. The newest segmentation wins, and every one that is begun is shown."""
+    """Segments at most one photo at a time. The newest segmentation wins, and every started one is shown."""
 
     def __init__(self, jobs: Jobs, fit: Callable[..., bool]) -> None:
-        """``fit`` takes photo sources, and returns whether the fit of these has begun."""
+        """``fit`` takes photo sources and returns whether their fit has begun."""
         self._jobs, self._fit = jobs, fit
         self.close()
 
     def close(self) -> None:
-        """Leave everything as it was."""
+        """Close the photo and change nothing."""
         self._jobs.cancel("segmentation")
         self.active = False
         self.sources: tuple[PhotoSource, ...] = ()
         self.index = 0
-        self.plain: np.ndarray | None = None  # the photo as it is, on white; None until it has been read
+        self.plain: np.ndarray | None = None  # the photo on white; None until it is read
         self.hints = Hints()
-        self.past: tuple[Hints, ...] = ()  # what :meth:`undo` goes back to
-        self.result: Segmentation | None = None  # the newest; None where there is none
-        self.problem = ""  # why there is none
+        self.past: tuple[Hints, ...] = ()  # states for :meth:`undo`
+        self.result: Segmentation | None = None  # the newest, if any
+        self.problem = ""  # reason for a missing result
         self._image: Image.Image | None = None
 
     def open(self, sources: tuple[PhotoSource, ...], index: int, model: str = "") -> None:
-        """Open one of the photos of an object, with the hints that it has.
+        """Open one of the photos of an object, with its hints.
 
         Args:
-            model: fingerprint of the model to fit; empty: that of the photo's category.
+            model: fingerprint of the model to fit; empty chooses by the photo's category.
         """
         self.close()
         self._model, source = model, sources[index]
@@ -75,7 +75,7 @@ class Segmenting:
 
     @property
     def settled(self) -> bool:
-        """The result belongs to the hints as they are now."""
+        """The result belongs to the current hints."""
         return self.result is not None and self.result.hints == self.hints
 
     def begin_change(self) -> None:
@@ -84,19 +84,19 @@ class Segmenting:
             self.past = (*self.past, self.hints)
 
     def set_hints(self, hints: Hints) -> None:
-        """Point out where the object is."""
+        """Point out the object."""
         if hints != self.hints:
             self.hints = hints
             self._start()
 
     def choose(self, number: int) -> None:
-        """Take one of the other masks that were found, the best of them being 0."""
+        """Choose one of the other masks, of which 0 is the best."""
         chosen = self.hints.choice
         self.begin_change()
         self.set_hints(replace(self.hints, choice=number if number < chosen else number + 1, strokes=()))
 
     def undo(self) -> None:
-        """Back to before the last box or stroke."""
+        """Undo the last box or stroke."""
         while self.past:
             before, self.past = self.past[-1], self.past[:-1]
             if before != self.hints:
@@ -104,7 +104,7 @@ class Segmenting:
                 return
 
     def fit(self) -> None:
-        """Fit the photos, this one as it was segmented; stays open while another fit runs."""
+        """Fit the photos with this segmentation; stay open while another fit runs."""
         source = self.sources[self.index]._replace(hints=self.hints)
         if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._model):
             self.close()
@@ -136,6 +136,6 @@ def _segment(image: Image.Image, hints: Hints) -> Segmentation:
 def _dimmed(
     shown: UInt8[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "height width 3"]:
-    """With its background darkened."""
+    """Darken the background."""
     inside = np.asarray(Image.fromarray(mask).resize(shown.shape[1::-1]))
     return (shown * np.where(inside[..., None], 1, _DIMMED)).astype(np.uint8)

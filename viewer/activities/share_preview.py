@@ -1,4 +1,4 @@
-"""The first frame of what is to be shared, small, and how long all of it will take."""
+"""A small first frame of the file to be shared, and the time that the file will take."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,21 +18,21 @@ _NAME, _PACE = "share preview", "share pace"  # jobs
 
 
 class SharePreview:
-    """Rendered again whenever it would look different, but not during a drag."""
+    """Renders the preview again whenever it would change, except during a drag."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
-        self.image: Image | None = None  # on nothing; None until it is rendered
-        self._shown: tuple[object, ...] = ()  # what it shows, or will
-        self._copied: tuple[Codes, int] | None = None  # object and cells of the baked copy that is drawn
-        self.pace: Pace | None = None  # of videos of this model on this machine; None until that is measured
+        self.image: Image | None = None  # on transparent; None until it is rendered
+        self._shown: tuple[object, ...] = ()  # inputs of the current or next image
+        self._copied: tuple[Codes, int] | None = None  # object and cells of the baked copy it shows
+        self.pace: Pace | None = None  # of videos of this model on this machine; None until it is measured
         self._known: tuple[tuple[object, ...], float] | None = None
 
     def update(self, settings: ShareSettings, baked_copy: Callable[[Codes], BakedField | None]) -> None:
-        """To be called once a frame while it is looked at. A video without keyframes has no first frame.
+        """Update the preview; call once a frame while it is visible. A video without keyframes has none.
 
         Args:
-            baked_copy: of an object, if there is one already: it takes a third of the time. A finer one replaces it.
+            baked_copy: returns an object's baked copy, if any: three times faster; a finer render replaces it.
         """
         if settings.kind == "video" and not self._editor.state.timeline.keys:
             return
@@ -68,11 +68,11 @@ class SharePreview:
 
     @property
     def stale(self) -> bool:
-        """The image is of what was shown before."""
+        """The image shows earlier settings."""
         return self._jobs.busy(_NAME)
 
     def seconds(self, settings: ShareSettings) -> float | None:
-        """What a video or a picture will take, s; None until that can be told."""
+        """Return the seconds that a video or an image will take; None while unknown."""
         state = self._editor.state
         if self.pace is None or settings.kind == "mesh" or (settings.kind == "video" and not state.timeline.keys):
             return None
@@ -86,9 +86,9 @@ class SharePreview:
         self.pace = pace
 
     def _unmeasured(self, error: Exception | None) -> None:
-        """Without an estimate nothing is lost; what cannot be rendered is said by the preview."""
+        """Ignore the error: only the estimate is missing, and the preview reports what cannot be rendered."""
 
     def close(self) -> None:
-        """Render no more."""
+        """Stop rendering."""
         self._jobs.cancel(_NAME, _PACE)
         self._shown = ()

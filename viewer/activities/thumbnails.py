@@ -1,4 +1,4 @@
-"""Small renders of any codes from any camera, made beside everything else and kept for a while: the one queue."""
+"""The queue of small renders of any codes from any camera, which are cached."""
 
 import hashlib
 from collections import OrderedDict
@@ -22,9 +22,9 @@ from viewer.values import orbit
 
 SIZE = 64  # px, of most thumbnails
 _SAMPLES = 40  # intervals along the longest side of the scene's box
-_MAX_KEPT = 1000  # thumbnails: of 64 px they take 28 kB each
+_MAX_KEPT = 1000  # thumbnails; one of 64 px takes 28 kB
 _OF_SESSION = 300  # kept with the session
-_COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of what is shown until a thumbnail is there
+_COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of placeholders
 _BATCH = 6  # thumbnails rendered before the queue is read again
 
 
@@ -40,7 +40,7 @@ class _Key(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """For files."""
+        """Return a name for files."""
         text = f"{self.camera} {self.samples}".encode()
         detail = _detail_digest(self.detail) if self.detail else b""
         return hashlib.blake2b(self.shape + self.texture + text + detail, digest_size=16).hexdigest()
@@ -59,12 +59,12 @@ def _detail_digest(detail: PhotoDetail) -> bytes:
 
 
 def digest(codes: Codes, camera: Camera, samples: int = 0) -> str:
-    """A name for files of an object's picture."""
+    """Return a file name for an object's image."""
     return _key(codes, camera, samples).digest
 
 
 def _coarse(key: _Key) -> _Key:
-    """What is shown until a thumbnail is there; the same one where that is as small."""
+    """Return the key of the placeholder; the same key if it is as small."""
     camera = key.camera
     if min(camera.width, camera.height) <= _COARSE:
         return key
@@ -72,42 +72,42 @@ def _coarse(key: _Key) -> _Key:
 
 
 def frame_of(pixels: Pixels, samples: int = 0, stages: int = 1) -> Frame:
-    """A kept picture as a frame, the first of so many stages."""
+    """Return stored pixels as a frame, the first of ``stages``."""
     opacity = pixels[..., 3] / np.float32(255)
     return Frame(pixels[..., :3], _no_depth(opacity), opacity, 0, stages, samples, 0.0)
 
 
 def pixels_of(frame: Frame) -> Pixels:
-    """A frame as it is kept."""
+    """Return a frame's pixels for storage."""
     return np.dstack((frame.image, to_bytes(frame.opacity)))
 
 
 def _no_depth(opacity: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "height width"]:
-    """Nobody looks at the depth of a thumbnail: it takes no memory."""
+    """Return a constant depth, which takes no memory: thumbnails need none."""
     return np.broadcast_to(np.float32(0), opacity.shape)
 
 
 class Thumbnails:
-    """The worker renders the thumbnails that panels want in a frame; those that are wanted no more are dropped."""
+    """Lets the worker render thumbnails that panels request in a frame; drops those not requested again."""
 
     def __init__(
         self, jobs: Jobs, kept: KeptThumbnails | None = None, of_session: Mapping[str, Pixels] | None = None
     ) -> None:
-        """``of_session``: pictures of the last session, by their digests."""
+        """``of_session``: images of the last session, by digest."""
         self._jobs, self._kept, self._of_session = jobs, kept or KeptThumbnails(), of_session or {}
-        self._on_disk = dict[str, dict[str, Pixels]]()  # kept pictures, by model and name
-        self._wanted = dict[_Key, str]()  # names of pictures to keep: of objects from the first view
+        self._on_disk = dict[str, dict[str, Pixels]]()  # stored images, by model and name
+        self._wanted = dict[_Key, str]()  # names of images to store: of objects from the first view
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()
-        self._queue: dict[_Key, Codes] = {}  # what panels want, and what that shows
-        self._failed: set[_Key] = set()  # which are not tried again
+        self._queue: dict[_Key, Codes] = {}  # requested by panels, and the codes they show
+        self._failed: set[_Key] = set()  # not tried again
 
     @property
     def count(self) -> int:
-        """Thumbnails that are kept."""
+        """The number of cached thumbnails."""
         return len(self._frames)
 
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
-        """An object from where its model is first seen; see :meth:`get`. The usual size is kept on disk."""
+        """Return an object from its model's first view, as :meth:`get`. The usual size is stored on disk."""
         model = self._jobs.models.of(codes)
         camera = orbit.home(model).resized(size, size)
         key = _key(codes, camera, samples)
@@ -120,11 +120,13 @@ class Thumbnails:
         return self._get(key, codes)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
-        """The thumbnail at the camera's size; until that is rendered a coarse one, before it None. To be called in
-        every frame that shows it. Coarse ones are rendered before all others, as they take a fraction of the time.
+        """Return the thumbnail at the camera's size; a coarse one until it is rendered, None before.
+
+        Call in every frame that shows it. Coarse ones are rendered before all others, as they take a fraction of the
+        time.
 
         Args:
-            soon: before the others, as someone waits for it.
+            soon: before the others, as a person waits for it.
         """
         return self._get(_key(codes, camera, samples), codes, soon)
 
@@ -140,12 +142,12 @@ class Thumbnails:
 
     @property
     def newest(self) -> dict[str, Pixels]:
-        """Pictures to be kept with the session, by their digests; those of objects are kept with the model."""
+        """Return images to store with the session, by digest; those of objects are stored with the model."""
         keys = [key for key in self._frames if key not in self._wanted][-_OF_SESSION:]
         return {key.digest: pixels_of(self._frames[key]) for key in keys}
 
     def _due(self) -> dict[_Key, RenderJob]:
-        """What is to be rendered next of all that is wanted: nothing that has come since it was."""
+        """Return the next of the requested thumbnails to render, without those that exist."""
         due = dict[_Key, RenderJob]()
         for key, codes in self._queue.items():
             coarse = _coarse(key)
@@ -155,7 +157,7 @@ class Thumbnails:
         return due
 
     def tick(self) -> None:
-        """Once a frame: begin with what panels wanted since the last one."""
+        """Start to render the requests since the last call; call once a frame."""
         if self._jobs.busy("thumbnails"):
             self._queue = {}
             return
@@ -174,7 +176,7 @@ class Thumbnails:
         self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=TILES_SHARE))
 
     def _save(self) -> None:
-        """Nothing is to be rendered: keep what is there of objects, if that is more than is kept."""
+        """Store the thumbnails of objects when all are rendered, if there are new ones."""
         new = [
             (key, name)
             for key, name in self._wanted.items()
@@ -194,7 +196,7 @@ class Thumbnails:
         self._jobs.submit(Job("thumbnails", stream, lambda nothing: None, share=BACKGROUND_SHARE))
 
     def close(self) -> None:
-        """Render no more."""
+        """Stop rendering."""
         self._jobs.cancel("thumbnails")
 
     def _render(self, batch: list[tuple[_Key, RenderJob]]) -> Iterator[tuple[_Key, Frame] | None]:

@@ -1,4 +1,4 @@
-"""One subject per file; each panel reads the session and calls its named edits."""
+"""The panels, one subject per file; each reads the session and calls its named edits."""
 
 from viewer.context import Panel
 from viewer.panels.developer import DeveloperPanel
@@ -11,5 +11,5 @@ from viewer.panels.view import ViewPanel
 
 
 def all_panels() -> list[Panel]:
-    """Every docked panel of the window, in the order of their tabs."""
+    """Return all docked panels of the window, in the order of their tabs."""
     return [LibraryPanel(), ViewPanel(), MixPanel(), SlidersPanel(), PhotoPanel(), DeveloperPanel(), TimelinePanel()]

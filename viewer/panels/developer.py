@@ -1,4 +1,4 @@
-"""What a developer looks at: the view's other modes, the camera, speed, the candidates of a fit, and all messages."""
+"""The panel for developers: more modes of the view, camera, speed, candidates of a fit, and all messages."""
 
 import math
 from collections.abc import Collection
@@ -24,19 +24,19 @@ from viewer.widgets.text import caption
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
 _NUMBER, _TILE = 9, 3.4  # em: a number to drag, and a candidate
-_FADING, _FADED = 2.0, 0.75  # s of the fit that an eliminated candidate takes to fade, and how far
+_FADING, _FADED = 2.0, 0.75  # s of the fit in which an eliminated candidate fades, and its final fading
 _FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
 
 
 class DeveloperPanel(Panel):
-    """Sections that are folded away but for the first."""
+    """Sections, all but the first collapsed."""
 
     title = "Developer"
     dock = "Right"
     folded = True
 
     def draw(self, context: PanelContext) -> None:
-        """Mode and camera above the sections."""
+        """Draw mode and camera above the sections."""
         viewport = context.session.viewport
         mode = choose(
             "mode", viewport.settings.mode, {mode: mode.capitalize() for mode in MODES}, "What the view shows"
@@ -55,7 +55,7 @@ class DeveloperPanel(Panel):
 
 
 def _draw_camera(context: PanelContext) -> None:
-    """The camera in numbers, to drag or to type."""
+    """Draw the camera in numbers, to drag or to type."""
     editor, camera = context.session.editor, context.session.editor.scene.camera
     numbers = {
         "azimuth": (math.degrees(camera.azimuth), 1.0, (-360.0, 360.0), "%.1f°"),
@@ -76,7 +76,7 @@ def _draw_camera(context: PanelContext) -> None:
 
 
 def _draw_speed(context: PanelContext) -> None:
-    """How long the frame on screen took, and what it was rendered with."""
+    """Draw the times and settings of the frame on screen."""
     viewport = context.session.viewport
     if viewport.frame is None:
         return
@@ -110,7 +110,7 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
 
 
 def _own_time(seconds: Collection[float]) -> str:
-    """Median and longest processor time of the window's thread in the last frames: what it takes besides rendering."""
+    """Format median and longest processor time of the window's thread in the last frames, without rendering."""
     return f"{1000 * median(seconds):.1f} ms, of {len(seconds)} at most {1000 * max(seconds):.0f}"
 
 
@@ -122,7 +122,7 @@ def _row(*cells: str) -> None:
 
 
 def _draw_candidates(context: PanelContext) -> None:
-    """The hypotheses of a fit ranked by loss, live; a click prefers one to all others."""
+    """Draw the hypotheses of a fit ranked by loss, live; a click prefers one to all others."""
     tiles, side = context.session.fitting.candidates.tiles, _TILE * hello_imgui.em_size()
     if not tiles:
         caption(context, "While a photo is fitted: the cameras and shapes that are tried for it, the best first")
@@ -147,7 +147,7 @@ def _draw_tile(context: PanelContext, tile: Tile, rank: int, side: float) -> Non
 
 
 def _fading(context: PanelContext, tile: Tile) -> float:
-    """How far a tile has faded, 0..1."""
+    """Return the fading of a tile, 0..1."""
     last = context.session.fitting.history.last
     if tile.eliminated_at is None or last is None:
         return 0.0
@@ -164,7 +164,7 @@ def _label(tile: Tile, rank: int, preferable: bool) -> str:
 
 
 def _draw_messages(context: PanelContext) -> None:
-    """All messages of this run, the newest first, and under each what is for developers alone."""
+    """Draw all messages of this run, the newest first, with their details for developers."""
     for message in reversed(context.session.messages.log):
         colour = context.palette.error if message.kind is MessageKind.PROBLEM else context.palette.text
         imgui.push_style_color(imgui.Col_.text, (*colour, 1.0))

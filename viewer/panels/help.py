@@ -14,11 +14,11 @@ from viewer.values.view_modes import MODES
 from viewer.widgets.text import heading
 
 _WHAT, _DOES = 13, 32  # em: the widths of the columns
-_MOST = 12  # that are listed of what was found
+_MOST = 12  # number of listed results
 
 
 class Entry(NamedTuple):
-    """Something that is found by its words."""
+    """A result of the search."""
 
     words: str
     about: str
@@ -26,14 +26,14 @@ class Entry(NamedTuple):
 
 
 class Help:
-    """A window, while it is open."""
+    """The help in a window while it is open."""
 
     def __init__(self) -> None:
         self._search = ""
         self._found: list[Entry] = []
 
     def draw(self, context: PanelContext) -> None:
-        """The search above what it finds, or above the table."""
+        """Draw the search above its results, or above the table."""
         if not context.help_open:
             return
         viewport = imgui.get_main_viewport()
@@ -85,7 +85,7 @@ class Help:
 
 
 def entries(context: PanelContext) -> Iterator[Entry]:
-    """Actions that can be done now, panels, view modes and objects."""
+    """Yield the actions that can be done now, panels, view modes and objects."""
     session = context.session
     for action in ACTIONS.values():
         if action.enabled(context):
@@ -103,7 +103,7 @@ def entries(context: PanelContext) -> Iterator[Entry]:
 
 
 def find(context: PanelContext, search: str) -> list[Entry]:
-    """What has the words that are searched for, the likeliest first; nothing for no words."""
+    """Return the entries that contain the words of a search, the likeliest first; none without words."""
     wanted, found = search.strip().lower(), list[tuple[int, Entry]]()
     for entry in entries(context) if wanted else ():
         words = entry.words.lower()
@@ -114,7 +114,7 @@ def find(context: PanelContext, search: str) -> list[Entry]:
 
 
 def _draw_table(context: PanelContext) -> None:
-    """What works where."""
+    """Draw the actions by place."""
     for place, rows in TABLE.items():
         imgui.table_next_row()
         imgui.table_next_column()

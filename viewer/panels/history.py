@@ -14,9 +14,7 @@ _SIDE, _EDGE = 2.7, 0.5  # em: a thumbnail, and the distance from the view's cor
 
 
 class HistoryStrip:
-    """One tile for each object, the oldest on the left, and all edits of the object in the view; what undo took back is
-    paler.
-    """
+    """A tile per object, the oldest on the left, and all edits of the object in the view; undone ones are paler."""
 
     def __init__(self) -> None:
         self._shown = -1  # the state that was last scrolled to
@@ -25,7 +23,7 @@ class HistoryStrip:
         self._groups: tuple[tuple[Edit, ...], ...] = ()  # edits of that history, by object
 
     def draw(self, context: PanelContext) -> None:
-        """The strip, once there is more than one edit; it scrolls to what is shown."""
+        """Draw the strip once there is more than one edit, scrolled to the current one."""
         history = context.session.editor.history
         if history is not self._history:
             self._history, self._states, self._groups = history, history.states, history.edits
@@ -56,7 +54,7 @@ class HistoryStrip:
         imgui.pop_style_var(2)
 
     def _tiles(self, now: int) -> list[tuple[Edit, int]]:
-        """What is shown, with the first state that each tile stands for."""
+        """Return the shown edits, with the first state of each tile."""
         tiles, first = list[tuple[Edit, int]](), 0
         for group in self._groups:
             unfolded = first <= now <= group[-1].last
@@ -66,7 +64,7 @@ class HistoryStrip:
         return tiles
 
     def _draw_edit(self, context: PanelContext, number: int, states: range, edit: Edit, side: float) -> None:
-        """A click goes to the last of its states."""
+        """Draw an edit; a click goes to the last of its states."""
         history = context.session.editor.history
         now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
@@ -89,7 +87,7 @@ class HistoryStrip:
 
 
 def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | None:
-    """A state's thumbnail; none during a drag, as the state is another in the next frame."""
+    """Return a state's thumbnail; None during a drag, which changes the state in every frame."""
     scene, now = state.scene, state is context.session.editor.state
     camera = scene.camera.resized(SIZE, SIZE)
     return None if moving else context.session.thumbnails.get(scene.codes, camera, soon=now)

@@ -1,4 +1,4 @@
-"""Everything to begin with: a photo, what one has made oneself, and the model's objects as thumbnails."""
+"""The objects to begin with: a photo, one's own objects, and those of the models, as thumbnails."""
 
 from collections.abc import Iterable, Sequence
 from itertools import chain
@@ -32,11 +32,11 @@ class LibraryPanel(Panel):
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
-        self._unfolded = set[str]()  # the objects whose variants are shown
-        self._filter = _ALL  # which objects are listed: all, one's own, or those of a model, by its fingerprint
+        self._unfolded = set[str]()  # objects whose variants are shown
+        self._filter = _ALL  # listed objects: all, one's own, or a model's, by its fingerprint
 
     def draw(self, context: PanelContext) -> None:
-        """The button, one's own objects, those of the models; those out of sight are not rendered."""
+        """Draw the button, one's own objects and those of the models; invisible ones are not rendered."""
         names, least = _headings(context.session.listed_models), _STRIP * hello_imgui.em_size()
         if strip := imgui.get_content_region_avail().y < least:
             imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
@@ -54,7 +54,7 @@ class LibraryPanel(Panel):
         self._user_menu.apply(context)
 
     def _draw_objects(self, context: PanelContext, names: dict[str, str], strip: bool) -> None:
-        """One's own, then those of each model, under headings, or all in one row."""
+        """Draw one's own objects, then those of each model, under headings or in one row."""
         mine: list[str | FitRequest] = [*context.session.fitting.pending, *context.session.editor.objects.own]
         families = context.session.editor.objects.families
         groups = {"Mine": mine} if self._filter in (_ALL, _MINE) else dict[str, list[str | FitRequest]]()
@@ -73,14 +73,14 @@ class LibraryPanel(Panel):
             imgui.spacing()
 
     def _listed(self, families: dict[str, tuple[str, ...]]) -> list[str]:
-        """One of each form, and the variants of those that are unfolded behind them."""
+        """Return one object of each form, followed by its variants if it is unfolded."""
         names = list[str]()
         for head, variants in families.items():
             names += [head, *variants] if head in self._unfolded else [head]
         return names
 
     def _draw_tiles(self, context: PanelContext, tiles: Sequence[str | FitRequest], strip: bool = False) -> None:
-        """Of objects, by their names, and of photos that wait."""
+        """Draw tiles of objects, by name, and of waiting photos."""
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
         gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
         columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (least + gap)))
@@ -111,7 +111,7 @@ class LibraryPanel(Panel):
             self._draw_fold(context, tile, len(variants), corner, size.x)
 
     def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
-        """The number of an object's variants, in the corner of its thumbnail."""
+        """Draw the number of an object's variants in the corner of its thumbnail."""
         unfolded, em = name in self._unfolded, hello_imgui.em_size()
         label = f"{_OPEN if unfolded else _SHUT} {count}"
         size = imgui.calc_text_size(label) + ImVec2(0.5 * em, 0)
@@ -181,7 +181,7 @@ def _draw_menu(context: PanelContext, name: str) -> None:
 
 
 def _headings(models: Iterable[Model]) -> dict[str, str]:
-    """The names of the models' objects, by fingerprint; a second model of a category is numbered."""
+    """Return the names of the models' objects, by fingerprint; a second model of a category is numbered."""
     names = dict[str, str]()
     for model in models:
         name = model.category.capitalize() or "Objects"
@@ -191,7 +191,7 @@ def _headings(models: Iterable[Model]) -> dict[str, str]:
 
 
 def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:
-    """The role of an object just now: A, what A's shape or texture was taken from, B."""
+    """Return the current roles of an object: A, origin of A's shape or texture, B."""
     mix, accent = context.session.editor.state.mix, context.palette.accent
     if mix.a == (name, name):
         marks = [("A", accent)]

@@ -1,4 +1,4 @@
-"""The menu bar, made of the table of actions."""
+"""The menu bar, made from the table of actions."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,18 +10,18 @@ from viewer.context import PanelContext
 from viewer.values.printable import printable
 from viewer.widgets.controls import draw_progress, tooltip
 
-_EXPORT, _BAR = 19, 6  # em: the bar of the file under way, and its button; the bar of what else one waits for
+_EXPORT, _BAR = 19, 6  # em: the bar of the current export and its button; the bar of other progress
 
 
 def draw(context: PanelContext) -> None:
-    """Menus, and at the right what is under way."""
+    """Draw menus, and on the right the progress."""
     for title, entries in MENUS.items():
         _menu(context, title, entries)
     _draw_status(context)
 
 
 def _menu(context: PanelContext, title: str, entries: tuple[str | Callable[[PanelContext], None] | None, ...]) -> None:
-    """A menu of actions by their ids, of sub-menus, and of lines (None) between them."""
+    """Draw a menu of actions by their ids, of sub-menus, and of lines (None) between them."""
     if not imgui.begin_menu(title):
         return
     for entry in entries:
@@ -43,7 +43,7 @@ def _draw_item(context: PanelContext, name: str) -> None:
 
 
 def _draw_panels(context: PanelContext) -> None:
-    """Which panels are shown."""
+    """Draw the menu that shows and hides panels."""
     docking = hello_imgui.get_runner_params().docking_params
     for label in [panel.label for panel in docking.dockable_windows if panel.can_be_closed]:
         panel = docking.dockable_window_of_name(label)
@@ -63,21 +63,21 @@ def _draw_recent(context: PanelContext) -> None:
 
 
 def _draw_earlier(context: PanelContext) -> None:
-    """Sessions that New or another project has replaced."""
+    """Draw the sessions replaced by New or another project."""
     for number, path in enumerate(context.autosave.earlier if context.autosave else ()):
         if imgui.menu_item_simple(f"Session of {path.stem[:16]}###earlier {number + 1}"):
             context.session.open_project(path, keep_path=False)
 
 
 def _draw_status(context: PanelContext) -> None:
-    """At the right: the file under way, and a thin bar for what else one waits for."""
+    """Draw on the right the current export and a thin bar for other progress."""
     session, em = context.session, hello_imgui.em_size()
     waits = session.fitting.history.progress if session.fitting.running else session.preparing
     exporting = _EXPORT * em if session.exporting.running else 0.0
     bar = _BAR * em if waits is not None else 0.0
     imgui.same_line()
     width = exporting + bar + 2 * em
-    if imgui.get_content_region_avail().x < width:  # it would lie over the menus
+    if imgui.get_content_region_avail().x < width:  # it would cover the menus
         bar, width = 0.0, min(imgui.get_content_region_avail().x, exporting + 2 * em)
     imgui.same_line(imgui.get_window_width() - width)
     if exporting:
@@ -106,4 +106,4 @@ MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
     ),
     "Panels": (_draw_panels, None, "fold_panels", "reset_layout"),
     "Help": ("help",),
-}  # Actions by their ids, sub-menus, and lines (None); what has no key has its place here.
+}  # actions by their ids, sub-menus, and lines (None); everything without a key is here

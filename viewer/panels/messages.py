@@ -1,4 +1,4 @@
-"""Messages, in the lower right corner of the view, above the history. Not a docked panel: it is there when needed."""
+"""Messages in the lower right corner of the view, above the history. Not a docked panel: it appears when needed."""
 
 import textwrap
 
@@ -8,7 +8,7 @@ from viewer.context import PanelContext
 from viewer.services.messages import Message, MessageKind
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
-_WIDTH, _BESIDE, _SMALL = 34, 6, 16  # em: the longest line, what is beside it, and a view that has no room for messages
+_WIDTH, _BESIDE, _SMALL = 34, 6, 16  # em: the longest line, the width beside it, and a view too small for messages
 
 _ICONS = {
     MessageKind.DONE: icons_fontawesome_4.ICON_FA_CHECK,
@@ -19,7 +19,7 @@ _COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PR
 
 
 def draw(context: PanelContext) -> None:
-    """One column, the newest at the bottom; each fades by itself, and stays in the log."""
+    """Draw one column, the newest at the bottom; each fades by itself and stays in the log."""
     due = context.session.messages.shown
     if not due:
         return
@@ -28,7 +28,7 @@ def draw(context: PanelContext) -> None:
     imgui.set_next_window_pos(high - ImVec2(edge, edge), imgui.Cond_.always, (1, 1))
     imgui.set_next_window_bg_alpha(0.97)
     pressed = any(message.buttons or message.kind is MessageKind.PROBLEM for message in due)
-    # What cannot be pressed lets the mouse through to what is below it.
+    # Without buttons, the mouse reaches the window below.
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
     if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
@@ -39,9 +39,7 @@ def draw(context: PanelContext) -> None:
 
 
 def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
-    """Two corners: of the view above the history; of the whole window where the view is narrow, or behind the Share
-    dialog.
-    """
+    """Return two corners: of the view above the history, or of the window if the view is narrow or covered by Share."""
     low, high = context.view
     viewport = imgui.get_main_viewport()
     end = viewport.work_pos + viewport.work_size

@@ -1,4 +1,4 @@
-"""The way from A, which is in the view, to B."""
+"""The mixes of A, the object in the view, with B."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -13,8 +13,8 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, draw_progress, end_gesture, tooltip
 from viewer.widgets.text import caption, heading
 
-_LEAST, _MOST, _BELOW = 9.0, 30.0, 6.0  # em: the side of the pad, and what stands below it
-_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px, intervals, and opacity of previews in no corner
+_LEAST, _MOST, _BELOW = 9.0, 30.0, 6.0  # em: the side of the pad, and the height below it
+_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px, intervals, and opacity of previews outside the corners
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 
 
@@ -29,7 +29,7 @@ class MixPanel(Panel):
         self._previews: dict[tuple[int, int], Codes] = {}  # by column and row, from A's corner
 
     def draw(self, context: PanelContext) -> None:
-        """B above the pad."""
+        """Draw B above the pad."""
         _draw_b(context)
         room, em = imgui.get_content_region_avail(), hello_imgui.em_size()
         self._draw_pad(context, min(room.x, max(_LEAST * em, min(_MOST * em, room.y - _BELOW * em))))
@@ -42,7 +42,7 @@ class MixPanel(Panel):
             context.files.ask(FileRequest("Save the mixes as", exporting.mixes, IMAGE_FORMATS, True, name))
 
     def _draw_pad(self, context: PanelContext, side: float) -> None:
-        """The dot stays half a preview within the border, so that it can be grabbed in a corner."""
+        """Draw the pad; the dot stays half a preview within the border, so that it can be grabbed in a corner."""
         editor, corner, cell = context.session.editor, imgui.get_cursor_screen_pos(), side / STEPS
         if imgui.get_io().nav_visible:
             over = self._draw_cells(context, corner, cell)
@@ -58,7 +58,7 @@ class MixPanel(Panel):
         _paint_dot(context, corner, side)
 
     def _draw_cells(self, context: PanelContext, corner: ImVec2, cell: float) -> tuple[int, int] | None:
-        """A button for each mix, for the keyboard; the one that has the focus."""
+        """Draw a button for each mix, for the keyboard; return the focused one."""
         focused = None
         for row in reversed(range(STEPS)):
             for column in range(STEPS):
@@ -70,7 +70,7 @@ class MixPanel(Panel):
         return focused
 
     def _paint_previews(self, context: PanelContext, corner: ImVec2, side: float, over: tuple[int, int] | None) -> None:
-        """What the mixes look like; that under the mouse (column and row) stands out."""
+        """Draw the previews of the mixes; the one under the mouse (column and row) stands out."""
         self._follow(context)
         cell, last = side / STEPS, STEPS - 1
         size, ground = ImVec2(cell, cell), packed(context.palette.panel, 1 - _FAINT)
@@ -89,7 +89,7 @@ class MixPanel(Panel):
         object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
 
     def _follow(self, context: PanelContext) -> None:
-        """The previews, wherever A or B is another."""
+        """Update the previews when A or B changes."""
         mix, editor = context.session.editor.state.mix, context.session.editor
         ends = editor.pair(mix.a), editor.objects[mix.b].codes
         if ends != self._ends:

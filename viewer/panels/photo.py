@@ -45,7 +45,7 @@ A doubtful camera shows none."""
 _SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, with its lettering;
 mirrored and blurred; or the model's own"""
 _ERASE_HELP = "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush"
-_AGREE = 0.5  # of how far renders explain their photos
+_AGREE = 0.5  # least explained fraction of photos that agree
 
 
 class PhotoPanel(Panel):

@@ -1,4 +1,4 @@
-"""The object pointed out in its photo: clicks, a box, strokes that add or remove."""
+"""The dialog for pointing out an object in its photo: clicks, a box, strokes that add or remove."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, labelled_slider, tooltip
 
 _TITLE = "Cut out###segment"
-_MAX_ZOOM = 8.0  # times: the largest zoom
+_MAX_ZOOM = 8.0  # the largest zoom factor
 _TOOLS = ("Box", "Add", "Remove")
 _TIPS = (
     "Click on the object (Shift: and on more of it), or drag a box around all of it",
@@ -24,18 +24,18 @@ _LEAST = 0.01  # of the photo: a smaller box is a slip
 
 
 class SegmentingDialog:
-    """Open while there is a photo to be segmented. Everything is live; nothing is fitted until that is pressed."""
+    """Open while there is a photo to segment. Everything is live; the fit begins by a button."""
 
     def __init__(self) -> None:
         self._tool = "Box"
         self._brush = 0.03  # of the photo's longer side
-        self._before = Hints()  # where the drag under way began
+        self._before = Hints()  # at the start of the current drag
         self._start = (0.0, 0.0)
-        self._zoom, self._left, self._top = 1.0, 0.0, 0.0  # size of the photo, shares beyond the edges
+        self._zoom, self._left, self._top = 1.0, 0.0, 0.0  # size of the photo, fractions beyond the edges
         self._line: tuple[tuple[float, float], ...] = ()
 
     def draw(self, context: PanelContext) -> None:
-        """To be called once a frame."""
+        """Draw the dialog; call once a frame."""
         segmenting, viewport = context.session.segmenting, imgui.get_main_viewport()
         if segmenting.active and not imgui.is_popup_open(_TITLE):
             imgui.open_popup(_TITLE)
@@ -64,7 +64,7 @@ class SegmentingDialog:
             self._draw_tools(segmenting)
             _draw_others(context, segmenting)
         imgui.end_child()
-        _draw_end(context, segmenting)  # in sight, however low the window is
+        _draw_end(context, segmenting)  # visible in any low window
         imgui.end_group()
 
     def _draw_photo(self, context: PanelContext, segmenting: Segmenting) -> None:
@@ -96,7 +96,7 @@ class SegmentingDialog:
         draw.pop_clip_rect()
 
     def _zoomed(self, corner: ImVec2, size: ImVec2) -> tuple[ImVec2, ImVec2]:
-        """Where the whole photo lies (px of the window), and how large it is, after wheel and middle drag."""
+        """Return place (px of the window) and size of the whole photo after wheel and middle drag."""
         io = imgui.get_io()
         if imgui.is_item_hovered() and io.mouse_wheel:
             at = imgui.get_mouse_pos() - corner
@@ -115,7 +115,7 @@ class SegmentingDialog:
         return corner - ImVec2(self._left * whole.x, self._top * whole.y), whole
 
     def _react(self, segmenting: Segmenting, corner: ImVec2, size: ImVec2) -> None:
-        """A drag over the photo makes a box or a stroke, a click a point."""
+        """Turn a drag over the photo into a box or a stroke, a click into a point."""
         mouse = imgui.get_mouse_pos() - corner
         at = min(1.0, max(0.0, mouse.x / size.x)), min(1.0, max(0.0, mouse.y / size.y))
         if imgui.is_item_activated():
@@ -161,7 +161,7 @@ class SegmentingDialog:
 
 
 def _draw_others(context: PanelContext, segmenting: Segmenting) -> None:
-    """The next masks, each one click away."""
+    """Draw the next masks, each one click away."""
     if context.images is None or not (segmenting.result and segmenting.result.others):
         return
     side = hello_imgui.em_size((_COLUMN - 3) / 2)

@@ -1,4 +1,4 @@
-"""The Share dialog: turntable, video, picture or mesh, with a preview, into a file."""
+"""The Share dialog: saves a turntable, video, image or mesh, with a preview."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -42,19 +42,19 @@ _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192,
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
 _FORMATS = "glb opens in most programs and holds the camera; it and obj name parts; stl and 3mf are for printers, in mm"
-_SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: the preview, the labels, what stands beside them
-_CHECKS = 16  # px, a square of the pattern that shows through where the background is transparent
+_SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: the preview, the labels, the controls beside them
+_CHECKS = 16  # px, a square of the pattern behind a transparent background
 
 
 class ShareDialog:
-    """The form of the Share dialog, and where a file was saved."""
+    """The form of the Share dialog, and the path of the saved file."""
 
     def __init__(self) -> None:
-        self._shown: tuple[Image, Background | None, np.ndarray] | None = None  # picture, background, their image
+        self._shown: tuple[Image, Background | None, np.ndarray] | None = None  # image, background, their composite
         self._more = False  # the second page is unfolded
 
     def draw(self, context: PanelContext) -> None:
-        """A window, while it is open."""
+        """Draw the dialog while it is open."""
         preview = context.session.exporting.preview
         if not context.share_open:
             preview.close()
@@ -124,7 +124,7 @@ def _rgb(colour: Colour) -> Rgb:
 
 
 def _on_background(image: Image, background: Background | None) -> np.ndarray:
-    """An image with opacity on its background, or on the pattern that stands for nothing."""
+    """Return an image with opacity on its background, or on the pattern of transparency."""
     rows, columns = (np.arange(size) // _CHECKS for size in image.shape[:2])
     checks = np.where((rows[:, None] + columns) % 2, 205, 240)[..., None]
     opacity = image[..., 3:] / 255
@@ -149,7 +149,7 @@ def _draw_kinds(settings: ShareSettings) -> ShareSettings:
 
 
 def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
-    """The choices for this kind of file, a line each."""
+    """Draw the choices for this kind of file, a line each."""
     if settings.kind == "mesh":
         settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, _FORMATS)
         settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
@@ -172,7 +172,7 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
 
 
 def _draw_sizes(settings: ShareSettings) -> ShareSettings:
-    """The three sizes."""
+    """Draw the three sizes."""
     gap = hello_imgui.em_size(0.3)
     for size, name in _SIZES.items():
         imgui.push_style_color(
@@ -188,7 +188,7 @@ def _draw_sizes(settings: ShareSettings) -> ShareSettings:
 
 
 def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:
-    """Where a mesh has its colours, and how large it is."""
+    """Draw the choices of a mesh: the place of its colours, and its size."""
     if settings.mesh in TEXTURED:
         text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
@@ -218,20 +218,20 @@ def _draw_background(settings: ShareSettings) -> ShareSettings:
 
 
 def _row(settings: ShareSettings, name: str, label: str, choices: Mapping[Any, str], text: str) -> ShareSettings:
-    """One of the settings, by its name, to be chosen from few."""
+    """Draw a choice among few values of a setting, by its name."""
     _label(label)
     return replace(settings, **{name: choose(name, getattr(settings, name), choices, text, _WIDTH)})
 
 
 def _label(text: str) -> None:
-    """The text beside what is drawn next."""
+    """Draw the text beside the next control."""
     imgui.align_text_to_frame_padding()
     imgui.text(text)
     imgui.same_line(hello_imgui.em_size(_LABEL))
 
 
 def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
-    """The button that saves, or how far that is; then where the file is."""
+    """Draw the button that saves or its progress, then the path of the file."""
     exporting = context.session.exporting
     if not draw_progress(context, *KINDS):
         ready = settings.kind != "video" or bool(context.session.player.timeline.keys)

@@ -1,4 +1,4 @@
-"""Shape and texture along the principal directions of the trained codes that have a word for what they change."""
+"""Sliders of shape and texture along the principal directions of the trained codes that have a word."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -24,22 +24,22 @@ _HELP = "Ctrl+click to type, right click for 0"
 
 
 class SlidersPanel(Panel):
-    """A slider for each direction, from one word to its opposite; while the mouse is on one, where it leads."""
+    """A slider per direction, from one word to its opposite; previews while the mouse is on it."""
 
     title = "Sliders"
     dock = "Right"
 
     def __init__(self) -> None:
-        self._basis: Codes | None = None  # what the thumbnails lead away from: the object before the drag began
+        self._basis: Codes | None = None  # base of the thumbnails: the object before the drag began
         self._influence: tuple[Part, Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
 
     @property
     def influence(self) -> tuple[Part, CodeInfluence] | None:
-        """The code that the slider under the mouse moves, and what it changes."""
+        """The code of the slider under the mouse, and its effect."""
         return (self._influence[0], self._influence[3]) if self._influence else None
 
     def draw(self, context: PanelContext) -> None:
-        """The die and what it spares, then the sliders."""
+        """Draw the die and its locks, then the sliders."""
         editor = context.session.editor
         if not editor.history.gesture:
             self._basis = editor.scene.codes
@@ -66,7 +66,7 @@ class SlidersPanel(Panel):
         imgui.end_child()
 
     def _draw_slider(self, context: PanelContext, part: Part, index: int, ends: tuple[str, str]) -> None:
-        """The words at both ends above the slider."""
+        """Draw a slider below the words of its ends."""
         editor, key = context.session.editor, f"{part} {index + 1}"
         direction = Direction.principal(editor.model.codes, part, index)
         value, corner, room = (
@@ -93,13 +93,13 @@ class SlidersPanel(Panel):
                 imgui.end_tooltip()
 
     def _show_influence(self, context: PanelContext, direction: Direction) -> str:
-        """Where the view changes between a standard deviation less and one more, over the object; and in words."""
+        """Show over the object where one standard deviation less and more differ, and return that in words."""
         editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
         ends = (direction.moved(codes, mean, value + step) for step in (-1.0, 1.0))
         low, high = (context.session.thumbnails.get(one, camera, soon=True) for one in ends)
-        if low is None or high is None or low.resolution != high.resolution:  # of one there is a finer render already
+        if low is None or high is None or low.resolution != high.resolution:  # one of them already has a finer render
             return ""
         if self._influence is None or self._influence[1:3] != (low, high):
             self._influence = direction.part, low, high, CodeInfluence.between(low, high)
@@ -109,7 +109,7 @@ class SlidersPanel(Panel):
         return f"\nThe glow over the object shows where. Its outline {moves}."
 
     def _draw_strip(self, context: PanelContext, direction: Direction) -> None:
-        """The object at a few places of the slider."""
+        """Draw the object at a few positions of the slider."""
         side, model = object_tiles.THUMBNAIL * hello_imgui.em_size(), context.session.editor.model
         corner = imgui.get_cursor_screen_pos()
         assert self._basis is not None

@@ -17,14 +17,14 @@ _INVITATION = "Show something, add a keyframe (K); move on in time, show somethi
 
 
 class TimelinePanel(Panel):
-    """Buttons above a line of time with the keys on it."""
+    """Buttons above a line of time with the keyframes on it."""
 
     title = "Timeline"
     dock = "Drawer"
     folded = True
 
     def draw(self, context: PanelContext) -> None:
-        """The buttons, the line, the keys."""
+        """Draw the buttons, the line, the keyframes."""
         player, gap = context.session.player, hello_imgui.em_size(0.3)
         action_button(context, "play", _PAUSE if player.playing else _PLAY)
         imgui.same_line(0, gap)
@@ -80,7 +80,7 @@ def _draw_key(
 ) -> None:
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
-    moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until the release, and in that frame still
+    moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until the release, that frame included
     if object_tiles.tile_button(f"key {index + 1}", (side, side)) and not any(moved):
         player.go_to_key(index)
     across = imgui.get_io().mouse_delta.x

@@ -1,4 +1,4 @@
-"""The object, large: drag to turn it, wheel to zoom, double click to go back."""
+"""The view of the object: drag to turn, wheel to zoom, double click to return."""
 
 import time
 
@@ -16,7 +16,7 @@ from viewer.widgets.over_view import OverView
 from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
-_KEY_TURN = 0.12  # rad a key press
+_KEY_TURN = 0.12  # rad per key press
 _REST = 0.6  # s without wheel or keys after which the next nudge is a new edit
 _FINE = 0.2
 _BUTTONS = {
@@ -27,16 +27,14 @@ _BUTTONS = {
 }  # actions, and the icons of their buttons
 _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _EYE = icons_fontawesome_4.ICON_FA_EYE
-_LOW = 24.0  # em: in a lower view there is no room for the hint above the way in
-_COVERED = 4
-"""an object that fills three quarters of a view stands above what covers so many parts of it, if it is moved up by half
-of that"""
+_LOW = 24.0  # em: a lower view has no room for the hint above the welcome card
+_COVERED = 4  # of parts of the height, one may be covered: an object of three quarters fits above it
 _NARROW, _SMALL = 26.0, 11.0  # em: a narrower view has buttons without words, a smaller one no hint
-_ENOUGH = 0.5  # of the pixels along the view's side: a coarser image is called one
+_ENOUGH = 0.5  # of the pixels along the view's side: a coarser image counts as a preview
 
 
 class ViewPanel(Panel):
-    """The scene, with a badge that says whether it is a preview or the finished render."""
+    """The scene, with a badge that tells a preview from the finished render."""
 
     title = "View"
     dock = "View"
@@ -45,11 +43,11 @@ class ViewPanel(Panel):
     def __init__(self) -> None:
         self._nudged = 0.0
         self._welcome, self._over = Welcome(), OverView()
-        self._covered = 0  # px at the view's lower edge, by the way in
-        self._cached: tuple[Frame, str, Frame] | None = None  # of which frame and mode, the frame that is shown
+        self._covered = 0  # px at the view's lower edge, by the welcome card
+        self._cached: tuple[Frame, str, Frame] | None = None  # a frame and a mode, and the frame shown for them
 
     def draw(self, context: PanelContext) -> None:
-        """The frame, and over it the badge and a few buttons."""
+        """Draw the frame, the badge and a few buttons."""
         corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         size = ImVec2(max(room.x, 32), max(room.y, 32))
         scale = imgui.get_io().display_framebuffer_scale
@@ -87,14 +85,14 @@ class ViewPanel(Panel):
 
     @staticmethod
     def _draw_hint(corner: ImVec2, size: ImVec2) -> None:
-        """Where it has room."""
+        """Draw the hint if there is room."""
         em = hello_imgui.em_size()
         if min(size) > _SMALL * em:
             hint = _HINT if size.x > _NARROW * em else _SHORT_HINT
             _note(corner + ImVec2(size.x / 2, 4.2 * em), hint)
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
-        """The picture in the view: the baked object while it is turned, else the newest frame."""
+        """Return the image in the view: the baked object while it is turned, else the newest frame."""
         viewport = context.session.viewport
         assert context.canvas and context.baked_canvas and viewport.full_frame
         if viewport.baked_frame and viewport.baked:
@@ -103,7 +101,7 @@ class ViewPanel(Panel):
         return context.canvas.draw(self._in_mode(viewport), viewport.full_frame[1], pixels, context.palette, shadow)
 
     def _in_mode(self, viewport: Viewport) -> Frame:
-        """The frame as the mode shows it, computed once."""
+        """Return the frame in the view's mode, computed once."""
         assert viewport.frame is not None
         mode = viewport.settings.mode
         if viewport.full_frame and (self._cached is None or self._cached[:2] != (viewport.frame, mode)):
@@ -137,7 +135,7 @@ class ViewPanel(Panel):
             self._nudged = 0.0
 
     def _zoom(self, context: PanelContext, steps: float) -> None:
-        """What is under the mouse stays there."""
+        """Zoom about the point under the mouse."""
         (low, high), viewport = context.view, context.session.viewport
         nearer = orbit.zoomed(viewport.camera, steps, context.session.editor.model)
         at = (imgui.get_mouse_pos() - (low + high) * 0.5) / min(high - low)
@@ -165,7 +163,7 @@ class ViewPanel(Panel):
 
 
 def _turn_idly(context: PanelContext) -> None:
-    """Until a key, a button of the mouse or its wheel, which are keys to imgui; an overlay is of the scene's camera."""
+    """Turn until a key, mouse button or wheel, all keys to imgui; an overlay belongs to the scene's camera."""
     idle = context.session.idle_turn
     if idle.due and context.attended:
         touched = context.overlay is not None or any(map(imgui.is_key_down, _KEYS))
@@ -173,7 +171,7 @@ def _turn_idly(context: PanelContext) -> None:
 
 
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    """What a panel shows over the object, once."""
+    """Draw a panel's overlay over the object, once."""
     image, context.overlay = context.overlay, None
     if image is not None and context.images and context.session.viewport.source == "scene":
         side, pan = min(size.x, size.y), context.session.viewport.settings.offset
@@ -183,7 +181,7 @@ def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 
 def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    """A thin line along the lower edge, while every pixel of the view is being rendered."""
+    """Draw a thin line along the lower edge while every pixel of the view is being rendered."""
     if (share := context.session.viewport.sharpened) is not None:
         low, high = corner.y + size.y - hello_imgui.em_size(0.15), corner.y + size.y
         colour = packed(context.palette.accent)
@@ -191,7 +189,7 @@ def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 
 def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:
-    """What the image lacks, if anything, above the view's lower left corner ``low``; numbers are in its tooltip."""
+    """Draw the image's deficiency, if any, above the lower left corner ``low``; its tooltip has the numbers."""
     (width, height), live = frame.resolution, viewport.source == "fit"
     coarse = not viewport.baked_frame and min(width, height) < _ENOUGH * min(viewport.settings.panel)
     if not (live or coarse):

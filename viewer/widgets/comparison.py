@@ -1,4 +1,4 @@
-"""The photo over the view that shows the object from the photo's camera: a drag wipes it away."""
+"""The photo over the view from the photo's camera: a drag wipes it away."""
 
 from functools import lru_cache
 
@@ -13,13 +13,13 @@ from viewer.values import orbit
 
 
 class Comparison:
-    """The place of the line between the photo, on its left, and the render."""
+    """The line between the photo, on its left, and the render."""
 
     def __init__(self) -> None:
         self._share = 0.5  # of the photo's width
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw the photo over the view, which is imgui's last item; whether it takes the mouse."""
+        """Draw the photo over the view, which is imgui's last item; return whether it takes the mouse."""
         found = photo_place(context, corner, size)
         if found is None or context.images is None:
             return False
@@ -37,7 +37,7 @@ class Comparison:
 
 
 def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[PhotoView, ImVec2, ImVec2] | None:
-    """The photo of the object in the view and two corners of its place there; None from another camera."""
+    """Return the photo of the object in the view and two corners of its place; None from another camera."""
     session = context.session
     if (view := session.photo_view) is None or session.viewport.source != "scene":
         return None
@@ -48,5 +48,5 @@ def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[Ph
 
 @lru_cache(maxsize=4)
 def photo_pixels(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
-    """The pixels of a photo's file, the same array for the same file."""
+    """Return the pixels of a photo's file, the same array for the same file."""
     return decompressed(file)

@@ -1,4 +1,4 @@
-"""Small controls that panels are made of: buttons with tooltips, drop-down lists, progress."""
+"""Small controls of panels: buttons with tooltips, drop-down lists, progress."""
 
 from collections.abc import Mapping
 from typing import TypeVar
@@ -26,7 +26,7 @@ _LINE = 40  # em, of a tooltip
 
 
 def tooltip(text: str) -> None:
-    """A tooltip for the last item, which goes while that is dragged."""
+    """Add a tooltip to the last item, hidden while that is dragged."""
     if not imgui.is_item_active() and imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * imgui.get_main_viewport().work_size.x))
         imgui.text_unformatted(text)
@@ -35,20 +35,20 @@ def tooltip(text: str) -> None:
 
 
 def begin_tooltip_beside() -> bool:
-    """Begin a tooltip at the left of the panel, where it hides nothing of that; imgui's ``end_tooltip`` ends it."""
+    """Begin a tooltip at the left of the panel, which it leaves visible; imgui's ``end_tooltip`` ends it."""
     place = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
     imgui.set_next_window_pos(place, imgui.Cond_.always, (1, 0))
     return imgui.begin_tooltip()
 
 
 def end_gesture(context: PanelContext) -> None:
-    """End the drag of the last item once it is let go, so that the next edit is a step of its own."""
+    """End the drag of the last item on release, so that the next edit is a step of its own."""
     if imgui.is_item_deactivated():
         context.session.editor.end_gesture()
 
 
 def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colour: Colour | None = None) -> bool:
-    """A button (width in em, 0 fits the label, -1 fills the line) with a tooltip."""
+    """Draw a button (width in em, 0 fits the label, -1 fills the line) with a tooltip."""
     if colour:
         imgui.push_style_color(imgui.Col_.button, (*colour, 1.0))
         for part in (imgui.Col_.button_hovered, imgui.Col_.button_active):
@@ -66,7 +66,7 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colo
 def action_button(
     context: PanelContext, action: str, label: str = "", width: float = 0.0, colour: Colour | None = None
 ) -> None:
-    """A button for an action of the table, by its id, which is also the button's id; its words are the label."""
+    """Draw a button for an action of the table, with its id and, by default, its words."""
     found = ACTIONS[action]
     hint = found.hint()
     text = f"{label or found.words}###{action}"
@@ -75,7 +75,7 @@ def action_button(
 
 
 def draw_choice(choices: dict[str, str], chosen: str) -> str:
-    """Labels by value in a line, or in several where it is narrow, one of them chosen; the one that is chosen now."""
+    """Draw labels by value, in one line or several, and return the chosen value."""
     gap = imgui.get_style().item_spacing.x  # half of it, on either side, is in the colour of the chosen one
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
     for number, (value, label) in enumerate(choices.items()):
@@ -91,7 +91,7 @@ def draw_choice(choices: dict[str, str], chosen: str) -> str:
 
 
 def flow(label: str, width: float = 0.0) -> None:
-    """Continue in this line where a button of this label, or of this width in em, has room, else in the next."""
+    """Stay in the line if a button of this label, or of this width in em, fits; else begin the next."""
     width = hello_imgui.em_size(width) or imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
@@ -101,10 +101,10 @@ def flow(label: str, width: float = 0.0) -> None:
 def labelled_slider(
     name: str, label: str, value: float, limits: tuple[float, float], shown: str, columns: tuple[float, float] = (4, 3)
 ) -> tuple[bool, float]:
-    """A slider between its label and its value, neither under the handle; whether it moved, and where to.
+    """Draw a slider between its label and its value; return whether it moved, and its value.
 
     Args:
-        shown: the value in words; imgui's item is the slider, for tooltips and gestures.
+        shown: the value in words; imgui's last item is the slider, for tooltips and gestures.
         columns: widths in em of label and value.
     """
     em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
@@ -126,7 +126,7 @@ def labelled_slider(
 
 
 def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:
-    """A drop-down list of few values (width in em)."""
+    """Draw a drop-down list of few values (width in em)."""
     imgui.set_next_item_width(hello_imgui.em_size(width))
     if imgui.begin_combo(f"##{name}", choices.get(chosen, str(chosen))):
         for value, label in choices.items():
@@ -138,13 +138,13 @@ def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: flo
 
 
 class NameField:
-    """A name that is typed in a menu or a popup; Enter ends it."""
+    """A name being typed in a menu or a popup; Enter ends it."""
 
     def __init__(self) -> None:
         self._text = ""
 
     def draw(self, start: str = "", hint: str = "") -> str:
-        """The typed text, once it was confirmed; empty before. The menu is closed then."""
+        """Return the confirmed text and close the menu; "" before."""
         if imgui.is_window_appearing():
             self._text = start
             imgui.set_keyboard_focus_here()
@@ -157,7 +157,7 @@ class NameField:
 
 
 def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> bool:
-    """How far the file under way is, where it is of one of these kinds (any if none is named), and a way to give it up.
+    """Draw the progress of a file of these kinds (default: any), and its cancel button.
 
     Args:
         width: em, of both; 0 fills the line.

@@ -1,4 +1,4 @@
-"""A photo as wide as its panel, with its detected objects as numbered boxes to click on."""
+"""A photo as wide as its panel, with its detected objects as numbered boxes to click."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,7 +22,7 @@ def draw_cut_out(
     boxes: Sequence[Box],
     choose: Callable[[int], None],
 ) -> None:
-    """Draw the photo; a click on one of several boxes chooses that object, by its number."""
+    """Draw the photo; a click on one of several boxes chooses its object by number."""
     if context.images is None:
         return
     (height, width), room = pixels.shape[:2], imgui.get_content_region_avail().x

@@ -1,4 +1,4 @@
-"""Erases photo detail on the object in the view, seen from the photo's camera."""
+"""The eraser of photo detail on the object, seen from the photo's camera."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -7,20 +7,20 @@ from viewer.context import PanelContext
 from viewer.screen.theme import packed
 from viewer.widgets.comparison import photo_place
 
-_LEAST = 0.01  # share of the photo's side that the mouse moves at least between two points
-_BRUSH = 0.005, 0.04, 0.2  # least, first and largest radius, shares of the photo's longer side
-_WHEEL = 1.2  # times: a click of the wheel
+_LEAST = 0.01  # fraction of the photo's side between two points of a stroke
+_BRUSH = 0.005, 0.04, 0.2  # least, first and largest radius, fractions of the photo's longer side
+_WHEEL = 1.2  # factor per click of the wheel
 
 
 class Eraser:
-    """The stroke under way; those that are done are in the detail."""
+    """The stroke being drawn; finished ones are in the detail."""
 
     def __init__(self) -> None:
         self._points: list[tuple[float, float]] = []
         self._radius = _BRUSH[1]
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw stroke and brush over the view, which is imgui's last item; whether it takes the mouse."""
+        """Draw stroke and brush over the view, which is imgui's last item; return whether it takes the mouse."""
         found, detail = photo_place(context, corner, size), context.session.editor.scene.codes.detail
         if found is None or detail is None:
             self._points = []

@@ -1,4 +1,4 @@
-"""The numbers of a fit: how the next one is made, how the last one went, and its curve."""
+"""The numbers of a fit: settings of the next one, results of the last one, and its curve."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ Except in a draft, a camera in doubt is searched for once more."""
 
 
 def draw_fit_numbers(context: PanelContext) -> None:
-    """To be called once a frame, in a page for people who look closer."""
+    """Draw the numbers, on a page for experts; call once a frame."""
     fitting = context.session.fitting
     presets = {name: name for name in WINDOW_PRESETS}
     fitting.options.preset = choose("preset", fitting.options.preset, presets, _PRESET_HELP)
@@ -34,7 +34,7 @@ def draw_fit_numbers(context: PanelContext) -> None:
 
 
 def _draw_curve(context: PanelContext, steps: Sequence[FitStep]) -> None:
-    """Loss and PSNR against seconds."""
+    """Draw loss and PSNR against seconds."""
     flags = implot.Flags_
     if not implot.begin_plot("##curve", (-1, _HEIGHT * hello_imgui.em_size()), flags.no_legend | flags.no_inputs):
         return

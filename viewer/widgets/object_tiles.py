@@ -1,4 +1,4 @@
-"""An object, small: its thumbnail, a coloured frame, a letter in its corner."""
+"""Tiles of objects: thumbnail, coloured frame, a letter in the corner."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from viewer.services.messages import Button, MessageKind
 from viewer.values.part import Part
 
 THUMBNAIL = 4.5  # em, of most thumbnails: 72 px at the usual size of text
-DIMMED = 0.55  # how much of what is stale is hidden
+DIMMED = 0.55  # hidden fraction of stale tiles
 DRAGGED = "object"  # the kind of payload that is dragged to a slot
 ICONS: dict[Part, str] = {
     "shape": icons_fontawesome_4.ICON_FA_CUBE,
@@ -20,17 +20,17 @@ ICONS: dict[Part, str] = {
 
 
 def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """An object's thumbnail, or an empty square until it is rendered."""
+    """Draw an object's thumbnail, or an empty square until it is rendered."""
     paint_frame(context, context.session.thumbnails.of_object(context.session.editor.objects[name].codes), corner, side)
 
 
 def paint_frame(
     context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float, stale: bool = False
 ) -> None:
-    """A small frame with round corners; None is an empty square.
+    """Draw a small frame with round corners; None is an empty square.
 
     Args:
-        stale: a newer one is on its way: this one is dimmed.
+        stale: a newer one is being rendered: this one is dimmed.
     """
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
     if thumbnail is None or context.images is None:
@@ -45,12 +45,12 @@ def paint_frame(
 
 
 def tile_button(name: str, size: tuple[float, float] | ImVec2) -> bool:
-    """Draw nothing, but take clicks and the keyboard's focus at the cursor; True if pressed."""
+    """Take clicks and the keyboard's focus at the cursor, without drawing; return True if pressed."""
     return imgui.invisible_button(name, size, imgui.ButtonFlags_.enable_nav)
 
 
 def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) -> None:
-    """A photo as it is, or an empty square until it is read."""
+    """Draw a photo, or an empty square until it is read."""
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
     if (pixels := context.session.photo_thumbnails.get(path)) is None or context.images is None:
         draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
@@ -60,13 +60,13 @@ def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) 
 
 
 def outline(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:
-    """A border, so many px within the square."""
+    """Draw a border, ``inset`` px within the square."""
     low, high = corner + ImVec2(inset, inset), corner + ImVec2(side - inset, side - inset)
     imgui.get_window_draw_list().add_rect(low, high, packed(colour), rounding(), thickness=2.0)
 
 
 def mark(corner: ImVec2, label: str, colour: Colour) -> None:
-    """A letter or an icon on a coloured square."""
+    """Draw a letter or an icon on a coloured square."""
     draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
     draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
     place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
@@ -74,9 +74,7 @@ def mark(corner: ImVec2, label: str, colour: Colour) -> None:
 
 
 def dropped(context: PanelContext) -> str:
-    """The object that was dropped on the last item, to be mixed with the one that is shown, if any; one of another
-    model cannot be, and a message says so.
-    """
+    """Return the object dropped on the last item, if it can be mixed with the shown one; else report why not."""
     if not imgui.begin_drag_drop_target():
         return ""
     payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
@@ -90,7 +88,7 @@ def dropped(context: PanelContext) -> str:
 
 
 def unmixable(context: PanelContext, name: str) -> str:
-    """Why an object cannot be mixed with the one that is shown."""
+    """Return why an object cannot be mixed with the shown one."""
     editor = context.session.editor
     return (
         f"A {editor.models.of(editor.objects[name].codes).noun} cannot be mixed with a {editor.model.noun}: "
@@ -99,5 +97,5 @@ def unmixable(context: PanelContext, name: str) -> str:
 
 
 def rounding() -> float:
-    """px, of every corner."""
+    """Return the radius of corners in px."""
     return 0.3 * hello_imgui.em_size()

@@ -12,21 +12,21 @@ from viewer.widgets.paint import Eyedropper
 
 
 class Tool(Protocol):
-    """Draws over the view."""
+    """A tool that draws over the view."""
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw over the view, which is imgui's last item; whether the tool takes the mouse."""
+        """Draw over the view, which is imgui's last item; return whether the tool takes the mouse."""
 
 
 class OverView:
-    """The tools by their names in :attr:`viewer.context.PanelContext.tool`, and the one that a held key brings."""
+    """The tools by their names in :attr:`viewer.context.PanelContext.tool`, and the one of a held key."""
 
     def __init__(self) -> None:
         self._tools: dict[str, Tool] = {"wipe": Comparison(), "erase": Eraser(), "pick": Eyedropper()}
         self._grab = Grab()
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw the tool in use over the view, which is imgui's last item; whether it takes the mouse."""
+        """Draw the tool in use over the view, which is imgui's last item; return whether it takes the mouse."""
         if self._grab.draw(context, corner, size):
             return True
         if imgui.is_key_pressed(imgui.Key.escape):

@@ -1,4 +1,4 @@
-"""The paint of the object in the view: a colour to pick, from photo and view too, and the way back."""
+"""Controls for the object's paint: a colour, also picked from photo or view, and the way back."""
 
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
@@ -13,7 +13,7 @@ _FLAGS = imgui.ColorEditFlags_.no_inputs | imgui.ColorEditFlags_.picker_hue_whee
 
 
 def draw_paint(context: PanelContext) -> None:
-    """A line of controls: the part, its colour, the eyedropper, the original."""
+    """Draw a line of controls: the part, its colour, the eyedropper, the original."""
     painting = context.session.painting
     imgui.align_text_to_frame_padding()
     imgui.text("Paint")
@@ -39,17 +39,17 @@ def draw_paint(context: PanelContext) -> None:
 
 
 class Eyedropper:
-    """Takes a colour of the view."""
+    """Takes a colour from the view."""
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Show the colour under the mouse over the view, which is imgui's last item; whether it takes the mouse."""
+        """Show the colour under the mouse over the view, imgui's last item; return whether it takes the mouse."""
         if frame := context.session.viewport.frame:
             pick(context, frame.image, corner, size)
         return True
 
 
 def pick(context: PanelContext, pixels: UInt8[np.ndarray, "height width 3"], corner: ImVec2, size: ImVec2) -> None:
-    """Paint with the colour of an image that is clicked; the image is imgui's last item."""
+    """Paint with the colour of a clicked image, which is imgui's last item."""
     if context.tool != "pick" or not imgui.is_item_hovered():
         return
     share, (height, width) = imgui.get_mouse_pos() - corner, pixels.shape[:2]

@@ -1,4 +1,4 @@
-"""The three levels of type: headings, text, and captions, which are smaller and quieter."""
+"""The levels of type: headings, text, and captions, which are smaller and quieter."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -7,14 +7,14 @@ from viewer.screen.theme import HEADING, SMALL, packed
 
 
 def heading(context: PanelContext, words: str) -> None:
-    """Bold, a little larger."""
+    """Draw bold text, a little larger."""
     imgui.push_font(context.bold, HEADING * imgui.get_style().font_size_base)
     imgui.text_wrapped(words)
     imgui.pop_font()
 
 
 def caption(context: PanelContext, words: str) -> None:
-    """Small and quiet, wrapped at the end of the line."""
+    """Draw small, quiet text, wrapped at the end of the line."""
     push_small()
     imgui.push_style_color(imgui.Col_.text, (*context.palette.quiet, 1.0))
     imgui.text_wrapped(words)
@@ -23,14 +23,12 @@ def caption(context: PanelContext, words: str) -> None:
 
 
 def push_small() -> None:
-    """Make what follows small, up to imgui's ``pop_font``."""
+    """Make the next text small, until imgui's ``pop_font``."""
     imgui.push_font(None, SMALL * imgui.get_style().font_size_base)
 
 
 def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: float, across: float = 0.5) -> None:
-    """Small and quiet, in a line of this width (px), from its left end (0) to its right one (1); what is too long ends
-    in an ellipsis.
-    """
+    """Draw small, quiet text, shortened to ``width`` px; ``across`` aligns it from left (0) to right (1)."""
     push_small()
     if imgui.calc_text_size(words).x > width:
         while words and imgui.calc_text_size(f"{words}…").x > width:
@@ -42,5 +40,5 @@ def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: floa
 
 
 def small_height() -> float:
-    """px of a line of captions."""
+    """Return the height of a line of captions in px."""
     return SMALL * imgui.get_text_line_height()

@@ -1,4 +1,4 @@
-"""Actions on an object that was fitted or opened: its dot, and its part of the menu."""
+"""Actions on a fitted or opened object: its dot, and its part of the menu."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -15,9 +15,7 @@ _UNKNOWN: Colour = (0.6, 0.63, 0.66)
 
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is; in another corner of
-    one that has not been shown yet.
-    """
+    """Draw a dot in the colour of a fitted object's confidence, and another if it was never shown."""
     found, em, draw = context.session.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
     if name in context.session.fitting.results.unseen:
         centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
@@ -29,12 +27,12 @@ def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> N
 
 
 def colour_of(found: EditableObject) -> Colour:
-    """Of the confidence: green is sure, yellow likely, orange doubtful, grey not known."""
+    """Return the colour of the confidence: green is sure, yellow likely, orange doubtful, grey unknown."""
     return _UNKNOWN if found.confidence is None else COLOURS[in_words(found.confidence)]
 
 
 def about(found: EditableObject) -> str:
-    """A line for the tooltip of a fitted object; empty for any other."""
+    """Return a line for the tooltip of a fitted object; "" for any other."""
     if not found.fitted:
         return ""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
@@ -42,14 +40,14 @@ def about(found: EditableObject) -> str:
 
 
 class UserObjectMenu:
-    """Rename, remove, export."""
+    """Menu entries: rename, remove, export."""
 
     def __init__(self) -> None:
         self._field = NameField()
         self._renamed: tuple[str, str] | None = None  # an object, and its new name
 
     def draw(self, context: PanelContext, name: str) -> None:
-        """In the menu of an object that is not the model's own."""
+        """Draw the entries in the menu of an object that is not the model's own."""
         imgui.separator()
         self._draw_rename(name)
         if imgui.menu_item_simple("Export…###export object"):
@@ -60,7 +58,7 @@ class UserObjectMenu:
             imgui.end_menu()
 
     def apply(self, context: PanelContext) -> None:
-        """Rename what was renamed; to be called once all objects are drawn, of which some may have the old name."""
+        """Rename after all objects are drawn, as some of them use the old name."""
         if self._renamed:
             context.session.rename(*self._renamed)
             self._renamed = None
@@ -73,7 +71,7 @@ class UserObjectMenu:
 
 
 def _export(context: PanelContext, name: str) -> None:
-    """As a scene, which is opened by dropping it."""
+    """Export as a scene, which is opened by dropping it."""
     editor = context.session.editor
     scene = Scene(editor.objects[name].codes, editor.scene.camera)
     context.files.ask(

@@ -1,4 +1,4 @@
-"""Photos that are not fitted yet, as tiles among one's own objects: the fit under way, and those that wait."""
+"""Tiles of photos that are not fitted yet, among one's own objects."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -9,7 +9,7 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
 _CLOCK, _QUESTION = icons_fontawesome_4.ICON_FA_CLOCK, icons_fontawesome_4.ICON_FA_QUESTION
-_DIMMED = 0.45  # how much of the photo is hidden
+_DIMMED = 0.45  # hidden fraction of the photo
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:

@@ -1,4 +1,4 @@
-"""The way in: a large button to open a photo, one sentence, and photos to try; there until something is made."""
+"""The welcome card: a large button to open a photo, one sentence, and sample photos."""
 
 import math
 
@@ -10,40 +10,38 @@ from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption
 
 _WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6  # em, of the card, around it and within it
-_SMALL, _SAMPLE = 11.0, 3.0  # em: the card once the object has been turned, and the thumbnail of a photo to try
+_SMALL, _SAMPLE = 11.0, 3.0  # em: the card once the object has been turned, and the thumbnail of a sample photo
 _LOW = 18.0  # em: in a lower view the whole card would hide the object
 _GAP, _LEAST = 0.6, 7.0  # em, between photos, and of the button beside them
 _OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
 
 
 class Welcome:
-    """A card at the bottom of the view."""
+    """A card at the bottom of the view until something is made."""
 
     def __init__(self) -> None:
         self.covered = 0.0  # px, from the card's upper edge to the rectangle's lower one, in the last frame
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
-        """Whether nothing has been made, edited or begun yet; to turn the object is no edit."""
+        """Return whether nothing is made, edited or begun yet; turning the object is no edit."""
         editor, fitting = context.session.editor, context.session.fitting
         first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
         edited = timeline.keys or any(state.scene.codes is not first for state in editor.history.states)
         return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Into the bottom of a rectangle (px); a smaller card at its right in a low one, and once the object has been
-        turned.
-        """
+        """Draw at the bottom of a rectangle (px); smaller, at its right, if that is low or the object was turned."""
         em = hello_imgui.em_size()
         small = bool(context.session.editor.history.past) or size.y < _LOW * em
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
-        left = size.x - width - _MARGIN * em if small else (size.x - width) / 2  # beside the badge, when there is one
+        left = size.x - width - _MARGIN * em if small else (size.x - width) / 2  # beside the badge, if any
         imgui.set_cursor_screen_pos(ImVec2(corner.x + left, corner.y + max(0.0, size.y - self.covered)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
         imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
         flags = imgui.ChildFlags_
         shape = flags.auto_resize_y | flags.always_use_window_padding
-        # The arrow keys turn the object; they are not to walk through the card as well.
+        # The arrow keys turn the object, so they must not walk through the card.
         if imgui.begin_child("welcome", (width, 0), shape, imgui.WindowFlags_.no_nav):
             self._draw_open(context, small)
             draw_samples(context, _SAMPLE * em)
@@ -53,7 +51,7 @@ class Welcome:
         imgui.pop_style_color()
 
     def _draw_open(self, context: PanelContext, small: bool) -> None:
-        """The sentence, and the button at the left of the photos: a low card, which hides no legs."""
+        """Draw the sentence, and the button left of the photos: a low card, which hides no legs."""
         if small:
             action_button(context, "fit_image", _OPEN, -1, context.palette.accent)
             return

@@ -1,1 +1,1 @@
-"""Measurements of speed, accuracy and robustness, and the charts drawn from them."""
+"""Benchmarks of speed, accuracy and robustness, and their tables and charts."""

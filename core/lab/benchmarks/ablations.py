@@ -1,8 +1,7 @@
 """The value of each component of a blind fit: the ``normal`` preset, and the same without one component at a time.
 
-Every view is fitted in all these ways, one right after the other, and each is compared with the full fits of the same
-view: views differ by far more than components do. The full method has several seeds: one lucky seed would make all
-components look worth something.
+All methods fit a view one right after the other, and each is compared with the full fits of that view: views differ far
+more than components. The full method has several seeds: one lucky seed would make every component look valuable.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,21 +36,23 @@ ABLATIONS: dict[str, FitMethod] = {
     "without the robust loss": FitMethod(_USUAL, Components(robust_loss=False)),
     "without the mask loss": FitMethod(_USUAL, Components(mask_loss=False)),
     "in float32": FitMethod(_USUAL, dtype=torch.float32),
-}  # All but the repeats leave something out.
+}  # except for the repeats, each leaves something out
 
 
 @dataclass(frozen=True)
 class Ablation:
-    """The preset without one component, beside the mean of the full fits of the same views; one of these beside the
-    others, which says what is noise."""
+    """The preset without one component, against the mean of the full fits of the same views.
+
+    A single full fit in its place shows the noise.
+    """
 
     summary: FitSummary
-    gain: Mean  # dB, of the other views over what they are with the full preset
-    time: float  # times what the full preset takes; median
+    gain: Mean  # dB on other views, over the full preset
+    time: float  # multiple of the full preset's time, median
 
 
 def summarise_ablations(trials: Sequence[FitTrial]) -> tuple[Ablation, ...]:
-    """One row per method, in the order of the trials; each on the views that it was measured on."""
+    """Return a row per method in the order of the trials, each over the views it was measured on."""
     by_name: dict[str, dict[tuple[str, int], FitTrial]] = {
         name: {} for name in dict.fromkeys(trial.preset for trial in trials)
     }

@@ -1,8 +1,7 @@
-"""Output of every benchmark: CSV, a Markdown table and a chart. matplotlib comes with the extra ``bench``.
+"""Output of every benchmark: CSV, a Markdown table and a chart. The extra ``bench`` brings matplotlib.
 
-The CSV is the data: tables and charts can be made again from it (:func:`redraw`). To add a benchmark, add a module that
-measures its rows, a table in :mod:`core.lab.benchmarks.tables`, a function that draws them, and a line to
-:data:`CHARTS`.
+Tables and charts are made from the CSV, also later (:func:`redraw`). To add a benchmark, add a module that measures its
+rows, a table in :mod:`core.lab.benchmarks.tables`, a function that draws them, and a line to :data:`CHARTS`.
 """
 
 from collections.abc import Callable
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Chart(NamedTuple):
-    """How the CSV file of a benchmark is read and drawn."""
+    """Functions that read and show the CSV file of a benchmark."""
 
     read: Callable[[Path], Any]
     table: Callable[[Any], str] | None = None
@@ -35,13 +34,13 @@ class Chart(NamedTuple):
 
 
 def write(folder: Path, name: str, found: Results[Any]) -> str:
-    """Writes the CSV file of a benchmark, its table and its chart; returns the table."""
+    """Write the CSV file of a benchmark, its table and its chart; return the table."""
     write_results(folder / f"{name}.csv", found)
     return draw(folder, name)
 
 
 def draw(folder: Path, name: str) -> str:
-    """Writes table and chart of a CSV file beside it; returns the table. Raises ``ValueError`` where it is none."""
+    """Write the table and chart of a CSV file beside it; return the table. Raise ``ValueError`` for another file."""
     chart, path = CHARTS[name], folder / f"{name}.csv"
     found = chart.read(path)
     table = chart.table(found) if chart.table else ""
@@ -53,9 +52,9 @@ def draw(folder: Path, name: str) -> str:
 
 
 def redraw(folder: Path) -> list[Path]:
-    """Makes the tables and charts of all CSV files in a folder, and in those in it, again; returns these files.
+    """Make the tables and charts of all CSV files in a folder and its subfolders again; return these files.
 
-    Raises ``ValueError`` where there is none.
+    Raise ``ValueError`` if there are none.
     """
     files = [path for path in sorted(folder.rglob("*.csv")) if path.stem in CHARTS]
     if not files:
@@ -87,4 +86,4 @@ CHARTS = {
     "photo_detail": Chart(_rows_of(DetailView), tables.photo_detail_table, fit_charts.photo_detail_chart),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
     "training": Chart(_read_curves, figure=draw_curves),
-}  # By name of the file.
+}  # by file name

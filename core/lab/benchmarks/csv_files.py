@@ -1,7 +1,7 @@
 """Results as CSV: a line per frozen value, a column per number.
 
 Nested values become columns with a dot (``held_out.low``), tuples columns with an index (``rotation_curve.3``), None an
-empty cell. Floats are written in full, so that reading gives back what was measured.
+empty cell. Floats are written in full, so reading returns the exact values.
 """
 
 import csv
@@ -19,9 +19,9 @@ Row = Mapping[str, str]
 
 @dataclass(frozen=True)
 class Results(Generic[_Record]):
-    """Everything that one run measured: a CSV file."""
+    """The measurements of one run: a CSV file."""
 
-    about: Row  # columns that are the same in all rows: the machine, for one
+    about: Row  # columns that are the same in all rows, such as the machine
     rows: tuple[_Record, ...]
 
 
@@ -35,7 +35,7 @@ def write_results(path: Path, found: Results[Any]) -> None:
 def append_record(path: Path, about: Row, record: object) -> None:
     """Add a record to a file, which is begun where there is none, behind what all records of a run have in common.
 
-    A row is one write, so several processes may add to one file.
+    A row is one write, so several processes may append to one file.
     """
     row = {**about, **{name.removeprefix("."): text for name, text in _cells(record, "")}}
     with path.open("a", newline="") as file:

@@ -34,10 +34,10 @@ CAMERAS = "known", "found"
 
 @dataclass(frozen=True)
 class DetailView:
-    """One view of a fitted object."""
+    """A view of a fitted object and its scores."""
 
     category: str
-    renderer: str  # which has drawn the images
+    renderer: str  # that drew the images
     camera: str  # one of CAMERAS
     name: str  # of the object
     view: int
@@ -47,21 +47,21 @@ class DetailView:
     plain: float  # dB, without detail
     direct: float  # dB, without mirroring
     full: float  # dB
-    bound: float | None = None  # dB of the photo where the render is not empty, for the photo itself
+    bound: float | None = None  # dB of the photo where the render is not empty; only for the photo itself
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """Of all views of a fit."""
+        """The key shared by all views of a fit."""
         return self.category, self.renderer, self.camera, self.name
 
 
 def others(rows: Iterable[DetailView]) -> list[DetailView]:
-    """The views that were not fitted."""
+    """Return the views that were not fitted."""
     return [row for row in rows if row.bound is None]
 
 
 def object_gains(rows: Sequence[DetailView], what: str = "full") -> list[float]:
-    """dB over the render without detail, the mean of each object's views."""
+    """Return each object's mean gain in dB over the render without detail."""
     gains: dict[str, list[float]] = {}
     for row in rows:
         gains.setdefault(row.name, []).append(getattr(row, what) - row.plain)
@@ -69,7 +69,7 @@ def object_gains(rows: Sequence[DetailView], what: str = "full") -> list[float]:
 
 
 def gain_by_object(rows: Sequence[DetailView], what: str = "full") -> Mean:
-    """The mean of these with its interval over objects."""
+    """Return the mean gain in dB, with its interval over objects."""
     return mean_of(object_gains(rows, what))
 
 
@@ -81,11 +81,11 @@ def measure_detail(
     stride: int,
     done: Collection[tuple[str, str, str, str]] = (),
 ) -> Iterator[DetailView]:
-    """Yields a row per view, those of a fit together.
+    """Fit each object and yield a row per view, those of a fit together.
 
     Args:
         stride: over the other views.
-        done: keys of fits that are left out.
+        done: keys of fits to leave out.
     """
     bank = run_to_end(build_view_bank(model))
     for entry in entries:
@@ -117,7 +117,7 @@ def measure_detail(
 def _scores(
     model: Model, codes: Codes, maps: DetailMaps | None, camera: Camera, image: Float[Tensor, "h w 3"]
 ) -> tuple[float, float, float]:
-    """PSNR without detail, without mirroring and with all of it."""
+    """Return the PSNR without detail, without mirroring and with all of it."""
     plain = psnr(render_image(model, replace(codes, detail=None), camera).colour.clamp(0, 1).cpu(), image)
     if maps is None:
         return plain, plain, plain
@@ -131,7 +131,7 @@ def _scores(
 def _input_row(
     model: Model, codes: Codes, maps: DetailMaps | None, photo: PhotoView, camera: Camera, row: DetailView
 ) -> DetailView:
-    """The photo itself, at its fitted camera and the size of the model's images."""
+    """Return the row of the photo itself, at its fitted camera and the size of the model's images."""
     size, wide = model.image_size, round(photo.camera.focal / camera.focal * camera.height)
     rgba = torch.from_numpy(photo.pixels()).float().movedim(-1, 0) / 255
     beside, below = (wide - photo.camera.width) // 2, (wide - photo.camera.height) // 2

@@ -1,4 +1,4 @@
-"""Shared by all charts: figures, axes, and where they are written. matplotlib comes with the extra ``bench``."""
+"""Figures, axes and output folders of all charts. The extra ``bench`` brings matplotlib."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,16 +15,16 @@ DPI = 110
 
 
 def prepare(folder: Path) -> None:
-    """Checks, before hours are spent on measuring, that charts can be drawn and where they go.
+    """Check, before hours of measuring, that charts can be drawn and written.
 
-    Raises ``ValueError`` where matplotlib is missing, ``OSError`` where there can be no such folder.
+    Raise ``ValueError`` if matplotlib is missing, ``OSError`` if the folder cannot be made.
     """
     new_figure(1)
     folder.mkdir(parents=True, exist_ok=True)
 
 
 def new_figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure", Sequence["Axes"]]:
-    """A figure and its axes, row after row; ``width`` of each in inches."""
+    """Return a figure and its axes, row by row, each ``width`` inches wide."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -34,7 +34,7 @@ def new_figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure
 
 
 def log_ticks(axis: "Axis", places: Sequence[float] | None = None) -> None:
-    """Plain numbers at 1, 2 and 5 of every decade, or at ``places``; no minor labels to overlap them."""
+    """Write plain numbers at 1, 2 and 5 of every decade, or at ``places``, without minor labels."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
 
     axis.set_major_locator(FixedLocator(places) if places else LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -43,18 +43,18 @@ def log_ticks(axis: "Axis", places: Sequence[float] | None = None) -> None:
 
 
 def around(means: Sequence[Mean]) -> list[list[float]]:
-    """How far the intervals of means reach, below and above, as matplotlib's error bars take it."""
+    """Return the intervals' distances below and above their means, as matplotlib's error bars take them."""
     return [[one.mean - one.low for one in means], [one.high - one.mean for one in means]]
 
 
 def draw_frontier(axes: "Axes", points: Sequence[tuple[float, float]]) -> None:
-    """A line through the points of (cost, quality) that no other point beats in both."""
+    """Draw a line through the points of (cost, quality) that no other point beats in both."""
     best = frontier(points)
     axes.plot(*zip(*best, strict=True), "-", color="grey", linewidth=6, alpha=0.25, zorder=0, label="frontier")
 
 
 def frontier(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The points of (cost, quality) that no other beats in both, by cost.
+    """Return the points of (cost, quality) that no other beats in both, by cost.
 
     Example:
         >>> frontier([(3.0, 20.0), (1.0, 10.0), (2.0, 9.0)])

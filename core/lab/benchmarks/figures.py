@@ -1,4 +1,4 @@
-"""The paper's figures, of one's own photos: how a fit goes, shapes times textures, interpolation, and edits.
+"""The paper's figures of one's own photos: progress of a fit, shapes times textures, interpolation, and edits.
 
 Photos are fitted without their cameras. Every figure is one image; rows and columns are labelled.
 """
@@ -23,10 +23,10 @@ from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.view_bank import ViewBank
 
-_SIDE, _LABEL = 160, 18  # px of an image in a figure, and of the line of text above it
+_SIDE, _LABEL = 160, 18  # px: an image in a figure, and the line of text above it
 _STRIP_STEPS = 8  # renders of a fit over time
-_SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the way from the first object to the second
-_TURN = math.radians(60)  # from the photo's viewpoint to another
+_SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # fractions of the way from the first object to the second
+_TURN = math.radians(60)  # between the photo's viewpoint and another
 
 Cell = tuple[str, UInt8[Tensor, "side side 3"]]  # a label and an image
 
@@ -40,18 +40,19 @@ class FittedPhoto:
 
     @property
     def codes(self) -> Codes:
-        """Those of the result."""
+        """The fitted codes."""
         return self.steps[-1].codes
 
 
 def fit_photo(model: Model, bank: ViewBank, photo: Photo, seed: int = 0) -> FittedPhoto:
-    """Fits with the preset ``normal``. Raises ``ValueError`` as :func:`core.fitting.fit.fit` does."""
+    """Fit a photo with the preset ``normal``. Raise ``ValueError`` as :func:`core.fitting.fit.fit` does."""
     return FittedPhoto(photo, tuple(fit(model, FitJob((photo,), bank, PRESETS["normal"], seed))))
 
 
 def write_figures(model: Model, fitted: Sequence[FittedPhoto], folder: Path) -> Iterator[Path]:
-    """Writes ``fit.png``, ``edited.png`` and, of two photos or more, ``grid.png`` and ``interpolation.png``; yields
-    each path once it is there. Raises ``ValueError`` where there is no photo.
+    """Write ``fit.png``, ``edited.png`` and, of two or more photos, ``grid.png`` and ``interpolation.png``.
+
+    Yield each path once it is written. Raise ``ValueError`` if there is no photo.
     """
     if not fitted:
         raise ValueError("there is no photo to draw figures of")
@@ -65,7 +66,7 @@ def write_figures(model: Model, fitted: Sequence[FittedPhoto], folder: Path) -> 
 
 
 def _strip(model: Model, one: FittedPhoto) -> list[Cell]:
-    """The photo, then the leading hypothesis after more and more steps."""
+    """Return the photo, then the leading hypothesis after more and more steps."""
     last = len(one.steps) - 1
     chosen = [round((last + 1) ** (index / (_STRIP_STEPS - 1))) - 1 for index in range(_STRIP_STEPS)]
     return [_of_photo(one.photo)] + [
@@ -75,9 +76,9 @@ def _strip(model: Model, one: FittedPhoto) -> list[Cell]:
 
 
 def _edits(model: Model, fitted: Sequence[FittedPhoto], one: FittedPhoto) -> list[Cell]:
-    """The photo, its fit, and one of viewpoint, texture and shape edited at a time.
+    """Return the photo, its fit, and edits of one of viewpoint, texture and shape.
 
-    What it is given comes from the next photo; from the training object that is least like it where there is no other.
+    Codes come from the next photo; from the training object least like it if there is only one photo.
     """
     camera, codes = one.steps[-1].cameras[0], one.codes
     following = fitted[(fitted.index(one) + 1) % len(fitted)].codes if len(fitted) > 1 else _unlike(model, codes)
@@ -98,7 +99,7 @@ def _unlike(model: Model, codes: Codes) -> Codes:
 
 
 def _grid(model: Model, fitted: Sequence[FittedPhoto]) -> list[list[Cell]]:
-    """Every shape, row by row, with every texture, from one viewpoint: the first photo's."""
+    """Return every shape, row by row, with every texture, from the first photo's viewpoint."""
     camera, blank = fitted[0].steps[-1].cameras[0], torch.full((_SIDE, _SIDE, 3), 255, dtype=torch.uint8)
     head = [("", blank), *(_of_photo(one.photo, f"texture {number}") for number, one in enumerate(fitted, 1))]
     rows = [
@@ -110,7 +111,7 @@ def _grid(model: Model, fitted: Sequence[FittedPhoto]) -> list[list[Cell]]:
 
 
 def _interpolation(model: Model, first: FittedPhoto, second: FittedPhoto) -> list[list[Cell]]:
-    """From the first photo's codes to the second's: of shape, of texture, of both; straight lines."""
+    """Return interpolations between the photos' codes: of shape, of texture, of both."""
     camera = first.steps[-1].cameras[0]
     rows = []
     for name, shape, texture in (("shape", 1, 0), ("texture", 0, 1), ("both", 1, 1)):
@@ -130,12 +131,12 @@ def _of_codes(model: Model, codes: Codes, camera: Camera) -> UInt8[Tensor, "side
 
 
 def to_cell(label: str, colour: Float[Tensor, "height width 3"]) -> Cell:
-    """A cell of :func:`labelled_sheet`; colours 0..1."""
+    """Return a cell of :func:`labelled_sheet`; colours 0..1."""
     return label, _bytes(colour)
 
 
 def _bytes(colour: Float[Tensor, "height width 3"]) -> UInt8[Tensor, "side side 3"]:
-    """On a white square, ``_SIDE`` px wide."""
+    """Return the image on a white square ``_SIDE`` px wide."""
     height, width = colour.shape[:2]
     side = max(height, width)
     left, top = (side - width) // 2, (side - height) // 2
@@ -147,7 +148,7 @@ def _bytes(colour: Float[Tensor, "height width 3"]) -> UInt8[Tensor, "side side 
 
 
 def labelled_sheet(rows: Sequence[Sequence[Cell]]) -> Image.Image:
-    """One image of all cells, row by row, a line of text above each."""
+    """Return one image of all cells, row by row, with a line of text above each."""
     columns = max(map(len, rows))
     sheet = Image.new("RGB", (columns * _SIDE, len(rows) * (_SIDE + _LABEL)), "white")
     draw = ImageDraw.Draw(sheet)

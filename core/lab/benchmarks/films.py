@@ -1,5 +1,4 @@
-"""Seconds of films and of a picture against decibels: by the network with more and fewer samples, and drawn from finer
-baked copies.
+"""Seconds against PSNR of videos and a large image: rendered by the network or drawn from baked fields.
 
 One turn of 72 frames, a morph into another object and back, and one large picture, without writing them. Times are
 processor times of all threads, which other load changes little; of exact films a few frames are timed. PSNR is that of
@@ -25,20 +24,20 @@ from core.rendering.progressive import RenderJob, RenderSettings
 from core.streams import run_to_end
 
 FRAMES = 72
-COMPARED = 6, 30, 53  # frames that are compared: between two views that are baked, halfway or less
-SIZE, PICTURE = 512, 2160  # px, of a film and of a picture
-SAMPLES = 48, 96, 192  # of a ray; the last is what exact films have
+COMPARED = 6, 30, 53  # compared frames: at most halfway between two baked views
+SIZE, PICTURE = 512, 2160  # px, of a video and of an image
+SAMPLES = 48, 96, 192  # per ray; the last is the setting of exact videos
 REFERENCE_SAMPLES = 384
 DEFAULT = "default"
 
 
 @dataclass(frozen=True)
 class Film:
-    """A way to make the frames of a film, or a picture: what it takes and how exact it is, mean over objects."""
+    """A way to render a video or an image, and its cost and accuracy, mean over objects."""
 
     shown: str  # turn, morph or picture
-    recipe: str  # exact, baked, or default: as render_frames chooses, its choice timed
-    setting: float  # samples of a ray, or cells of the grid along an axis
+    recipe: str  # exact, baked, or default: the choice of render_frames, choosing included
+    setting: float  # samples per ray, or cells of the grid along an axis
     seconds: float  # of the processor, for all frames
     psnr: float  # dB
     worst: float  # dB, of a frame
@@ -53,18 +52,18 @@ class Film:
 
 
 class _Views(NamedTuple):
-    """What a film shows, in the size of its cameras."""
+    """Views of a video in their cameras' size, and which of them are compared."""
 
     views: Sequence[View]
     compared: Sequence[int]
 
 
 _Films = Callable[[Model, _Views], tuple[float, float, list[Image]]]
-"""Makes a film: its setting, s, and the frames that are compared."""
+"""Renders a video: its setting, s, and the compared frames."""
 
 
 def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = ()) -> Iterator[Film]:
-    """Yields each row as it is measured; those whose keys are done are left out. Needs OpenGL."""
+    """Yield each row as it is measured, except those whose keys are done. Needs OpenGL."""
     some = [codes for _, codes in evenly_spaced_objects(model, objects)]
     camera = model.camera(0.9, 0.35).resized(SIZE, SIZE)
     turns = [filling_frame(model, turntable(codes, camera, FRAMES)) for codes in some]
@@ -95,7 +94,7 @@ def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = (
 
 
 def _morph(turn: Sequence[View], other: Sequence[View]) -> Sequence[View]:
-    """As many views of a turn, from the first object to the second and back."""
+    """Return as many views as a turn has, from the first object to the second and back."""
     keys = Keyframe(0.0, turn[0]), Keyframe(0.5, View(other[0].codes, turn[0].camera))
     return Timeline(keys, 1.0, turns=1).views(len(turn))
 
@@ -117,7 +116,7 @@ def _default(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
 
 
 def _baked(cells: int | None) -> _Films:
-    """With a grid of so many cells, or the one that is fine enough."""
+    """Draw from a grid of ``cells`` along an axis; None chooses one that is fine enough."""
 
     def film(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
         began, views = time.process_time(), shown.views

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 def fit_chart(found: Results[FitTrial]) -> "Figure":
-    """Rotation error and share of right cameras over time, and other views against the time of whole fits."""
+    """Draw rotation error and fraction of right cameras over time, and PSNR of other views against time."""
     figure, (left, middle, right) = new_figure(3)
     summaries = summarise_presets(found.rows)
     for one in summaries:
-        # A curve ends at the time at which half of the fits have ended, with what they have found.
+        # A curve ends with the results at the time at which half of the fits have ended.
         end = one.seconds, one.rotation, one.within_5_degrees.mean
         curve = [point for point in one.curve if point[0] < one.seconds] + [end]
         left.plot([point[0] for point in curve], [max(point[1], 0.01) for point in curve], "o-", label=one.preset)
@@ -39,13 +39,13 @@ def fit_chart(found: Results[FitTrial]) -> "Figure":
         log_ticks(axes.xaxis)
         axes.grid(alpha=0.3)
     log_ticks(left.yaxis)
-    left.legend()  # of all: in the middle it would hide points
+    left.legend()  # in the middle it would hide points
     figure.suptitle(f"{found.about['machine']}, {summaries[0].fits} views", fontsize=9)
     return figure
 
 
 def ablations_chart(found: Results[Ablation]) -> "Figure":
-    """Time and accuracy of each ablation beside the full method."""
+    """Draw time and accuracy of each ablation beside the full method."""
     names = [f"{part.summary.preset} ({part.summary.fits})" for part in found.rows]
     gains = [part.gain for part in found.rows]
     figure, (left, right) = new_figure(2)
@@ -67,7 +67,7 @@ def ablations_chart(found: Results[Ablation]) -> "Figure":
 
 
 def robustness_chart(found: Results[RobustnessTrial]) -> "Figure":
-    """Shares of successes: a panel per stressor, bars per level and preset."""
+    """Draw success rates: a panel per stressor, bars per level and preset."""
     rates = success_rates(found.rows)
     names = list(dict.fromkeys(name for name, _ in rates))
     columns = min(4, len(names))
@@ -104,7 +104,7 @@ def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]]
 
 
 def photo_detail_chart(found: Results[DetailView]) -> "Figure":
-    """The gain of other views against their angle from the photo, a panel per category and camera."""
+    """Draw the gain of other views against their angle from the photo, a panel per category and camera."""
     places = sorted({(row.category, row.camera) for row in found.rows})
     figure, panels = new_figure(len(places), width=3.8)
     for axes, place in zip(panels, places, strict=True):

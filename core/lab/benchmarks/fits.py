@@ -1,7 +1,7 @@
 """Seconds against degrees: blind fits by every preset, on views whose cameras are known.
 
 One view of every object is fitted without its camera; the time stamps of the steps make the curves. The margins and
-uncertainties of the same fits calibrate :mod:`core.fitting.confidence`.
+uncertainties of these fits calibrate :mod:`core.fitting.confidence`.
 """
 
 import math
@@ -29,29 +29,29 @@ from core.photos.view_bank import build_view_bank
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 
-_FAR = 20.0  # degrees: a camera that is further off than this may be right by symmetry
-_SYMMETRY_TOLERANCE = 5.0  # degrees: it is, if the object looks from there no less like itself than when turned by this
+_FAR = 20.0  # degrees: a camera further off may still be right by symmetry
+_SYMMETRY_TOLERANCE = 5.0  # degrees: it is right if the view matches its own as well as after a turn by this
 TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))  # s, at which the curves are read
 
 
 @dataclass(frozen=True)
 class FitTrial:
-    """One fit of one view."""
+    """A fit of one view and its errors."""
 
     preset: str
     name: str  # of the object
     view: int
-    seconds: float  # of the processor, so that other programs do not count; of the clock on a graphics card
+    seconds: float  # processor time, unaffected by other programs; wall-clock time on a graphics card
     initial_rotation: float  # degrees, error after the first step
     rotation: float  # degrees, error of the fitted camera
-    translation: float  # error as a share of the true distance
+    translation: float  # error as a fraction of the true distance
     psnr: float  # dB, of the fitted image
     held_out: float  # dB, mean over some other views, from their true cameras
-    margin: float | None  # over the runner-up; None where there is none
+    margin: float | None  # over the runner-up; None without one
     uncertainty: float | None  # degrees, as in FitStep
     confidence: float | None
     rotation_curve: tuple[float, ...]  # degrees, error at TIMES
-    symmetric: bool  # far off, and yet a render from this camera is nearly the one from the true camera
+    symmetric: bool  # far off, but a render from this camera is nearly the one from the true camera
     whole: ViewScore | None = None  # mean of those other views at the dataset's size
 
     @property
@@ -64,28 +64,28 @@ class FitTrial:
 
     @property
     def effective_rotation(self) -> float:
-        """Rotation error in degrees; 0 for a camera that is right by symmetry."""
+        """The rotation error in degrees; 0 for a camera that is right by symmetry."""
         return 0.0 if self.symmetric else self.rotation
 
 
 @dataclass(frozen=True)
 class FitSummary:
-    """A preset over all views."""
+    """The results of a preset over all views."""
 
     preset: str
     fits: int
     seconds: float  # median
     initial_rotation: float  # degrees, mean
     rotation: float  # degrees, median
-    symmetric: int  # cameras that are right by the object's symmetry
+    symmetric: int  # number of cameras that are right by the object's symmetry
     within_5_degrees: Mean
     within_10_degrees: Mean
     within_3_percent: Mean
     held_out: Mean  # dB
     auroc: float | None
-    """of the confidence, right cameras against wrong ones; None without confidence, or where all are right or wrong"""
+    """of the confidence, right cameras against wrong ones; None without confidence, or if all are right or wrong"""
     whole: ViewScore | None  # mean of the other views at the dataset's size
-    curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error in degrees, share within 5 degrees
+    curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error in degrees, part within 5 degrees
 
 
 class FitMethod(NamedTuple):
@@ -117,7 +117,7 @@ def fit_views(
 
 
 def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
-    """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
+    """Fit a view without its camera and compare with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
     bank, photos = run_to_end(build_view_bank(model)), (as_photo(views, index, False),)
     job = FitJob(photos, bank, method.settings, seed, components=method.components)
@@ -154,18 +154,18 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
 
 
 def _step_at(seconds: Sequence[float], moment: float) -> int:
-    """Index of the last step that a fit had finished by then; the first before that."""
+    """Return the index of the last step finished by then; 0 before the first."""
     return max(0, bisect_right(seconds, moment) - 1)
 
 
 def summarise_presets(trials: Sequence[FitTrial]) -> tuple[FitSummary, ...]:
-    """One summary per preset, in the order of the trials."""
+    """Return one summary per preset, in the order of the trials."""
     presets = dict.fromkeys(trial.preset for trial in trials)
     return tuple(summarise_fits(name, [trial for trial in trials if trial.preset == name]) for name in presets)
 
 
 def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
-    """Medians and shares over the trials of one preset."""
+    """Return medians and fractions over the trials of one preset."""
     rotations = [trial.effective_rotation for trial in trials]
     translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
     curve = []
@@ -194,7 +194,7 @@ def _mean_score(scores: Sequence[ViewScore]) -> ViewScore | None:
 
 
 def calibrate_fits(trials: Sequence[FitTrial]) -> Calibration | None:
-    """The calibration of the confidence on these fits alone; None where all cameras are right, or all wrong."""
+    """Calibrate the confidence on these fits alone; return None if all cameras are right, or all wrong."""
     judged, right = _judged(trials)
     margins = [trial.margin or 0.0 for trial in judged]
     uncertainties = [trial.uncertainty or 0.0 for trial in judged]
@@ -207,6 +207,6 @@ def _confidence_auroc(trials: Sequence[FitTrial]) -> float | None:
 
 
 def _judged(trials: Sequence[FitTrial]) -> tuple[list[FitTrial], list[bool]]:
-    """The trials that have a confidence, and which of their cameras are right."""
+    """Return the trials that have a confidence, and which of their cameras are right."""
     judged = [trial for trial in trials if trial.confidence is not None]
     return judged, [trial.effective_rotation <= RIGHT_DEGREES for trial in judged]

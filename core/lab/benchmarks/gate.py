@@ -1,9 +1,9 @@
-"""A gate against collapses: how long things take against something plain that is measured beside them.
+"""A gate against slowdowns: times relative to a simple operation that is timed beside them.
 
-Seconds depend on the machine, ratios hardly do, so a small baseline of them is committed. What has become more than
-twice as slow ends the gate: threads that wait for each other, a view bank that every process makes anew, a renderer or
-a fit without its shortcuts. Fields run in float32, which every machine multiplies, and what runs in this process is
-timed by the processor; commands are timed by the clock, beside processes that keep all other cores busy.
+Seconds depend on the machine, ratios hardly do, so a small baseline of ratios is committed. A ratio of more than twice
+its baseline fails the gate: threads that wait for each other, a view bank that every process makes anew, a renderer or
+a fit without its shortcuts. Fields run in float32, which every machine multiplies. Work in this process is timed by the
+processor, commands by the clock, beside processes that keep all other cores busy.
 """
 
 import json
@@ -34,17 +34,17 @@ from core.rendering.reference import render_exact
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 
-TOLERANCE = 2.0  # times the baseline that a ratio may be
+TOLERANCE = 2.0  # allowed multiple of the baseline's ratio
 _EXACT, _NAIVE_STEPS = 64, 20  # px and samples of the exact render; steps of the paper's recipe
 _IMPORT = (sys.executable, "-c", "import torch")
 _BEGIN = "import os; parent = os.getppid()\n"
 _SPIN = "while os.getppid() == parent: sum(range(10000))"
-"""ends with the program that started it, however that ends"""
+"""ends with the program that started it, even if that is killed"""
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """How long one thing takes against another."""
+    """The time of one operation relative to another's."""
 
     name: str
     value: float
@@ -54,7 +54,7 @@ class Ratio:
 
 
 def measure_ratios(model: Model) -> Iterator[Ratio]:
-    """Yields each ratio; under a minute on a quiet machine."""
+    """Yield each ratio; takes under a minute on an idle machine."""
     ((_, codes),) = evenly_spaced_objects(model, 1)
     camera = model.camera(0.9, 0.4)
     with use_dtype(torch.float32):
@@ -75,7 +75,7 @@ def measure_ratios(model: Model) -> Iterator[Ratio]:
 
 
 def compare(found: Sequence[Ratio], baseline: Sequence[Ratio]) -> list[str]:
-    """A line for each ratio of the baseline that is missing or has become too large."""
+    """Return a line for each ratio of the baseline that is missing or too large."""
     values = {one.name: one.value for one in found}
     return [
         f"{one}, now {values[one.name]:.3g}" if one.name in values else f"{one}, now missing"
@@ -85,7 +85,7 @@ def compare(found: Sequence[Ratio], baseline: Sequence[Ratio]) -> list[str]:
 
 
 def read_baseline(path: Path) -> tuple[Ratio, ...]:
-    """Raises ``ValueError`` where there is none."""
+    """Read the ratios of a baseline. Raise ``ValueError`` if the file has none."""
     if not path.is_file():
         raise ValueError(f"no baseline: {path}")
     return read_records(path, Ratio)
@@ -94,7 +94,7 @@ def read_baseline(path: Path) -> tuple[Ratio, ...]:
 def _second_time(
     run: Callable[[], object], clock: Callable[[], float], before: Callable[[], None] = lambda: None
 ) -> float:
-    """Seconds of a second run: the first one fills caches, and is what oneDNN compiles for."""
+    """Return the seconds of a second run; the first fills caches, also oneDNN's compiled kernels."""
     run()
     before()
     began = clock()
@@ -103,14 +103,14 @@ def _second_time(
 
 
 def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
-    """Of fixed work: it does not stop early."""
+    """Run a fit of fixed work, which does not stop early."""
     components = replace(ALL_COMPONENTS, early_stopping=False)
     for _ in fit_as_set(model, FitJob((photo,), run_to_end(build_view_bank(model)), settings, components=components)):
         pass
 
 
 def _commands(category: str) -> Iterator[Ratio]:
-    """Whole processes of the command line, the first of which makes the view bank."""
+    """Time whole processes of the command line, the first of which makes the view bank."""
     photo = str(sample_images(category)[0])
     words = (sys.executable, "-m", "core", "fit", photo, "--model", category, "--preset", "draft")
     with tempfile.TemporaryDirectory() as folder, busy_processes(max(1, (os.cpu_count() or 1) - 1)):
@@ -129,7 +129,7 @@ def _commands(category: str) -> Iterator[Ratio]:
 
 @contextmanager
 def busy_processes(count: int, program: str = _SPIN) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """So many processes that do nothing but keep a core busy, until the end of a ``with``."""
+    """Keep ``count`` cores busy with other processes until the end of a ``with``."""
     processes = [subprocess.Popen([sys.executable, "-c", _BEGIN + program]) for _ in range(count)]
     try:
         yield processes

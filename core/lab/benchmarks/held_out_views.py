@@ -21,21 +21,21 @@ from core.photos.view_bank import build_view_bank
 from core.rendering.images import render_image
 from core.streams import run_to_end
 
-HELD_OUT_VIEWS = 4  # other views of each object that a fit is scored on
+HELD_OUT_VIEWS = 4  # other views of each object that score its fit
 _BACKGROUND = 0.99
-"""A pixel that is brighter in all channels is background, where the network renders the background itself."""
-_NEAR_DEGREES = 8.0  # Views of a test spiral are so far apart.
+"""brightness of all channels above which a pixel is background, for networks that render the background"""
+_NEAR_DEGREES = 8.0  # spacing of the views of a test spiral
 _SAME_FOCAL = 0.02  # logarithm of the ratio
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOutView:
-    """An object and the view of it that is fitted without its camera."""
+    """An object and a view of it, to be fitted without its camera."""
 
     views: ObjectViews
     index: int  # of the fitted view
     codes: Codes
-    """the object's own; or, for an object the model was not trained on, fitted to a few views with their cameras"""
+    """the object's own; of an object that the model was not trained on, fitted to a few views with their cameras"""
     whole: ObjectViews | None = None  # the same views at the dataset's size; None: that is the model's
 
     @property
@@ -44,7 +44,7 @@ class HeldOutView:
         return self.views.cameras[self.index]
 
     def nearest(self, camera: Camera) -> int | None:
-        """The index of the view taken from nearest to a camera; None where none is near and of its focal length."""
+        """Return the index of the nearest view to a camera; None if none is near and of its focal length."""
         errors = [
             math.inf if abs(math.log(one.focal / camera.focal)) > _SAME_FOCAL else rotation_error(one, camera)
             for one in self.views.cameras
@@ -54,7 +54,7 @@ class HeldOutView:
 
 
 def training_object_views(model: Model, count: int, generator: torch.Generator) -> Iterator[HeldOutView]:
-    """Training objects, evenly spaced over the model, rendered from random cameras on the upper hemisphere."""
+    """Yield training objects, evenly spaced over the model, rendered from random cameras on the upper hemisphere."""
     for name, codes in evenly_spaced_objects(model, count):
         cameras = tuple(random_camera(model, generator) for _ in range(1 + HELD_OUT_VIEWS))
         renders = [render_on_white(model, codes, camera) for camera in cameras]
@@ -64,7 +64,7 @@ def training_object_views(model: Model, count: int, generator: torch.Generator) 
 
 
 def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
-    """One random view of every object of a dataset."""
+    """Yield one random view of every object of a dataset."""
     bank = run_to_end(build_view_bank(model))
     for entry in entries:
         whole = entry.read()
@@ -77,21 +77,21 @@ def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch
 
 
 def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
-    """Names and codes of ``count`` objects of the model, evenly spaced, without those whose training collapsed."""
+    """Return names and codes of ``count`` evenly spaced objects of the model, without those of collapsed training."""
     some = evenly_spaced(model.codes.valid, count)
     return [(model.codes.objects[index].name, model.codes[index]) for index in some]
 
 
 def random_camera(model: Model, generator: torch.Generator) -> Camera:
-    """A camera whose direction is uniform on the upper hemisphere."""
+    """Return a camera whose direction is uniform on the upper hemisphere."""
     turn, height = torch.rand(2, generator=generator).tolist()
     return model.camera(2 * math.pi * turn, math.asin(height))
 
 
 def is_symmetric_view(model: Model, codes: Codes, found: Camera, truth: Camera, degrees: float) -> bool:
-    """Whether an object looks the same from both cameras: no less than when the true one is turned by ``degrees``.
+    """Return whether both cameras show an object alike: as when the true one turns by ``degrees``.
 
-    A round stool has several right cameras, and the one that its image was rendered from is no better than the others.
+    A round stool has several right cameras; the one that rendered its image is no better than the others.
     """
     lift = math.radians(degrees) * (-1 if truth.elevation > 0 else 1)
     turned = (
@@ -105,7 +105,7 @@ def is_symmetric_view(model: Model, codes: Codes, found: Camera, truth: Camera, 
 def render_on_white(
     model: Model, codes: Codes, camera: Camera
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
-    """An image in [0, 1] and the object's mask."""
+    """Return an image in [0, 1] and the object's mask."""
     rendered = render_image(model, codes, camera)
     colour = rendered.colour.clamp(0, 1).cpu()
     return colour, (colour < _BACKGROUND).any(-1) if model.white_from_network else rendered.opacity.cpu() > 0.5

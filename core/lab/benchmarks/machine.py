@@ -1,4 +1,4 @@
-"""The machine that measurements are taken on."""
+"""The machine that runs a benchmark."""
 
 import platform
 
@@ -9,7 +9,7 @@ from core.runtime.threads import thread_count
 
 
 def describe_machine(device: torch.device) -> str:
-    """Processor, threads, precision and torch version in one line."""
+    """Return processor, threads, precision and torch version in one line."""
     dtype = str(matmul_dtype(device.type)).removeprefix("torch.")
     card = f"{torch.cuda.get_device_name(device)}, " if device.type == "cuda" else ""
     return f"{card}{platform.machine()}, {thread_count()} threads, {dtype}, torch {torch.__version__}"

@@ -1,8 +1,8 @@
-"""Photographs as people drop them: what becomes of each, against what an eye says of it.
+"""Fits of ordinary photographs, compared with labels by eye.
 
-A small CSV file says, for each photo of a folder, what it shows: the category, the box around the
-whole object in shares of the image, and from where the object is seen. An object that lies on its side has no azimuth.
-A photo of two objects has a line for each: either may be fitted.
+A small CSV file labels each photo of a folder: the category, the box around the whole object in fractions of the image,
+and the viewpoint. An object that lies on its side has no azimuth. A photo of two objects has a line for each: either
+may be fitted.
 """
 
 import math
@@ -26,9 +26,8 @@ from core.photos.segmentation import CutOut, cut_out
 from core.photos.view_bank import build_view_bank
 from core.streams import run_to_end
 
-RIGHT_DEGREES = 30.0  # a side seen within so much of what the eye says is right
-_WHOLE, _PART = 0.8, 0.3
-"""intersection over union with the eye's box from which the whole object is cut out, and from which a part is"""
+RIGHT_DEGREES = 30.0  # largest error of a right azimuth
+_WHOLE, _PART = 0.8, 0.3  # intersection over union with the labelled box of a whole cut-out, and of a part
 
 
 @dataclass(frozen=True)
@@ -41,32 +40,32 @@ class Judgement:
     top: float
     right: float
     bottom: float
-    azimuth: float | None  # degrees; None where it lies on its side
+    azimuth: float | None  # degrees; None if it lies on its side
     elevation: float | None
 
     @property
     def box(self) -> Box:
-        """Shares of width and height."""
+        """The box in fractions of width and height."""
         return self.left, self.top, self.right, self.bottom
 
 
 @dataclass(frozen=True)
 class PhotoTrial:
-    """What became of a photo."""
+    """The results of a photo."""
 
     photo: str
-    category: str  # what it shows
+    category: str  # as labelled
     taken_for: str
-    detected: str  # the detector's box: whole, part or wrong; "" where it found nothing
+    detected: str  # the detector's box: whole, part or wrong; "" if it found nothing
     cut_out: str  # whole, part or wrong, by the box
     found_by: str
     mask_confidence: float
     azimuth: float
     elevation: float  # degrees
-    right_side: bool | None  # None where it has none
+    right_side: bool | None  # None without a labelled side
     psnr: float
     confidence: float
-    witness: float | None  # degrees, the azimuth that the 3D box of a chair tells
+    witness: float | None  # degrees, the azimuth by the 3D box of a chair
     seconds: float  # of the processor, cut-out and fit
 
     @property
@@ -76,24 +75,24 @@ class PhotoTrial:
 
     @property
     def right(self) -> bool:
-        """Whether the model and the side are right."""
+        """Both the model and the side are right."""
         return self.taken_for == self.category and bool(self.right_side)
 
 
 def read_judgements(path: Path) -> dict[str, tuple[Judgement, ...]]:
-    """What an eye says, by photo. Raises ``ValueError`` for a file that does not say it."""
+    """Read the labels by photo. Raise ``ValueError`` if the file does not parse."""
     found = sorted(read_results(path, Judgement).rows, key=lambda one: one.photo)
     return {name: tuple(group) for name, group in groupby(found, key=lambda one: one.photo)}
 
 
 def measure_photos(files: Sequence[Path], seen: Mapping[str, Sequence[Judgement]], preset: str) -> Iterator[PhotoTrial]:
-    """Fits each photo without a hint, as ``fit`` does."""
+    """Fit each photo without a hint, as ``fit`` does; yield its results."""
     for path in files:
         yield measure_photo(path, seen[path.stem], preset)
 
 
 def measure_photo(path: Path, seen: Sequence[Judgement], preset: str) -> PhotoTrial:
-    """What becomes of one photo."""
+    """Fit one photo and compare it with its labels."""
     began = time.process_time()
     cut = cut_out(read_rgba(path))
     taken_for = likelier_model(cut.categories)
@@ -125,12 +124,12 @@ def _judged(overlap: float) -> str:
 
 
 def _overlap(box: Box, cut: CutOut) -> float:
-    """Intersection over union of a box and that of the mask."""
+    """Return the intersection over union of a box and the mask's box."""
     return box_overlap(box, share_box(cut.mask))
 
 
 def _right_side(seen: Judgement, camera: Camera) -> bool | None:
-    """Whether a camera looks from where the eye says; None where that has no side."""
+    """Return whether a camera agrees with the labelled azimuth; None without one."""
     if seen.azimuth is None or seen.elevation is None:
         return None
     looks = [

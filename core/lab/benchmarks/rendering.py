@@ -1,4 +1,4 @@
-"""Milliseconds against decibels: the naive renderer, the fast one in each number format, and without each of its parts.
+"""Milliseconds against PSNR: the naive renderer, the fast one in each number format, and without each shortcut.
 
 PSNR is against the exact renderer with 256 samples a ray in float32. Times of the network on a processor are processor
 times of all threads, which other load changes little. Settings take turns, so that it affects all of them, and times
@@ -39,19 +39,19 @@ SIZES = (64, 128, 256, 512)
 INTERACTION_SIZES = (128, 256)  # px
 _SIZE = 128  # px, of most images
 _COMPARED = 64  # px, of larger images that are compared with the reference pixel by pixel
-TURNS, NAIVE_TURNS = 5, 2  # The naive renderer is slow and varies little.
+TURNS, NAIVE_TURNS = 5, 2  # the naive renderer is slow and varies little
 INTERACTION_FRAMES = 24
 _WARMUP_FRAMES = 8  # frames before these, in which caches fill and the frame budget settles
-_SETTLES = 2  # times that the movement stops
+_SETTLES = 2  # number of times that the movement stops
 CURVES = ("naive", "fast", "float32", "baked", "sizes", "ablation")
-"""fast: in the number format that this machine multiplies fastest; float32: the same in float32, where it is another"""
+"""fast: in the number format that this machine multiplies fastest; float32: the same in float32, if that differs"""
 
 
 @dataclass(frozen=True)
 class RenderTiming:
-    """One setting of one recipe: a turn of it, or the median over turns."""
+    """A setting of a recipe: one turn of it, or the median over turns."""
 
-    curve: str  # of CURVES
+    curve: str  # one of CURVES
     recipe: str
     size: int  # px
     samples: int  # along a ray; of a baked field the cells along an axis
@@ -72,7 +72,7 @@ class RenderTiming:
 
 @dataclass(frozen=True)
 class Interaction:
-    """How long images take while the camera or a code moves."""
+    """Latencies of images while the camera or a code moves."""
 
     what: str  # that moves: the camera ("orbit"), the texture or the shape
     size: int  # px, of the final image
@@ -81,7 +81,7 @@ class Interaction:
     preview_p50: float  # ms for the preview, as coarse as the frame budget makes it
     preview_p95: float
     preview_size: int  # px, of the last preview
-    settle_time: float  # s from the end of the movement to the final image, mean over a few
+    settle_time: float  # s from the end of the movement to the final image, mean over several
 
     @property
     def key(self) -> Hashable:
@@ -97,7 +97,7 @@ RenderRow = RenderTiming | Interaction
 
 
 def median_turns(rows: Iterable[RenderRow]) -> dict[str, tuple[RenderTiming, ...]]:
-    """The median over turns of each setting, by curve."""
+    """Return the median over turns of each setting, by curve."""
     turns: dict[Hashable, list[RenderTiming]] = {}
     for row in rows:
         if isinstance(row, RenderTiming):
@@ -121,11 +121,11 @@ class _Setting(NamedTuple):
     render: Callable[[Model, _View], Tensor]
     turns: int = TURNS
     warm: bool = True
-    """It is rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
+    """Rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
 
 
 def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[RenderRow]:
-    """Yields each row as it is measured; those whose keys are done are left out."""
+    """Yield each row as it is measured, except those whose keys are done."""
 
     @cache
     def truth(view: _View) -> Tensor:
@@ -144,7 +144,7 @@ def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] =
 
 
 def _settings(views: Sequence[_View]) -> list[_Setting]:
-    """All that takes turns."""
+    """Return all settings that take turns."""
     fastest, default = matmul_dtype("cpu"), RenderSettings().samples
     name = f"fast, {str(fastest).removeprefix('torch.')}"
     settings = [
@@ -171,7 +171,7 @@ def _settings(views: Sequence[_View]) -> list[_Setting]:
 
 
 def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View], Tensor]) -> RenderTiming:
-    """A turn of a setting: all of its views."""
+    """Time a turn of a setting over all of its views."""
     seconds, quality, off = [], [], []
     for view in setting.views:
         exact = truth(view)
@@ -184,14 +184,14 @@ def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View]
 
 
 def _views(model: Model, count: int) -> list[_View]:
-    """Objects evenly spaced over the model, from cameras evenly over the upper hemisphere."""
+    """Return evenly spaced objects of the model, from cameras evenly over the upper hemisphere."""
     some = evenly_spaced_objects(model, count)
     directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (len(some) + 0.9))) for index in range(len(some))]
     return [_View(codes, model.camera(*angles)) for (_, codes), angles in zip(some, directions, strict=True)]
 
 
 def _exact(model: Model, view: _View, samples: int) -> Tensor:
-    """Every pixel of a small image, of a large one as many as make 64 x 64: the exact renderer is slow."""
+    """Render all pixels of a small image, 64 x 64 of a large one: the exact renderer is slow."""
     every = _every(view.camera)
     if every == 1:
         return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
@@ -204,7 +204,7 @@ def _exact(model: Model, view: _View, samples: int) -> Tensor:
 
 
 def _every(camera: Camera) -> int:
-    """Of how many rows and columns of an image one is compared with the reference."""
+    """Return the stride of the pixels that are compared with the reference."""
     return camera.height // _COMPARED if camera.height > _SIZE else 1
 
 
@@ -213,7 +213,7 @@ def _naive(samples: int) -> Callable[[Model, _View], Tensor]:
 
 
 def _fast(samples: int, cutoff: Tolerances | None = None) -> Callable[[Model, _View], Tensor]:
-    """A new view of a known shape."""
+    """Render a new view of a known shape."""
 
     def render(model: Model, view: _View) -> Tensor:
         fast.clear_views()
@@ -231,7 +231,7 @@ def _in_float32(render: Callable[[Model, _View], Tensor]) -> Callable[[Model, _V
 
 
 def _baked(level: int) -> Callable[[Model, _View], Tensor]:
-    """The frames that OpenGL draws while an object is turned, drawn by torch; baking is not timed."""
+    """Draw a baked field as OpenGL does while an object is turned, by torch; baking is not timed."""
 
     @cache
     def baked(model: Model, codes: Codes) -> BakedField:
@@ -246,14 +246,14 @@ def _timed(setting: _Setting, model: Model, view: _View) -> tuple[Tensor, float]
         setting.render(model, view)
     clock = time.perf_counter if model.device.type == "cuda" else time.process_time
     began = clock()
-    image = setting.render(model, view).cpu()  # which waits for a graphics card to be done
+    image = setting.render(model, view).cpu()  # waits for a graphics card to finish
     seconds = clock() - began
     every = _every(view.camera)
     return image[::every, ::every], seconds
 
 
 def _ablations(samples: int) -> dict[str, Tolerances]:
-    """The fast renderer, and without each of its shortcuts."""
+    """Return the tolerances of the fast renderer, and without each of its shortcuts."""
     cutoff = tolerances(samples)
     return {
         FULL: cutoff,
@@ -263,7 +263,7 @@ def _ablations(samples: int) -> dict[str, Tolerances]:
 
 
 def _interaction(model: Model, what: str, size: int) -> Interaction:
-    """The camera moves, or the texture, or the shape."""
+    """Time images while the camera, the texture or the shape moves."""
     codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
     other = model.codes[len(model.codes.objects) // 2]
 
@@ -286,14 +286,14 @@ def _interaction(model: Model, what: str, size: int) -> Interaction:
         seconds, frame = _until(model, at(share, divisors), last=False)
         previews.append(seconds)
         preview_size = frame.resolution[0]
-        if frame.stage == 0:  # of a shape that is known at full size, the first image is a finer one
+        if frame.stage == 0:  # of a shape known at full size, the first image is a finer one
             budget.observe(divisors[0], seconds)
     settle = sum(whole(1.0 + index, budget.divisors(size)) for index in range(_SETTLES)) / _SETTLES
     return Interaction(what, size, *_quantiles(images), *_quantiles(previews), preview_size, settle)
 
 
 def _until(model: Model, job: RenderJob, last: bool) -> tuple[float, Frame]:
-    """Seconds until a job's first image is there, or its last; and that image."""
+    """Return the seconds until a job's first or last image, and that image."""
     began = time.perf_counter()
     for frame in render_progressively(model, job):
         if frame and (frame.final or not last):
@@ -302,6 +302,6 @@ def _until(model: Model, job: RenderJob, last: bool) -> tuple[float, Frame]:
 
 
 def _quantiles(values: Sequence[float]) -> tuple[float, float]:
-    """ms: the median and the 95th percentile, without the warm-up."""
+    """Return the median and the 95th percentile in ms, without the warm-up."""
     ordered = sorted(1000 * value for value in values[_WARMUP_FRAMES:])
     return median(ordered), ordered[int(0.95 * (len(ordered) - 1))]

@@ -1,4 +1,4 @@
-"""The files and the chart of :mod:`core.lab.benchmarks.rendering`, and the chart of films."""
+"""Files and chart of :mod:`core.lab.benchmarks.rendering`, and the chart of videos."""
 
 from collections.abc import Sequence
 from operator import attrgetter
@@ -24,22 +24,22 @@ _FILES: dict[type[RenderTiming] | type[Interaction], str] = {
 
 
 def read_rows(folder: Path, about: Row) -> list[RenderRow]:
-    """The rows of an earlier run into a folder. Raises ``ValueError`` where that was of something else."""
+    """Return the rows of an earlier run into a folder. Raise ``ValueError`` if its ``about`` differs."""
     return [row for kind, name in _FILES.items() for row in read_records(folder / name, kind, about)]
 
 
 def add_row(folder: Path, about: Row, row: RenderRow) -> None:
-    """A row more of ``render.csv`` or of ``interaction.csv``."""
+    """Append a row to ``render.csv`` or ``interaction.csv``."""
     append_record(folder / _FILES[type(row)], about, row)
 
 
 def read_rendering(path: Path) -> Results[RenderRow]:
-    """Reads ``render.csv`` and, beside it, ``interaction.csv``. Raises ``ValueError`` where they are none."""
+    """Read ``render.csv`` and, beside it, ``interaction.csv``. Raise ``ValueError`` if they do not parse."""
     return Results(read_results(path, RenderTiming).about, tuple(read_rows(path.parent, {})))
 
 
 def rendering_chart(found: Results[RenderRow]) -> "Figure":
-    """PSNR against milliseconds, and milliseconds against the size of the image."""
+    """Draw PSNR against milliseconds, and milliseconds against image size."""
     timings = median_turns(found.rows)
     sizes = timings["sizes"]
     figure, (left, right) = new_figure(2)
@@ -82,7 +82,7 @@ def threads_chart(found: Results[ThreadTiming]) -> "Figure":
 
 
 def films_chart(found: Results[Film]) -> "Figure":
-    """PSNR against seconds of a turn, exact and baked; the star is how films are made."""
+    """Draw PSNR against seconds of a turn, exact and baked; the star is the default."""
     figure, (axes,) = new_figure(1, width=6.5)
     turns = [row for row in found.rows if row.shown == "turn"]
     for recipe, what in (("exact", "every frame by the network, samples"), ("baked", "drawn from a baked copy, cells")):
@@ -111,11 +111,11 @@ def films_chart(found: Results[Film]) -> "Figure":
 
 
 def _timing_curve(axes: "Axes", points: Sequence[RenderTiming]) -> None:
-    """PSNR against milliseconds; the numbers at the points are samples a ray."""
+    """Draw PSNR against milliseconds; the numbers at the points are samples per ray."""
     (line,) = axes.plot([point.ms for point in points], [point.psnr for point in points], "o-", label=points[0].recipe)
     place: tuple[float, float] | None = None
     for point in points:
-        # Points that nearly coincide would write over one another.
+        # Labels of points that nearly coincide would overlap.
         if place is None or point.ms > 1.25 * place[0] or abs(point.psnr - place[1]) > 3:
             place = point.ms, point.psnr
             axes.annotate(

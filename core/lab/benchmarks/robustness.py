@@ -1,8 +1,7 @@
-"""Where fits fail: images corrupted in one way at a time, fitted without their camera.
+"""Failures of fits: images corrupted in one way at a time, fitted without their camera.
 
-A corrupted image enters a fit as a user's photo does: it is segmented by its alpha channel, or by its background where
-there is none. Trials are measured in an order that is the same for all runs of the same views, so a run can be resumed
-and shared out.
+A corrupted image enters a fit as a user's photo does: it is segmented by its alpha channel, or else by its background.
+All runs of the same views measure trials in the same order, so a run can be resumed and split.
 """
 
 import math
@@ -32,24 +31,24 @@ from core.streams import run_to_end
 
 COMPARED = ("normal", "paper")  # presets
 SUCCESS_DEGREES = RIGHT_DEGREES
-ROUGH_DEGREES = 30.0  # A camera that is off by less sees the right side.
+ROUGH_DEGREES = 30.0  # a camera off by less sees the right side
 
 
 @dataclass(frozen=True)
 class RobustnessTrial:
-    """One fit of one corrupted image."""
+    """A fit of one corrupted image."""
 
     stressor: str
     level: float
     preset: str
     name: str  # of the object
     rotation: float | None = None
-    """degrees, error; 0 where the object looks the same; None where the image was refused or shows no object"""
+    """degrees, error; 0 if the object looks the same; None if the image was refused or shows no object"""
     confidence: float | None = None
     size_error: float | None = None  # of the fitted object's longest side, relative to the true one
     outcome: str = ""
-    """"correct", "symmetric", "near", "opposite", "wrong", or why the image was refused; where there is no object to be
-    found "refused", "doubted" or "believed"."""
+    """"correct", "symmetric", "near", "opposite", "wrong", or why the image was refused; of images without an object
+    "refused", "doubted" or "believed"."""
 
     @property
     def success(self) -> bool:
@@ -62,16 +61,16 @@ class RobustnessTrial:
         return self.stressor, self.level, self.preset, self.name
 
 
-Rates = dict[tuple[str, float], dict[str, Mean]]  # shares of every preset, 0..1, by stressor and level
+Rates = dict[tuple[str, float], dict[str, Mean]]  # fractions of every preset, 0..1, by stressor and level
 
 
 def success_rates(trials: Sequence[RobustnessTrial]) -> Rates:
-    """The share of successes."""
+    """Return the success rates."""
     return _shares(trials, lambda trial: trial.success)
 
 
 def rough_rates(trials: Sequence[RobustnessTrial]) -> Rates:
-    """The share of cameras within 30 degrees; a success without an object counts as one."""
+    """Return the rates of cameras within 30 degrees; a success without an object counts as one."""
     return _shares(
         trials, lambda trial: trial.success or (trial.rotation is not None and trial.rotation <= ROUGH_DEGREES)
     )
@@ -94,14 +93,14 @@ def measure_robustness(
     done: Collection[tuple[str, float, str, str]] = (),
     seed: int = 0,
 ) -> Iterator[RobustnessTrial]:
-    """Yields each trial as it is measured.
+    """Fit every corrupted image and yield each trial.
 
     Args:
         stressors: names; all of them if empty.
         part: (k, n): the k-th of n equal parts of all trials, for n processes beside each other.
-        done: keys of trials that are left out.
+        done: keys of trials to leave out.
 
-    Raises ``ValueError`` where there is no such stressor, preset or part.
+    Raise ``ValueError`` if there is no such stressor, preset or part.
     """
     for name in (*stressors, *presets):
         if name not in STRESSORS and name not in PRESETS:
@@ -134,7 +133,7 @@ class _Seen(NamedTuple):
 
 
 def _view(model: Model, view: HeldOutView, camera: Camera) -> _Seen:
-    """The object from a camera: the image taken from there, or from close by; else a render of its codes."""
+    """Return the object from a camera: the image taken from there or close by, else a render of its codes."""
     index = view.nearest(camera)
     if index is None:
         return _Seen(_cutout(*map(np.asarray, render_on_white(model, view.codes, camera))), camera, view)
@@ -157,7 +156,7 @@ def _corrupted(model: Model, seen: _Seen, stressor: Stressor, level: float, seed
 
 
 class _Attempt(NamedTuple):
-    """A corrupted image, the truth about it, and how it is fitted."""
+    """A corrupted image, its truth, and the settings of its fit."""
 
     image: np.ndarray
     seen: _Seen
@@ -167,7 +166,7 @@ class _Attempt(NamedTuple):
     level: float
 
     def job(self, model: Model) -> FitJob:
-        """The fit; the paper's recipe from the mean codes at an initial camera, where the stressor gives one."""
+        """Return the fit; the paper's recipe from the mean codes if the stressor gives an initial camera."""
         bank = run_to_end(build_view_bank(model))
         photo, initial = photo_from_array(self.image, model, bank), None
         if self.stressor.init and isinstance(self.settings, PaperSettings):
@@ -177,7 +176,7 @@ class _Attempt(NamedTuple):
 
 
 def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> RobustnessTrial:
-    """The trial with its outcome."""
+    """Return the trial with its outcome."""
     try:
         *_, last = fit_as_set(model, attempt.job(model))
     except ValueError as error:
@@ -198,13 +197,13 @@ def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: RobustnessTria
 
 
 def _longest_side(model: Model, codes: Codes) -> float:
-    """Scene units; NaN where there is nothing."""
+    """Return the length in scene units; NaN if the object is empty."""
     points, _ = surface_points(model, codes)
     return float((points.amax(0) - points.amin(0)).max()) if len(points) else math.nan
 
 
 def name_camera(found: Camera, truth: Camera) -> str:
-    """Where a fitted camera ended: "correct", "near", "opposite" (180 degrees around) or "wrong"."""
+    """Classify a fitted camera as "correct", "near", "opposite" (180 degrees around) or "wrong"."""
     rotation = rotation_error(found, truth)
     if rotation <= SUCCESS_DEGREES:
         return "correct"

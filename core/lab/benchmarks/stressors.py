@@ -1,6 +1,6 @@
-"""Stressors: ways in which an image can be worse than those a model was trained on.
+"""Stressors: ways in which an image can be worse than the training images.
 
-Every one corrupts an image at some levels, or moves the camera that it is rendered from. To add one, add a line to
+Every one corrupts an image at some levels, or moves the camera that renders it. To add one, add a line to
 :data:`STRESSORS`.
 """
 
@@ -26,15 +26,15 @@ class Stressor(NamedTuple):
     levels: tuple[float, ...]
     corrupt: Callable[[Cutout, float, np.random.Generator], np.ndarray] = lambda cutout, *_: cutout
     """returns an image with 3 or 4 channels"""
-    camera: Callable[[Camera, float], Camera] = lambda camera, _: camera  # the camera that the image is rendered from
+    camera: Callable[[Camera, float], Camera] = lambda camera, _: camera  # of the render
     init: Callable[[Camera, float], Camera] | None = None
     """from the true camera, the initial camera of the paper's recipe; our presets are given none"""
-    no_object: bool = False  # The image shows no object of the model's category: it should be refused or doubted.
-    other_category: bool = False  # It shows an object of another shipped category.
+    no_object: bool = False  # the image shows no object of the model's category: it should be refused or doubted
+    other_category: bool = False  # it shows an object of another shipped category
 
 
 def _occlude(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
-    """The left part of the object is hidden by something of the background's colour."""
+    """Hide the left part of the object behind the background's colour."""
     columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
     hidden = columns <= share * columns[-1]
     corrupted = cutout.copy()
@@ -43,7 +43,7 @@ def _occlude(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray
 
 
 def _hide(cutout: Cutout, least: float, generator: np.random.Generator) -> np.ndarray:
-    """Discs in front of the object hide between ``least`` and 0.2 more of it; the cut-out shows what is left."""
+    """Hide a fraction ``least`` to ``least`` + 0.2 of the object by discs; the cut-out shows the rest."""
     height, width = cutout.shape[:2]
     corrupted, visible = cutout.copy(), cutout[..., 3] > 0.5
     share, area = least + 0.2 * generator.random(), visible.sum()
@@ -52,7 +52,7 @@ def _hide(cutout: Cutout, least: float, generator: np.random.Generator) -> np.nd
     radius = 0.3 * math.sqrt(area)
     while (hidden := 1 - visible.sum() / area) < share - 0.02:
         at = generator.integers(len(rows))
-        # The last disc is as large as the share that is missing.
+        # The last disc has the missing area.
         reach = min(radius, math.sqrt((share - hidden) * area / math.pi) + 1)
         visible &= (y - rows[at]) ** 2 + (x - columns[at]) ** 2 > reach**2
     corrupted[~visible] = (1, 1, 1, 0)
@@ -60,7 +60,7 @@ def _hide(cutout: Cutout, least: float, generator: np.random.Generator) -> np.nd
 
 
 def _shift(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
-    """The object moves right and down, by a share of the image."""
+    """Move the object right and down by a fraction of the image."""
     side = round((1 - share) * len(cutout))
     shifted = np.zeros_like(cutout)
     shifted[..., :3] = 1
@@ -89,31 +89,31 @@ def _downsample(cutout: Cutout, side: float, _: np.random.Generator) -> np.ndarr
 
 
 def _corrupt_mask(cutout: Cutout, pixels: float, _: np.random.Generator) -> np.ndarray:
-    """The mask is eroded (negative) or dilated, the image unchanged."""
+    """Erode the mask (negative) or dilate it; the image stays."""
     mask = (binary_dilation if pixels > 0 else binary_erosion)(cutout[..., 3] > 0.5, iterations=round(abs(pixels)))
     colours = np.where(mask[..., None], cutout[..., :3], 1)
     return np.concatenate((colours, mask[..., None].astype(np.float32)), -1)
 
 
 def _remove_mask(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndarray:
-    """A plain background and no alpha channel."""
+    """Put the object on a plain background without alpha channel."""
     return np.where(cutout[..., 3:] > 0.5, cutout[..., :3], np.float32(grey))
 
 
 def _crop(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
-    """The left part of the object lies outside the image."""
+    """Cut off the left part of the object."""
     columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
     return cutout[:, columns > share * columns[-1]]
 
 
 def _shift_white_balance(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
-    """Warmer light on the object, or colder (below 1)."""
+    """Light the object warmer, or colder (below 1)."""
     colours = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * np.array((factor, 1, 1 / factor), np.float32), 1)
     return np.concatenate((colours, cutout[..., 3:]), -1).clip(0, 1)
 
 
 def _fade_texture(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
-    """Colours blend towards the object's mean colour."""
+    """Blend colours towards the object's mean colour."""
     mask = cutout[..., 3:] > 0.5
     mean = cutout[mask[..., 0], :3].mean(0)
     return np.concatenate((np.where(mask, cutout[..., :3] * (1 - share) + mean * share, 1), cutout[..., 3:]), -1)
@@ -164,4 +164,4 @@ STRESSORS = {
     "plain image": Stressor("grey level", (0.0, 1.0), _plain_image, no_object=True),
     "random pixels": Stressor("", (0.0,), _random_image, no_object=True),
     "another category": Stressor("", (0.0,), no_object=True, other_category=True),
-}  # By name; every level of each is tried on every object.
+}  # by name; every object is tried with every level of each

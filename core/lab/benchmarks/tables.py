@@ -1,4 +1,4 @@
-"""The measurements of the benchmarks as Markdown tables: lists of columns, and the lines around them."""
+"""Markdown tables of the benchmarks: lists of columns, and the lines around them."""
 
 import math
 import statistics
@@ -28,15 +28,15 @@ from core.lab.benchmarks.threads import ThreadTiming
 from core.lab.evaluation.protocol import ViewScore
 from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
 
-_SURE = 0.9  # A wrong camera of more confidence misleads.
-_THRESHOLDS = (0.0, 0.5, 0.8, _SURE)  # confidences from which on a camera may be believed
+_SURE = 0.9  # a wrong camera of more confidence misleads
+_THRESHOLDS = (0.0, 0.5, 0.8, _SURE)  # confidences from which a camera may be believed
 
 Column = tuple[str, str | Callable[[Any], Any], str | Callable[[Any], str]]
-"""heading; attribute of a row, or a function of it; how its value is formatted"""
+"""heading; attribute or function of a row; format of its value"""
 
 
 def markdown_table(columns: Sequence[Column], rows: Iterable[Any]) -> str:
-    """A table.
+    """Format a Markdown table.
 
     Example:
         >>> print(markdown_table([("ms", "real", "{:.1f}"), ("twice", lambda ms: 2 * ms, "{:.0f}")], [1.25]))
@@ -55,7 +55,7 @@ def _cell(row: Any, key: str | Callable[[Any], Any], form: str | Callable[[Any],
 
 
 def _text(about: str, *blocks: str) -> str:
-    """Tables and sentences below a first line, with empty lines between them."""
+    """Join tables and sentences below a first line, with empty lines between them."""
     return "\n\n".join((about, *blocks)) + "\n"
 
 
@@ -63,7 +63,7 @@ def _text(about: str, *blocks: str) -> str:
 
 
 def rendering_table(found: Results[RenderRow]) -> str:
-    """Milliseconds and PSNR by recipe, of the ablations, by image size, and while something moves."""
+    """Format milliseconds and PSNR by recipe, of the ablations, by image size, and during movement."""
     curves = median_turns(found.rows)
     naive, full = curves["naive"][-1], curves["ablation"][0]
     renderers: list[Column] = [
@@ -107,7 +107,7 @@ def threads_table(found: Results[ThreadTiming]) -> str:
 
 
 def films_table(found: Results[Film]) -> str:
-    """Seconds and PSNR of each way to make a film, against the exact one."""
+    """Format seconds and PSNR of each way to render a video, against the exact one."""
     exact = {row.shown: row for row in sorted(found.rows, key=attrgetter("setting")) if row.recipe == "exact"}
     columns: list[Column] = [
         ("shown", "shown", "{}"),
@@ -140,7 +140,7 @@ _INTERACTIONS: list[Column] = [
 
 
 def fit_table(found: Results[FitTrial]) -> str:
-    """A line per preset, then cameras that are right by symmetry, then a calibration of the confidence."""
+    """Format a line per preset, then cameras that are right by symmetry, then a calibration of the confidence."""
     summaries, calibration = summarise_presets(found.rows), calibrate_fits(found.rows)
     symmetric = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in found.rows if trial.symmetric]
     lines = []
@@ -191,7 +191,7 @@ _ABLATIONS: list[Column] = [
 
 
 def robustness_table(found: Results[RobustnessTrial]) -> str:
-    """The share of successes by stressor, level and preset; how confidence and size fare; how often which way fails."""
+    """Format success rates by stressor, level and preset; confidence and size errors; kinds of failures."""
     within, rough = success_rates(found.rows), rough_rates(found.rows)
     presets = list(dict.fromkeys(trial.preset for trial in found.rows))
     ours = [trial for trial in found.rows if trial.preset == presets[0]]
@@ -220,7 +220,7 @@ def robustness_table(found: Results[RobustnessTrial]) -> str:
 
 
 def _risk_and_coverage(trials: Sequence[RobustnessTrial]) -> str:
-    """From each confidence on: the share of all fits, how many of these are wrong, and the share of all right fits."""
+    """Format by least confidence: the fraction of all fits, of wrong ones among them, and of all right fits."""
 
     def right(least: float) -> list[bool]:
         return [trial.success for trial in trials if (trial.confidence or 0) >= least]
@@ -265,7 +265,7 @@ def _size_error(trials: Sequence[RobustnessTrial]) -> str:
 
 
 def photo_detail_table(found: Results[DetailView]) -> str:
-    """A line per category, renderer and camera: other views, and the photo itself."""
+    """Format a line per category, renderer and camera: other views, and the photo itself."""
     groups: dict[tuple[str, str, str], list[DetailView]] = {}
     for row in found.rows:
         groups.setdefault(row.key[:3], []).append(row)
@@ -293,7 +293,7 @@ def _gain_or_nothing(rows: Sequence[DetailView]) -> str:
 
 
 def _right(rows: Sequence[DetailView]) -> list[DetailView]:
-    """The photos themselves whose camera is right."""
+    """Return the photos themselves whose camera is right."""
     return [row for row in rows if row.bound is not None and row.rotation <= SUCCESS_DEGREES]
 
 
@@ -305,7 +305,7 @@ def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
 
 
 def photos_table(found: Results[PhotoTrial]) -> str:
-    """What became of each photo, and of all of a category."""
+    """Format a line per photo, and one per category."""
     columns: list[Column] = [
         ("photo", "photo", "{}"),
         ("box", "detected", "{}"),

@@ -31,7 +31,7 @@ def carve(solid: Solid, region: Region) -> tuple[Solid, Solid]:
 
 
 def inset(piece: Solid, move: Callable[[Points], Points]) -> Solid:
-    """Move a piece cut out of a half mesh (x >= 0) and connect its old and new borders by walls."""
+    """Move a piece cut from a half mesh (x >= 0); connect its borders by walls."""
     rim = _border(piece)
     rim = rim[(np.abs(piece.vertices[rim, 0]) > 1e-6).any(1)]
     count = len(piece.vertices)
