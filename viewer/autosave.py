@@ -152,7 +152,7 @@ class Autosave:
         return self._tell(lambda: project.save(path, self._session.models))
 
     def _tell(self, save: Callable[[], int]) -> bool:
-        """Save; report a failure, or what had to be left out. Return whether a file was saved."""
+        """Save; report a failure, or undo steps left out. Return whether a file was saved."""
         try:
             dropped = save()
         except (ValueError, OSError) as error:

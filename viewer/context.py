@@ -48,7 +48,7 @@ class PanelContext:
     bold: imgui.ImFont | None = None  # for headings
     focus: str = "Mix"  # panel to bring to the front
     tool: str = "turn"  # action of a drag in the view: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
-    dragged: str = ""  # object being dragged to a slot
+    dragged: str = ""  # object being dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
     frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
     covered: float = 0.0  # px at the view's lower edge, by the history

@@ -220,10 +220,8 @@ class Session:
     # The view
 
     def see_from(self, view: str) -> None:
-        """Use one of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
-        if view == "home":
-            self.viewport.reset_view()
-        elif view == "photo" and (camera := self.photo_camera):
+        """Use one of :data:`viewer.values.orbit.VIEWS`, or the photo's camera ("photo"), if any."""
+        if view == "photo" and (camera := self.photo_camera):
             self.viewport.change(pan=(0.0, 0.0))
             self.editor.set_camera(camera)
         elif view in orbit.VIEWS:

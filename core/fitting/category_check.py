@@ -30,7 +30,7 @@ def likeliest_category(guess: Mapping[str, float]) -> str | None:
 
 
 def likelier_model(guess: Mapping[str, float]) -> str:
-    """Return the model of the likeliest category, however unlikely.
+    """Return the model of the likeliest category, however unlikely; the default one if nothing is known.
 
     Example:
         >>> likelier_model({"cars": 0.2, "chairs": 0.1})
@@ -70,7 +70,7 @@ def describe_difference(first: Mapping[str, float], other: Mapping[str, float]) 
 
 
 def describe_category(guess: Mapping[str, float], category: str) -> str:
-    """Return a warning if a photo probably shows another category than the model's, or "".
+    """Return a warning if a photo is unlikely to show the model's category, or "".
 
     Example:
         >>> describe_category({"cars": 0.95, "chairs": 0.03}, "chairs")

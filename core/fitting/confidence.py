@@ -1,7 +1,7 @@
 """The confidence of a fitted camera: the probability that it is right, from results of the fit itself.
 
 Most wrong cameras lie in another basin (above all the opposite view) that explains the photo about as well. So a fit
-keeps the best hypothesis of another basin, the runner-up; the margin is the fraction of its loss that the winner saves.
+keeps the best hypothesis of another basin, the runner-up; the relative margin is the share of its loss that is saved.
 Some wrong cameras lie in no basin: the model cannot explain the photo. Their loss is high, the objective is flat, and
 its curvature gives a large uncertainty. If two searches agree, the smaller margin counts. The three numbers below are a
 logistic regression over fits of renders with known cameras: ``python -m core bench fit --dataset TEST_SET`` recomputes
@@ -105,7 +105,7 @@ def explained(psnr: float) -> float:
 
 
 def plausible(category: float, cut_out: float, psnr: float) -> float:
-    """Return an upper bound of a camera's confidence, 0..1, independent of other cameras.
+    """Return a factor on a camera's confidence, 0..1, independent of other cameras.
 
     Args:
         category: probability that the photo shows the model's category; no doubt above one half.

@@ -1,6 +1,7 @@
 """The course of a fit: initial candidates, survivors of each stage, and the value of each loss term."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
@@ -34,7 +35,8 @@ def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
     """
     stages = _last_of_stages(steps)
     photo, generator = job.photos[0], torch.Generator().manual_seed(job.seed)
-    problem = Problem.of(model, job, generator)
+    job = replace(job, settings=job.settings.for_box(model.extent))  # as the fit has it
+    problem = replace(Problem.of(model.soft, job, generator), occluded=stages[-1].restart)
     candidates = None
     if photo.camera is None:
         image = ObjectImage(photo.pixels, photo.mask, problem.cameras[0].focal, photo.unseen)

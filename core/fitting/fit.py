@@ -92,13 +92,13 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
         except DivergedError:
             if result is None:
                 raise
-            return  # with the result of the first search
+            return  # with the result of the earlier searches
         if result:
             first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the second search
             result = better_of(problem, result._replace(winner=first), found)
         else:
             result = found
-        # 5. Restart once if in doubt, with other pixels, assuming that an occluder may hide parts of the object.
+        # 5. Restart while in doubt, with other pixels, assuming that an occluder may hide parts of the object.
         again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
         yield state(last_stage, result.winner, result, restart_follows=again, finished=True)
         if not again:

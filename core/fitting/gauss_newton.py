@@ -95,7 +95,7 @@ def camera_uncertainty(
     free: Bool[Tensor, "views 8"],
     view: int,
 ) -> float:
-    """Return the uncertainty, in rad, of the direction of a single hypothesis' camera within its basin.
+    """Return the uncertainty (rad) of the orientation of a single hypothesis' camera within its basin.
 
     The standard deviation from the objective's curvature (Laplace's approximation), with all free parameters
     compensating for the camera's error as well as possible. Other arguments are those of :func:`gauss_newton_step`.
@@ -167,7 +167,7 @@ def _render(
     cells: Bool[Tensor, "hypotheses x y z"] | None,
     with_depth: bool,
 ) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
-    """Render the pixels with the jacobian of their channels by all movable parameters."""
+    """Render the pixels, and the jacobian of their channels with respect to all parameters."""
     shapes, textures = model.codes.shape_space, model.codes.texture_space
     shape, texture = shapes.code(parameters.shape), textures.code(parameters.texture)
     dtype = matmul_dtype(model.device.type)
@@ -201,7 +201,7 @@ def _render(
 
 
 def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypotheses views rays 6 8"]:
-    """How rays' origins, then directions, change with each parameter of their camera."""
+    """Return the change of rays' origins and directions with each parameter of their camera."""
     origins, directions = rays.origins, rays.directions
     right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)

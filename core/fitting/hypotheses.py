@@ -75,7 +75,7 @@ class HypothesisBatch:
 
     @classmethod
     def of(cls, parameters: Parameters) -> "HypothesisBatch":
-        """Number initial hypotheses in order."""
+        """Build a batch of initial hypotheses, numbered in order."""
         zeros = torch.zeros(len(parameters.angles))
         return cls(parameters, zeros, zeros, torch.arange(len(zeros)))
 
@@ -114,14 +114,14 @@ def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
 
 
 def to_vector(parameters: Parameters) -> Float[Tensor, "hypotheses parameters"]:
-    """Flatten the parameters: cameras view by view, then shape and texture."""
+    """Flatten the parameters, detached: cameras view by view, then shape and texture."""
     angles, distance, zoom, crop_transform, shape, texture = parameters
     cameras = torch.cat((angles, distance[..., None], zoom[..., None], crop_transform), -1)
     return torch.cat((cameras.flatten(1), shape, texture), 1).detach()
 
 
 def from_vector(vector: Float[Tensor, "any parameters"], sizes: Parameters) -> Parameters:
-    """Invert :func:`to_vector` for parameters with as many views and directions as ``sizes``."""
+    """Invert :func:`to_vector` for parameters of the same sizes as ``sizes``."""
     views, shape = sizes.distance.shape[1], sizes.shape.shape[1]
     cameras, *codes = vector.split((views * CAMERA_PARAMETERS, shape, sizes.texture.shape[1]), 1)
     angles, distance, zoom, crop_transform = cameras.unflatten(1, (views, -1)).split((2, 1, 1, 4), -1)
@@ -163,7 +163,7 @@ def hypothesis_rays(
 def image_points(
     parameters: Parameters, pixels: Float[Tensor, "views rays 2"]
 ) -> Float[Tensor, "hypotheses views rays 2"]:
-    """Map pixels to images of upright cameras aimed at the object; from the middle, x right, y down, focal lengths."""
+    """Map pixels to upright images aimed at the object; both in focal lengths from the middle, x right, y down."""
     scale, roll, shift = parameters.crop_transform[..., None, :].split((1, 1, 2), -1)
     x, y = (pixels - shift).unbind(-1)
     cos, sin = roll[..., 0].cos(), roll[..., 0].sin()
@@ -186,7 +186,7 @@ def known_cells(
 
 
 def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Parameters:
-    """Clamp elevations, distances and focal lengths of some views to the searched range."""
+    """Clamp elevations, distances, focal lengths and crop transforms of some views to the searched range."""
     azimuth, elevation = parameters.angles.unbind(-1)
     elevation = elevation.clamp(-_MAX_ELEVATION, _MAX_ELEVATION).where(views, elevation)
     return parameters._replace(
@@ -242,7 +242,7 @@ def to_hypotheses(
 
 
 def opposite_views(batch: HypothesisBatch, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, "hypotheses"]:
-    """Mark hypotheses that see a view from roughly the opposite side (azimuth + 180 degrees) of this one."""
+    """Mark hypotheses that see any view from roughly the opposite side (azimuth + 180 degrees) of ``index``'s."""
     turn = batch.parameters.angles[:, views, 0] - batch.parameters.angles[index, views, 0]
     return (turn.cos() < _OPPOSITE_COSINE).any(-1)
 

@@ -1,7 +1,7 @@
 """Initial hypotheses: cameras of the view bank with shapes of its prototypes, or the state of an earlier fit.
 
 Codes have local minima, so shapes compete like cameras: every camera of the view bank comes with the shape most similar
-to the photo from there; if all cameras are known, with several shapes.
+to the photo from there. Known cameras come with several shapes.
 """
 
 import math
@@ -155,7 +155,7 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
 
 
 def ordered(problem: Problem, batch: HypothesisBatch) -> Int[Tensor, "some"]:
-    """Return hypotheses, best first, with one of each basin before a second one of any."""
+    """Return the indices of hypotheses, best first, with one of each basin before a second one of any."""
     if problem.components.distinct_basins:
         return suppress_neighbours(batch, problem.unknown)
     return by_loss(batch)
@@ -185,7 +185,7 @@ def resume_from(
 
 
 def combine_views(parts: Sequence[tuple[list[int], HypothesisBatch]], views: int, count: int) -> HypothesisBatch:
-    """Combine searches with some of the photos each: the ``count`` combinations of least loss.
+    """Combine searches of some photos each; return the ``count`` combinations of least loss.
 
     Args:
         parts: photos of each search, and its remaining hypotheses.

@@ -102,7 +102,7 @@ class Observation:
 def sample_pixels(observations: Sequence[Observation], count: int, generator: torch.Generator) -> PixelBatch:
     """Sample ``count`` pixels of every photo, at least one of each stratum.
 
-    If a photo is blurred, half as many pixels with several rays each.
+    If any photo is blurred, half as many pixels of each, with several rays per pixel.
     """
     blurred = any(observation.blur for observation in observations)
     count = max(count // (2 if blurred else 1), len(_STRATA_FRACTIONS))

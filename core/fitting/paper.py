@@ -28,7 +28,7 @@ _SCORE_EVERY = 10  # steps between two scores; the best one is the result
 
 
 def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Fit like :func:`core.fitting.fit.fit`, by the paper's recipe if the job's settings are those."""
+    """Fit by the recipe of the job's settings: the paper's, or :func:`core.fitting.fit.fit`."""
     return fit(model, job) if isinstance(job.settings, PaperSettings) else search.fit(model, job)
 
 

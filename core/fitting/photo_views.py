@@ -1,4 +1,4 @@
-"""The photo of a fit from its camera: at full resolution, upright, the optical axis in the middle."""
+"""Fitted photos as photo detail: at full resolution, upright, the optical axis in the middle."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ _DEEP = 6 / 128  # image heights from the mask; nearer, the photo is right and t
 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """Add photo detail to a step of a fit; a completed fit has it already."""
+    """Add photo detail to a step of a fit; a completed search has it already."""
     known = all(photo.camera for photo in photos)
     sure = 1.0 if known or step.confidence is None else step.confidence
     transforms = [
@@ -47,7 +47,7 @@ def photo_view(
     crop_transform: Float[Tensor, "4"] | None = None,
     codes: Codes | None = None,
 ) -> PhotoView:
-    """A photo as the camera sees the object; what is not certain of its background has a low opacity.
+    """Return a photo as the camera sees the object; uncertain background gets a low opacity.
 
     Args:
         camera: the fitted one, or the photo's own.

@@ -1,4 +1,4 @@
-"""A fit's input, the job, and its fixed part: observations, known cameras, the objective and the scoring pixels."""
+"""A fit's input (the job) and its constants: observations, known cameras, the objective and the scoring pixels."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -34,7 +34,7 @@ _VALIDATION_RAYS = 512  # per photo, not used by steps: for the uncertainty of a
 
 @dataclass(frozen=True, eq=False)
 class FitJob:
-    """Photos of one object to fit. Raises ``ValueError`` without photos."""
+    """Photos of one object to fit. Raises ``ValueError`` without photos, or if the resumed fit had another number."""
 
     photos: tuple[Photo, ...]
     bank: ViewBank  # of the fitted model

@@ -43,7 +43,7 @@ def stage_numbers(stages: Sequence[Stage], first: int = 0) -> Iterator[int]:
 
 
 class _Row(NamedTuple):
-    """A stage relative to the settings, except for its last two values."""
+    """A stage; its steps, rays and samples are relative to the settings."""
 
     keep: float  # fraction of the previous stage's hypotheses
     limit: float  # maximum number of hypotheses

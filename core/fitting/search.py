@@ -126,7 +126,7 @@ class Refined(NamedTuple):
 
 
 def refine(problem: Problem, winner: HypothesisBatch, final: Stage, generator: torch.Generator) -> Iterator[Refined]:
-    """Yield after each step the best mean over recent steps; ends at convergence."""
+    """Yield after each step the best so far: the winner or a mean over recent steps; ends at convergence."""
     scored, recent = [winner], list[HypothesisBatch]()
     for step, after in enumerate(optimise(problem, winner, (final,), generator), 1):
         recent = [*recent, after][-_WINDOW:]

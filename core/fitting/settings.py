@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class FitSettings:
-    """The budget of a fit; every field is an axis of the charts. Raises ``ValueError`` for unusable values."""
+    """The budget of a fit. Raises ``ValueError`` for unusable values."""
 
     hypotheses: int = 28
     """initial cameras for every photo without one, limited by the view bank; also the maximum number of hypotheses of
     the local search, and of shapes if all cameras are known"""
-    steps: int = 82  # x
+    steps: int = 82  # of all stages but the coarse search
     rays: int = 1024  # per photo and step of the refinement; earlier stages with many hypotheses use fewer
     samples: int = 64
     """along a ray through a box of one scene unit during the refinement; fewer in smaller boxes and earlier stages"""

@@ -35,7 +35,7 @@ class FitStep:
     cameras: tuple[Camera, ...]  # one per photo, at the photo's size
     codes: Codes
     active: int = 1  # number of optimised hypotheses
-    restart: bool = False  # part of the second search, after the first left its camera in doubt
+    restart: bool = False  # part of a later search, after an earlier one left its camera in doubt
     runner_up: RunnerUp | None = None
     """for one searched camera, once its hypotheses are sorted; not in the paper's recipe"""
     margin: float | None = None

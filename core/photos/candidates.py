@@ -62,7 +62,7 @@ def rank_candidates(image: Image.Image, box: Box) -> list[Ranked]:
 
 
 def _fit(candidate: Candidate, box: Box) -> float:
-    """Score how well a mask fills its box, 0..1, with a preference for the network."""
+    """Score how well a mask fills its box, 0..1, plus a preference for the network."""
     return box_overlap(share_box(candidate.opacity > 0.5), box) + _PREFERRED * (candidate.found_by == "network")
 
 

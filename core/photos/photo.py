@@ -89,7 +89,7 @@ def load_photo(
         pose_axes: of the pose, see :func:`core.geometry.pose_files.read_pose`.
 
     Raises ``ValueError`` naming the file for anything but an image of an object, and
-    :class:`core.photos.segmentation.NoBackgroundError` if hints could help.
+    :class:`core.photos.plain_background.NoBackgroundError` if hints could help.
     """
     path = Path(path)
     matrix = None if pose is None else read_pose(pose, pose_axes)

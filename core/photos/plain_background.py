@@ -61,7 +61,7 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
 
 
 def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
-    """True if the foreground is one object that does not touch the border."""
+    """True if the foreground is mostly one object that hardly touches the border."""
     border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
     pieces, _ = label(mask, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel())[1:]

@@ -68,7 +68,7 @@ class Stroke(NamedTuple):
 
 @dataclass(frozen=True)
 class Hints:
-    """Hints from a person. Raises ``ValueError`` for an empty box."""
+    """Hints from a person. Raises ``ValueError`` for unusable values."""
 
     box: Box | None = None  # contains the object
     strokes: tuple[Stroke, ...] = ()

@@ -80,7 +80,7 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
 
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """Render OpenGL's image on the processor, on white: samples at equal steps until a ray's light is used up."""
+    """Render OpenGL's image on the processor, on white, without its shadow: samples at equal steps along each ray."""
     extent = torch.tensor(baked.extent)
     rays = camera_rays(camera, extent, baked.pixel_offset)
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255

@@ -1,4 +1,4 @@
-"""The soft shadow under an object: how much of a uniform sky it hides from the ground.
+"""The soft shadow under an object: how much of the sky, brightest overhead, it hides from the ground.
 
 The shadow is part of images, never of the object: from above, the ground lies behind the whole object, so an image with
 opacity is composited over the shadow like over any background. From below there is no ground.

@@ -50,8 +50,8 @@ def render_top_samples(
 
     Differentiable in rays and biases through ``kept`` samples a ray on average: those of largest weight among all
     samples of an object. Other samples keep their density, and take the mean colour of their ray, or white. With
-    ``kept`` = ``samples`` this is :func:`core.rendering.reference.render_rays`. Without gradients, colours come from
-    the folded field like densities, with its precision.
+    ``kept`` = ``samples`` this is :func:`core.rendering.reference.render_rays`, but for the depth. Without gradients,
+    colours come from the folded field like densities, with its precision.
     """
     differentiable = torch.is_grad_enabled()
     depths, edges = sample_intervals(model, rays, samples)

@@ -1,7 +1,7 @@
 """The jacobian of rendered rays: the derivatives of every pixel with respect to every parameter of a hypothesis.
 
 Rays are independent, so one backward pass through the field differentiates one channel of all rays. Red, green, blue,
-opacity and depth go back together, are mapped to the estimated parameters per sample, and then summed over each ray.
+opacity and depth go back together, are summed over each ray, and then mapped to the estimated parameters.
 Autograd would need separate passes.
 """
 

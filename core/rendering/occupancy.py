@@ -227,7 +227,7 @@ def _densities_around(
 
 @lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
 def _corners(model: Model, dtype: torch.dtype) -> _Corners:
-    """53 MB, and a fraction of a second"""
+    """Return a model's corners and their activations; cached, as they take 53 MB and a fraction of a second."""
     likely = _likely_corners(model)
     second, fourth = torch.zeros_like(likely), torch.zeros_like(likely)
     second[::2, ::2, ::2] = fourth[::4, ::4, ::4] = True

@@ -111,7 +111,7 @@ def _is_symmetric(silhouette: Silhouette, extent: tuple[float, float, float]) ->
 
 @lru_cache(maxsize=16)
 def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns"]]:
-    """Focal lengths from each pixel to the edge of a photo's mask, 0 on it; and the camera of this map."""
+    """Return the camera of a map, and the map: focal lengths from each pixel to a photo's mask, 0 on the mask."""
     from scipy.ndimage import distance_transform_edt
 
     height, width = _HEIGHT, max(1, round(_HEIGHT * view.camera.width / view.camera.height))

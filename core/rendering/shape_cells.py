@@ -1,4 +1,4 @@
-"""Occupancy grid of one shape, computed once where many rays follow."""
+"""Occupancy grids of single shapes, computed once where many rays follow."""
 
 from functools import lru_cache
 

@@ -116,6 +116,10 @@ class Fitting:
             self._jobs.messages.notify(f"Left out {names}{more}: neither image nor pose", MessageKind.NOTE)
         self.fit(*sources)
 
+    def ask_first(self, request: FitRequest) -> None:
+        """Move the question about a request to the front."""
+        self.questions = tuple(sorted(self.questions, key=lambda one: one.request is not request))
+
     def fit(self, *sources: PhotoSource, model: str = "") -> bool:
         """Queue a fit of photos, which answers a question about them; return False without photos.
 

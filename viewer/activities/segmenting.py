@@ -96,7 +96,7 @@ class Segmenting:
         self.set_hints(replace(self.hints, choice=number if number < chosen else number + 1, strokes=()))
 
     def undo(self) -> None:
-        """Undo the last box or stroke."""
+        """Undo the last change of the hints."""
         while self.past:
             before, self.past = self.past[-1], self.past[:-1]
             if before != self.hints:
@@ -104,7 +104,7 @@ class Segmenting:
                 return
 
     def fit(self) -> None:
-        """Fit the photos with this segmentation; stay open while another fit runs."""
+        """Fit the photos with this segmentation, after the running fit if any, and close."""
         source = self.sources[self.index]._replace(hints=self.hints)
         if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._model):
             self.close()

@@ -29,7 +29,7 @@ _FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
 
 
 class DeveloperPanel(Panel):
-    """Sections, all but the first collapsed."""
+    """View mode and camera, above sections that are open at first."""
 
     title = "Developer"
     dock = "Right"

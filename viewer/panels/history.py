@@ -74,7 +74,8 @@ class HistoryStrip:
         if shown and self._shown != now:
             imgui.set_scroll_here_x()
             self._shown = now
-        tooltip(edit.words[:1].upper() + edit.words[1:] if shown else f"Click to go back to: {edit.words}")
+        way = "forward" if states[0] > now else "back"
+        tooltip(edit.words[:1].upper() + edit.words[1:] if shown else f"Click to go {way} to: {edit.words}")
         state = history.now if shown else self._states[edit.last]
         object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), corner, side)
         if states[0] > now:

@@ -25,7 +25,7 @@ _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_
 
 
 class LibraryPanel(Panel):
-    """Click an object to show it (it is A), drag it to a slot, or right click it to choose."""
+    """Click an object to show it (it is A), drag it onto B, or right click it for more."""
 
     title = "Library"
     dock = "Left"
@@ -144,7 +144,7 @@ def _draw_object(
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
     about = f"{readable(name)}{user_objects.about(editor.objects[name])}"
-    tooltip(f"{about}\nClick to show it, drag it to a slot, right click to choose")
+    tooltip(f"{about}\nClick to show it, drag it onto B, right click for more")
     if imgui.begin_drag_drop_source():
         context.dragged = name
         imgui.set_drag_drop_payload_py_id(object_tiles.DRAGGED, 0)

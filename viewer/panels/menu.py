@@ -98,7 +98,6 @@ MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
         "see_top",
         "see_photo",
         "reset_view",
-        "follow",
         None,
         "dark",
         "larger_text",

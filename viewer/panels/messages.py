@@ -19,7 +19,7 @@ _COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PR
 
 
 def draw(context: PanelContext) -> None:
-    """Draw one column, the newest at the bottom; each fades by itself and stays in the log."""
+    """Draw one column, the newest at the bottom; each fades by itself and stays listed in Developer."""
     due = context.session.messages.shown
     if not due:
         return

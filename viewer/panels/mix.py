@@ -103,7 +103,7 @@ def _draw_b(context: PanelContext) -> None:
         min(object_tiles.THUMBNAIL * em, 0.4 * imgui.get_content_region_avail().x),
     )
     imgui.invisible_button("slot B", (side, side))
-    tooltip(f"B is {readable(name)}\nDrop another object here, or right click it in the library")
+    tooltip(f"B is {readable(name)}\nDrop another object here, or right click one in the library and make it B")
     if dropped := object_tiles.dropped(context):
         context.session.editor.set_b(dropped)
     object_tiles.paint(context, name, corner, side)

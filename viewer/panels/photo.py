@@ -39,7 +39,7 @@ _POINT_HELP = "Show where the object is, by a click, a box, or strokes, and fit 
 
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
 and from the first one again"""
-_VIEW_HELP = "For a camera that was not found: turn the object in the view to where the photo sees it, then click"
+_VIEW_HELP = "For a camera that was not found: turn the object in the view until it looks as in the photo, then click"
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as its outline and lettering, in files too.
 A doubtful camera shows none."""
 _SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, with its lettering;
@@ -116,7 +116,8 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     _draw_verdict(context, fitting, shown)
     if detail := session.editor.scene.codes.detail:
         _draw_tools(context, detail)
-        draw_paint(context)
+    draw_paint(context)
+    if detail:
         _draw_detail(context, detail)
     action_button(context, "share", f"{_SHARE}  Share…", colour=context.palette.accent)
 

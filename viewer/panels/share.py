@@ -81,7 +81,7 @@ class ShareDialog:
         imgui.begin_group()
         if changed.kind != "mesh":
             changed = _draw_sizes(changed)
-        if button("Less###more" if self._more else "More…###more", "Format, background, and what else few change"):
+        if button("Less###more" if self._more else "More…###more", "Format, background, and choices that few change"):
             self._more = not self._more
         if self._more:
             changed = _draw_form(changed, context.session.editor.model.metres)

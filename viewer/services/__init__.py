@@ -1,1 +1,1 @@
-"""Services used everywhere: the worker, the backend, messages, the clipboard."""
+"""Services: the worker, the backend, messages, the clipboard, files kept between launches."""

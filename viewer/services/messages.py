@@ -48,15 +48,12 @@ class Message:
     detail: str = ""  # for the log only: text of an unexpected error
     buttons: tuple[Button, ...] = ()
     lasts: bool = False  # until it is answered or dismissed
-    holds: Callable[[], bool] = lambda: True  # True while the message is still valid
     born: float = field(default_factory=time.monotonic)  # s on the monotonic clock
     written: datetime = field(default_factory=datetime.now)
 
     @property
     def faded(self) -> bool:
-        """True once the message leaves the screen: by age (later with buttons), or when it is no longer valid."""
-        if not self.holds():
-            return True
+        """True once the message leaves the screen: by age, later with buttons."""
         short = self.kind is MessageKind.DONE and not self.buttons
         return not self.lasts and time.monotonic() - self.born > (_SHORT if short else _LONG)
 
@@ -75,7 +72,7 @@ class Messages:
 
     @property
     def shown(self) -> list[Message]:
-        """Messages on screen: information that has not faded, and the newest errors."""
+        """Messages that have not faded; of errors only the newest."""
         due = [message for message in self.all if not message.faded]
         errors = [message for message in due if message.kind is MessageKind.PROBLEM][-_MAX_ERRORS:]
         return [message for message in due if message.kind is not MessageKind.PROBLEM or message in errors]

@@ -101,17 +101,6 @@ class PanelCrop:
     left: int = 0
     top: int = 0  # px to the left of and above the shown part
 
-    def widened(self, across: int, down: int) -> "PanelCrop":
-        """Add pixels to the image on both sides without changing the shown part."""
-        camera = self.camera
-        wider = replace(camera, width=camera.width + 2 * across, height=camera.height + 2 * down)
-        return replace(self, camera=wider, left=self.left + across, top=self.top + down)
-
-    def middle(self, camera: Camera, right: int = 0, below: int = 0) -> "PanelCrop":
-        """Return the same view at a smaller camera size, with the object shifted by px to the right and below."""
-        left, top = (self.camera.width - camera.width) // 2, (self.camera.height - camera.height) // 2
-        return PanelCrop(self.camera, camera.width, camera.height, left - right, top - below)
-
     def cropped(self, frame: Frame) -> Frame:
         """Crop a frame of any resolution to the shown part."""
         if (self.width, self.height) == (self.camera.width, self.camera.height):

@@ -22,7 +22,7 @@ class Preferences:
     text: float = 1.0  # size of the text, relative to the default
     newcomer: bool = True  # the object has never been turned
     share: ShareSettings = field(default_factory=ShareSettings)
-    recent: tuple[str, ...] = ()  # paths of opened images and scenes, the latest first
+    recent: tuple[str, ...] = ()  # paths of opened files, the latest first
 
     def with_text_size(self, text: float) -> "Preferences":
         """Change the text size, within limits."""

@@ -82,7 +82,7 @@ class ShareSettings:
 
     @property
     def video_settings(self) -> VideoSettings:
-        """As videos are written with."""
+        """Settings that videos are written with."""
         return VideoSettings(self.size, RATE, background=self.behind, exact=self.exact, shadow=self.shows_shadow)
 
     def mesh_settings(self, usual: float) -> MeshSettings:

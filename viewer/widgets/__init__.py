@@ -1,1 +1,1 @@
-"""Widgets of several panels."""
+"""Widgets, most of them of several panels."""

@@ -143,14 +143,14 @@ class NameField:
     def __init__(self) -> None:
         self._text = ""
 
-    def draw(self, start: str = "", hint: str = "") -> str:
+    def draw(self, start: str) -> str:
         """Return the confirmed text and close the menu; "" before."""
         if imgui.is_window_appearing():
             self._text = start
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(hello_imgui.em_size(12))
         flags = imgui.InputTextFlags_.enter_returns_true
-        entered, self._text = imgui.input_text_with_hint("##new name", hint, self._text, flags)
+        entered, self._text = imgui.input_text("##new name", self._text, flags)
         if entered:
             imgui.close_current_popup()
         return self._text.strip() if entered else ""

@@ -12,7 +12,7 @@ from viewer.values.part import Part
 
 THUMBNAIL = 4.5  # em, of most thumbnails: 72 px at the usual size of text
 DIMMED = 0.55  # hidden fraction of stale tiles
-DRAGGED = "object"  # the kind of payload that is dragged to a slot
+DRAGGED = "object"  # the kind of payload that is dragged onto B
 ICONS: dict[Part, str] = {
     "shape": icons_fontawesome_4.ICON_FA_CUBE,
     "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,
@@ -24,22 +24,14 @@ def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None
     paint_frame(context, context.session.thumbnails.of_object(context.session.editor.objects[name].codes), corner, side)
 
 
-def paint_frame(
-    context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float, stale: bool = False
-) -> None:
-    """Draw a small frame with round corners; None is an empty square.
-
-    Args:
-        stale: a newer one is being rendered: this one is dimmed.
-    """
+def paint_frame(context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float) -> None:
+    """Draw a small frame with round corners; None is an empty square."""
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
     if thumbnail is None or context.images is None:
         draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
         return
     texture = context.images.texture(thumbnail, context.palette)
     draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
-    if stale:
-        draw.add_rect_filled(corner, opposite, packed(context.palette.panel, DIMMED), rounding())
     if not context.preferences.dark:
         draw.add_rect(corner, opposite, packed(context.palette.line), rounding())
 

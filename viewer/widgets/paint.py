@@ -48,7 +48,9 @@ class Eyedropper:
         return True
 
 
-def pick(context: PanelContext, pixels: UInt8[np.ndarray, "height width 3"], corner: ImVec2, size: ImVec2) -> None:
+def pick(
+    context: PanelContext, pixels: UInt8[np.ndarray, "height width channels"], corner: ImVec2, size: ImVec2
+) -> None:
     """Paint with the colour of a clicked image, which is imgui's last item."""
     if context.tool != "pick" or not imgui.is_item_hovered():
         return
@@ -63,3 +65,4 @@ def pick(context: PanelContext, pixels: UInt8[np.ndarray, "height width 3"], cor
     if imgui.is_item_clicked(imgui.MouseButton_.left):
         context.tool = "turn"
         context.session.painting.paint(rgb)
+        context.session.painting.release()

@@ -8,6 +8,7 @@ from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
+from viewer.values.printable import file_name
 from viewer.widgets.controls import NameField
 
 COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
@@ -80,6 +81,6 @@ def _export(context: PanelContext, name: str) -> None:
             lambda path: context.session.exporting.scene(path, scene),
             (".json",),
             True,
-            f"{name}.json",
+            f"{file_name(name)}.json",
         )
     )

@@ -21,7 +21,10 @@ def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2)
     imgui.push_id(id(sources) & 0x7FFFFFFF)  # the same photo may wait twice
     if object_tiles.tile_button(name, size) and (running or asked):
         context.focus = "Photo"
-        fitting.follow()
+        if running:
+            fitting.follow()
+        else:
+            fitting.ask_first(waits)
     hovered = imgui.is_item_hovered()
     object_tiles.paint_photo(context, source.path, corner, side)
     shade = packed(context.palette.panel, 0.0 if hovered or running else _DIMMED)

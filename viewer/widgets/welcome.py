@@ -68,7 +68,7 @@ class Welcome:
 
 
 def nouns(context: PanelContext) -> str:
-    """Return the nouns of what can be fitted: an object of any open model."""
+    """Return the nouns of the categories of all open models."""
     return " or ".join(dict.fromkeys(f"a {model.noun or 'thing'}" for model in context.session.models))
 
 

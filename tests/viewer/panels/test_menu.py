@@ -59,6 +59,7 @@ def test_menus_help_and_theme(drive: Drive) -> None:
 def test_everything_that_has_a_name_is_found_by_typing(drive: Drive) -> None:
     in_menus = {entry for entries in MENUS.values() for entry in entries if isinstance(entry, str)}
     assert {action.id for action in ACTIONS.values() if not action.keys} <= in_menus  # and by the mouse too
+    assert in_menus <= ACTIONS.keys()
 
     def act(window: Driver) -> None:
         context, editor, key = window.context, window.session.editor, imgui.Key
