@@ -84,6 +84,7 @@ class App:
         self._software, self._touched = False, 0.0
         self._frame_started = 0.0
         self._themed: bool | None = None
+        self._popup_open = False  # before this frame: imgui itself may close a popup on Esc
         self._folded: list[Panel] = []  # shown before the view was shown alone
         self._failed: dict[str, str] = {}
         self._reported: dict[str, str] = {}  # last error of each callback that failed in the last frame
@@ -287,6 +288,7 @@ class App:
 
     def _before_frame(self) -> None:
         now = time.thread_time()
+        self._popup_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         self.context.frame_times.append(now - self._frame_started)
         self._frame_started = now
         try:
@@ -346,12 +348,11 @@ class App:
         if not imgui.is_any_mouse_down():
             self._save_preferences()
 
-    @staticmethod
-    def _close_top(context: PanelContext) -> None:
+    def _close_top(self, context: PanelContext) -> None:
         """Close the topmost menu or list on Esc, else the help; dialogs close themselves."""
         if not imgui.is_key_pressed(imgui.Key.escape):
             return
-        if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
+        if self._popup_open:
             imgui.internal.close_popups_except_modals()
         else:
             context.help_open = False
