@@ -8,7 +8,7 @@ from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
-from viewer.values.share_settings import ShareSettings
+from viewer.values.share_settings import TURN, ShareSettings
 
 
 def test_a_saved_image_brings_its_scene_back_exactly(session: Session, editor: Editor, tmp_path: Path) -> None:
@@ -26,16 +26,16 @@ def test_a_saved_image_brings_its_scene_back_exactly(session: Session, editor: E
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
     seen: list[float] = []
-    session.exporting.share(tmp_path / "turn.gif", ShareSettings(frames=4, size=16))
+    session.exporting.share(tmp_path / "turn.gif", ShareSettings(size=16))
     finish(session, lambda: bool(seen.append(session.exporting.progress)) or not session.exporting.running)
     assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
-        assert (video.n_frames, video.size) == (4, (16, 16))
+        assert (video.n_frames, video.size) == (TURN, (16, 16))
     assert session.messages.errors == []
 
 
 def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) -> None:
-    session.exporting.share(tmp_path / "turn.mp4", ShareSettings(frames=700, size=16))
+    session.exporting.share(tmp_path / "turn.mp4", ShareSettings(size=256))
     while session.exporting.progress == 0:
         session.jobs.worker.deliver()
     assert session.exporting.remaining > 0
@@ -46,7 +46,7 @@ def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) 
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn", "missing/turn.mp4", "missing/turn.gif"])
 def test_a_turntable_that_cannot_be_written_is_reported(session: Session, tmp_path: Path, name: str) -> None:
-    session.exporting.share(tmp_path / name, ShareSettings(frames=2, size=16))
+    session.exporting.share(tmp_path / name, ShareSettings(size=16))
     finish(session)
     assert len(session.messages.errors) == 1
     assert not session.exporting.running

@@ -292,7 +292,7 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, pho
         session, editor = window.session, window.session.editor
         fitting = session.fitting
         window.show("Photo")
-        window.click("Library/###fit_image")
+        window.click("View/**/###fit_image")
         window.type(str(photo))
         window.wait(lambda: len(fitting.history.steps) > 3)
         assert fitting.running

@@ -21,10 +21,13 @@ def test_the_shape_is_pulled_while_g_is_held(drive: Drive, backend: Backend) -> 
         editor = window.session.editor
         direction, before = Direction.principal(editor.model.codes, "shape", 2), editor.state
         past, start = len(editor.history.past), editor.strength(direction)
-        window.ctx.mouse_move("//View/orbit")
+        low, high = window.context.view
+        card = window.session.viewport.settings.covered
+        assert card > 50
+        window.ctx.mouse_move_to_pos(((low.x + high.x) / 2, (low.y + high.y - card) / 2))  # the object's middle
         window.ctx.key_down(imgui.Key.g)
         window.wait(lambda: window.session.grabbing.pull is not None)
-        window.drag("View/orbit", 0, -30)
+        window.ctx.mouse_drag_with_delta((0, -30))
         window.ctx.key_up(imgui.Key.g)
         assert editor.strength(direction) > start + 0.2
         assert editor.scene.camera == before.scene.camera
