@@ -40,8 +40,8 @@ class FittedPhoto:
 
     @property
     def codes(self) -> Codes:
-        """The fitted codes."""
-        return self.steps[-1].codes
+        """The fitted codes, without photo detail."""
+        return replace(self.steps[-1].codes, detail=None)
 
 
 def fit_photo(model: Model, bank: ViewBank, photo: Photo, seed: int = 0) -> FittedPhoto:

@@ -5,7 +5,7 @@ by name, provide the codes. Any other object whose shape and texture both occur 
 """
 
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -114,7 +114,7 @@ def _mean_score(model: Model, codes: Codes, views: ObjectViews, rendered: Sequen
 def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed: int) -> Codes:
     photos = tuple(as_photo(views, index, True) for index in evenly_spaced(candidates, _FITTED_VIEWS))
     job = FitJob(photos, run_to_end(build_view_bank(model)), seed=seed)
-    return fit_first_last(model, job)[1].codes
+    return replace(fit_first_last(model, job)[1].codes, detail=None)
 
 
 # Leaks

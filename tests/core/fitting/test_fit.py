@@ -1,6 +1,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import islice
 
 import pytest
 import torch
@@ -10,6 +11,7 @@ from core.fitting.hypotheses import Hypothesis
 from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
 from core.fitting.settings import ALL_COMPONENTS
 from core.metrics import psnr, rotation_error
+from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.view_bank import build_view_bank
@@ -29,6 +31,11 @@ def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, resume_fro
     return step
 
 
+def bare(found: FitStep) -> Codes:
+    """The codes alone, without the photo's outline, which cuts off the haze of a tiny model."""
+    return replace(found.codes, detail=None)
+
+
 @pytest.fixture(scope="module")
 def whole_fit(tiny: Model) -> list[FitStep]:
     """A whole fit, step by step."""
@@ -46,7 +53,7 @@ def test_an_unknown_camera_and_the_codes_are_found(tiny: Model, index: int, azim
     found = last(tiny, photo)
     assert rotation_error(found.cameras[0], truth) < 10
     assert abs(found.cameras[0].distance / truth.distance - 1) < 0.03
-    assert psnr(render_exact(tiny, found.codes, found.cameras[0], 48).colour, photo.pixels) > 30
+    assert psnr(render_exact(tiny, bare(found), found.cameras[0], 48).colour, photo.pixels) > 30
 
 
 @unchecked
@@ -78,7 +85,7 @@ def test_with_a_known_camera_the_codes_are_found_and_nothing_is_in_doubt(tiny: M
     assert rotation_error(found.cameras[0], truth) < 1e-3
     other = tiny.camera(3.9, 0.6)
     expected = render_exact(tiny, codes, other, 48).colour
-    assert psnr(render_exact(tiny, found.codes, other, 48).colour, expected) > 25
+    assert psnr(render_exact(tiny, bare(found), other, 48).colour, expected) > 25
     assert found.runner_up is found.confidence is None
 
 
@@ -127,12 +134,17 @@ def test_a_local_search_begins_anew_around_the_best_cameras(whole_fit: list[FitS
 def test_a_fit_resumes_where_another_ended(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
     photo = replace(photo_of(tiny, tiny.codes[0], truth), cropped=True)
-    begin = replace(last(tiny, photo, settings=SHORT).hypotheses[0], origin=3)
+    early = next(islice(fit(tiny, FitJob((photo,), tiny_bank(), QUICK)), 20, None))
+    begin = replace(early.hypotheses[0], origin=3)
     steps = list(fit(tiny, FitJob((photo,), tiny_bank(), replace(QUICK, steps=30), resume_from=begin)))
     assert {step.active for step in steps} == {1}
     assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 10
     assert steps[0].origin == begin.origin
-    assert steps[-1].psnr > last(tiny, photo, settings=SHORT).psnr
+    before, after = (
+        psnr(render_exact(tiny, one.codes, one.cameras[0], 48).colour, photo.pixels)
+        for one in (begin, steps[-1].hypotheses[0])
+    )
+    assert after > before + 3
     assert steps[-1].runner_up is not None
     assert steps[-1].confidence is None
 
