@@ -11,6 +11,7 @@ from viewer.context import PanelContext
 from viewer.widgets.controls import button, choose, flow, tooltip
 
 _HEIGHT = 5.5  # em
+_FOCAL = "Find focal length"  # fits the panel at the largest texts
 _PRESET_HELP = """How much work the next search is: draft less than half of normal, fine twice as much.
 Except in a draft, a camera in doubt is searched for once more."""
 
@@ -20,12 +21,14 @@ def draw_fit_numbers(context: PanelContext) -> None:
     fitting = context.session.fitting
     presets = {name: name for name in WINDOW_PRESETS}
     fitting.options.preset = choose("preset", fitting.options.preset, presets, _PRESET_HELP)
-    flow("Estimate focal length        ")
-    fitting.options.estimate_focal = imgui.checkbox("Estimate focal length", fitting.options.estimate_focal)[1]
-    tooltip("For photos from nearer or further away than the model's training images")
+    flow(f"{_FOCAL}        ")
+    fitting.options.estimate_focal = imgui.checkbox(_FOCAL, fitting.options.estimate_focal)[1]
+    tooltip("Estimate it: for photos from nearer or further away than the model's training images")
     if (last := fitting.history.last) is not None and not fitting.running:
         sure = "" if last.confidence is None else f"    camera {last.confidence:.0%}"
-        imgui.text_disabled(f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB{sure}")
+        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+        imgui.text_wrapped(f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB{sure}")
+        imgui.pop_style_color()
         can_resume = fitting.resume_point is not None
         if button("Go on###resume", "Improve it for a third of the steps of a new search", enabled=can_resume):
             fitting.resume()
