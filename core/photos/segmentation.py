@@ -25,6 +25,7 @@ _FAINT = 0.1  # opacities further than this from 0 and 1 are undecided
 _SAME = 0.97  # intersection over union from which two masks count as equal
 _CORNERS = 0.03  # largest fraction of an image cut off by rounded corners
 _FILLED = 0.98  # an object that fills so much of its box may be a photo in a frame
+_FRAMED = 0.5  # fraction of an image's width and height that a framed photo takes up; a smaller block is an object
 _RINGING = 3  # px beside a frame in which JPEG mixes colours
 _SAME_BOX = 0.5  # overlap with the detected box below which a frame was taken for a plain background
 _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
@@ -159,8 +160,11 @@ def _plain_background(
     if found and not plain.white and box_overlap(share_box(~plain.mask), found[0].box) < _SAME_BOX:
         return None
     left, top, right, bottom = bounding_box(~plain.mask)
+    height, width = plain.mask.shape
+    if right - left < max(4 * _RINGING, _FRAMED * width) or bottom - top < max(4 * _RINGING, _FRAMED * height):
+        return plain
     rows, columns = (slice(first + _RINGING, last - _RINGING) for first, last in ((top, bottom), (left, right)))
-    if min(right - left, bottom - top) < 4 * _RINGING or (~plain.mask[rows, columns]).mean() < _FILLED:
+    if (~plain.mask[rows, columns]).mean() < _FILLED:
         return plain
     inner = find_background(colours[rows, columns])
     if inner is None or inner.mask.all():
