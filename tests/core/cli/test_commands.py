@@ -353,7 +353,7 @@ def test_a_box_is_in_pixels_of_the_upright_image(file, capsys, monkeypatch):
             run(f"fit a.jpg --model {file} --box {box}")
     assert given == [(0.1, 0.1, 0.5, 0.75), (0.1, 0.1, 1.0, 0.75)]
     printed = capsys.readouterr().err
-    assert "no inside within the image of 200x400 px" in printed
+    assert "the box around the object is empty or outside the image of 200x400 px" in printed
     assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in printed
     assert "1 images need as many boxes, got 2" in printed
 
@@ -403,7 +403,7 @@ def test_a_point_or_a_mask_says_where_the_object_is(file, capsys, monkeypatch):
     printed = capsys.readouterr().err
     assert "outside the image of 400x200 px" in printed
     assert "a point is two numbers X,Y, not '1'" in printed
-    assert "white.png: a mask is white on the object and black elsewhere" in printed
+    assert "white.png: the mask is all black or all white; it must be white on the object only" in printed
     assert "1 images need as many masks, got 2" in printed
 
 

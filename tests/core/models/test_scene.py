@@ -111,7 +111,7 @@ def test_the_scene_of_an_image_is_read_without_decoding_it(scene: Scene, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("name", "why"), [("a.xyz", r"name ends in \.png"), ("a", r"name ends in \.png"), ("gone/a.png", "cannot write")]
+    ("name", "why"), [("a.xyz", r"must end in \.png"), ("a", r"must end in \.png"), ("gone/a.png", "cannot write")]
 )
 def test_an_image_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, why: str, tmp_path: Path):
     with pytest.raises(ValueError, match=why):

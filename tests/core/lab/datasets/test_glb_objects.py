@@ -79,7 +79,7 @@ def test_files_that_hold_no_mesh_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"index\.json"):
         select_meshes(tmp_path, "chairs", "train")
     (tmp_path / "index.json").write_text("[]")
-    with pytest.raises(ValueError, match="no chairs for the train split"):
+    with pytest.raises(ValueError, match="no chairs in the train split"):
         select_meshes(tmp_path, "chairs", "train")
 
 
