@@ -244,7 +244,10 @@ def test_the_shadow_stays_while_the_object_turns(drive: Drive, real_backend: Bac
         context, viewport = window.context, window.session.viewport
 
         def seen() -> np.ndarray:
-            window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view, the hint in its border
+            low, high = context.view
+            window.ctx.mouse_move_to_pos(
+                ((low.x + high.x) / 2, low.y + 20)
+            )  # in the border, where nothing has a tooltip
             return window.capture_view(border=100)
 
         viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
