@@ -33,8 +33,8 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
-from core.rendering.fast import render_steps
 from core.rendering.folded_field import FoldedField
+from core.rendering.images import render_steps
 from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind

@@ -14,9 +14,8 @@ from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.open_models import OpenModels, model_of
-from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
-from core.rendering.occupancy import CELLS
+from core.rendering.occupancy import CELLS, shape_occupancy
 
 MARGIN = 0.04  # of the frame's width and height, left free on each side
 _SHAPES = 6  # evenly spaced shapes of a video that are checked; shapes between are mixtures of these

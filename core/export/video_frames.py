@@ -25,8 +25,9 @@ from core.models.open_models import OpenModels, model_of
 from core.rendering.background import Background, background_rows
 from core.rendering.baked_field import BakedField
 from core.rendering.baking import Box, ObjectViews, bake_shape, box_of, mixed
-from core.rendering.fast import render_steps, shape_occupancy
 from core.rendering.folded_field import FoldedField
+from core.rendering.images import render_steps
+from core.rendering.occupancy import shape_occupancy
 from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 

@@ -16,7 +16,8 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
 from core.photos.photo import DOUBTFUL_MASK, Photo
-from core.rendering.fast import render
+from core.rendering.images import render_steps
+from core.streams import run_to_end
 
 _MARGIN = 0.2 / 128  # image heights beyond the mask within which the object ends, besides the error of its edges
 _DOUBT = round(2 * BACKGROUND * 255)  # opacity in bytes of what may be background or not
@@ -66,7 +67,8 @@ def photo_view(
         focal = model.focal * height / model.image_size  # the unit of shifts
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
     if codes:
-        seen = render(model, codes, camera.resized(max(1, round(_LOOK * width / height)), _LOOK), _LOOK)
+        small = camera.resized(max(1, round(_LOOK * width / height)), _LOOK)
+        seen = run_to_end(render_steps(model, codes, small, _LOOK))
         rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBT * _doubtful(rgba, seen.opacity.cpu().numpy()))
     view = PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
     return replace(view, outline_margin=_outline_margin(photo, camera))

@@ -26,9 +26,8 @@ from core.models.codes import Codes
 from core.models.density import density_to_logits
 from core.models.model import Model
 from core.rendering.baked_field import BakedField, cell_distances, colour_texels, logit_texels
-from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
-from core.rendering.occupancy import CELLS
+from core.rendering.occupancy import CELLS, shape_occupancy
 from core.rendering.outline import outline
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces

@@ -18,7 +18,7 @@ from core.geometry.rays import Rays, rays_at_pixels
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
-from core.rendering.occupancy import Occupancy, Tolerances, tolerances
+from core.rendering.occupancy import Occupancy, Tolerances, shape_occupancy, tolerances
 from core.rendering.outline import Outline, outline
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
@@ -27,8 +27,6 @@ from core.runtime.pool import map_pieces
 from core.streams import run_to_end
 
 CHUNK_RAYS = 2048  # rays that a thread evaluates at a time, about 16k evaluations: the longest wait of a newer job
-_SIMILAR_DISTANCE = 0.25
-"""Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
 _BLOCK = 4096  # points evaluated at a time, so that activations stay in cache
 
 
@@ -48,7 +46,7 @@ def render_steps(
     Args:
         samples: intervals along the longest side of the scene's box; a ray has as many as fit between the first and
             the last occupied cell behind its pixel.
-        complete: False searches a shape similar to the last one only near that; for continuously changing shapes.
+        complete: that of :func:`core.rendering.occupancy.shape_occupancy`.
         cutoff: limits for skipping parts of a ray; None: :func:`tolerances` of the samples.
     """
     with torch.inference_mode():
@@ -188,31 +186,6 @@ def _rays(
     rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
     near, far = torch.maximum(rays.near, first), torch.minimum(rays.far, last)
     return replace(rays, near=near, far=torch.maximum(near, far))
-
-
-def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = True) -> Occupancy:
-    """Return a shape's occupied cells, cached because they depend on neither view nor texture.
-
-    Args:
-        complete: see :func:`render_steps`.
-    """
-    key = model, shape
-    known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
-    if known is None or (complete and not known.complete):
-        code = torch.tensor(shape, device=model.codes.shapes.device)
-        folded = FoldedField(model, Codes(code, model.codes.mean.texture))
-        known = Occupancy(model, folded, None if complete else _similar_occupancy(model, code))
-        CACHE.put(CacheKind.SHAPE, key, known, known.size)
-    return known
-
-
-def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
-    """Return the occupied cells of the last rendered shape if it is similar."""
-    for (other, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
-        if other is model:
-            away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
-            return occupancy if float(away) < _SIMILAR_DISTANCE else None
-    return None
 
 
 def _chunk(

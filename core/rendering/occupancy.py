@@ -18,10 +18,12 @@ from torch.nn import functional
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
+from core.models.codes import Codes
 from core.models.model import Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
+from core.runtime.caches import CACHE, CacheKind
 from core.runtime.layers import pad_rows
 from core.runtime.pool import map_pieces
 
@@ -32,6 +34,8 @@ _FINE_TOLERANCE = 0.002  # fraction of a ray's light that may be neglected with 
 _FINE_SAMPLES = 192
 _MAX_TOLERANCE = 0.03  # fraction of the light, with few intervals
 _COARSE_FACTOR = 2  # cells along each axis of a coarse cell, for the outline
+_SIMILAR_DISTANCE = 0.25
+"""Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
 _BLOCK = 4096  # corners that a thread evaluates at a time
 
 
@@ -143,6 +147,31 @@ class Occupancy:
         )
         near, far = (tile.index_select(0, rows).index_select(1, columns) for tile in tiles)
         return near, far
+
+
+def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = True) -> Occupancy:
+    """Return a shape's occupied cells, cached because they depend on neither view nor texture.
+
+    Args:
+        complete: False searches a shape similar to the last one only near that; for continuously changing shapes.
+    """
+    key = model, shape
+    known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
+    if known is None or (complete and not known.complete):
+        code = torch.tensor(shape, device=model.codes.shapes.device)
+        folded = FoldedField(model, Codes(code, model.codes.mean.texture))
+        known = Occupancy(model, folded, None if complete else _similar_occupancy(model, code))
+        CACHE.put(CacheKind.SHAPE, key, known, known.size)
+    return known
+
+
+def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
+    """Return the occupied cells of the last rendered shape if it is similar."""
+    for (other, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
+        if other is model:
+            away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
+            return occupancy if float(away) < _SIMILAR_DISTANCE else None
+    return None
 
 
 def splat(

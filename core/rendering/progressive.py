@@ -14,15 +14,16 @@ from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.detail_maps import DetailMaps
-from core.rendering.fast import is_cached, render_steps, shape_occupancy
 from core.rendering.ground_shadow import GroundShadow
+from core.rendering.images import SAMPLES, is_cached, render_steps
+from core.rendering.occupancy import shape_occupancy
 
 
 @dataclass(frozen=True)
 class RenderSettings:
     """Speed against accuracy of a render."""
 
-    samples: int = 192  # intervals along the longest side of the scene's box in the last stage
+    samples: int = SAMPLES  # intervals along the longest side of the scene's box in the last stage
     divisors: tuple[int, ...] = (8, 4, 2, 1)  # of the image size, stage by stage
     preview_samples: int = 64  # intervals in the stages before the last
 
@@ -96,7 +97,7 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
 
 
 class _Stage(NamedTuple):
-    """One render of the stream: arguments of :func:`core.rendering.fast.render_steps`."""
+    """One render of the stream: arguments of :func:`core.rendering.images.render_steps`."""
 
     camera: Camera
     samples: int

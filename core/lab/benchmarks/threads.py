@@ -15,6 +15,7 @@ from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.view_bank import build_view_bank
 from core.rendering import fast
+from core.rendering.occupancy import shape_occupancy
 from core.rendering.progressive import RenderSettings
 from core.runtime.threads import VARIABLE
 from core.streams import run_to_end
@@ -45,7 +46,7 @@ def measure_threads(model: Model, counts: Sequence[int], loads: Sequence[int]) -
     photo = Photo(*render_on_white(model, codes, camera))
     shape, bank = tuple(codes.shape.tolist()), run_to_end(build_view_bank(model))
     steps: dict[str, Callable[[], object]] = {
-        "occupied cells": lambda: fast.shape_occupancy(model, shape),
+        "occupied cells": lambda: shape_occupancy(model, shape),
         "image of 512 px": lambda: fast.render(model, codes, camera.resized(512, 512), RenderSettings.samples),
         "baked copy": lambda: list(bake(model, codes)),
         "mesh": lambda: run_to_end(extract_mesh(model, codes, 192)),
