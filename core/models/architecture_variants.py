@@ -1,7 +1,7 @@
-"""M1 and M2, the two other architectures of the paper's figure on disentanglement.
+"""M1 and M2, the two ablated architectures in the paper's figure on disentanglement.
 
-Each gives up one of the two signatures that keep shape, texture and viewpoint apart. Training and the exact renderer
-support them; the fast renderer and fitting rely on those signatures and do not.
+In :class:`core.models.field.Field`, density does not depend on the viewing direction (M1 breaks this) and colour has
+its own code (M2 breaks this). Training and the exact renderer support M1 and M2. The fast renderer and fitting do not.
 """
 
 import torch
@@ -19,20 +19,20 @@ def build_field(config: FieldConfig) -> Field:
 
 
 class ViewDependentDensity(Field):
-    """M1: the viewing direction enters the first layer of the shape part beside the point, and not the texture part."""
+    """M1: the viewing direction enters the first layer of the shape part, and no longer the texture part."""
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__(config)
         self.early_direction = nn.Linear(3 + 6 * config.direction_frequencies, config.width, bias=False)
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
-        """Return the direction's contribution to the first layer."""
+        """Return the contribution of unit viewing directions to the first layer, without that layer's bias."""
         return self.early_direction(encode(directions, self.config.direction_frequencies))
 
     def density(
         self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
-        """Evaluate :meth:`core.models.field.Field.density` as seen from outside, towards the middle of the scene."""
+        """Evaluate :meth:`core.models.field.Field.density`, each point seen along its ray to the scene's origin."""
         return self._density_towards(points, self.direction_bias(-functional.normalize(points, dim=-1)), shape_bias)
 
     def radiance(
@@ -57,7 +57,7 @@ class ViewDependentDensity(Field):
 
 
 class SharedEmbedding(Field):
-    """M2: both codes enter the shape part and neither the texture part, which amounts to a single embedding."""
+    """M2: both codes enter the shape part, as one embedding; the texture part has no code."""
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__(config)
@@ -68,7 +68,7 @@ class SharedEmbedding(Field):
     def biases(
         self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
     ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
-        """Return :meth:`core.models.field.Field.biases`; the texture blocks have only their own biases."""
+        """Return :meth:`core.models.field.Field.biases`; those of the texture blocks are independent of the codes."""
         own = torch.stack([block.get_parameter("bias") for block in self.texture_block])
         both = torch.cat((shape, texture), -1)
         return folded_biases(self.shape_latent, self.shape_block, both), own.expand(*both.shape[:-1], *own.shape)

@@ -24,13 +24,15 @@ _LAYERS = {
     "rgb.2": "colour_layer",
 }
 _PARALLEL = "module."  # prefix that torch's DataParallel adds to tensor names
-_CELLS = 12  # points along each axis at which density is evaluated to find collapsed objects
+_CELLS = 12  # along each axis; density is evaluated at their centres to find collapsed objects
 _COLLAPSED_BELOW = 0.025
-"""of the median object's solid volume: among the authors' cars, collapsed ones reach 0.015, whole ones 0.043"""
+"""Solid volume, relative to the median object's, below which an object counts as collapsed.
+
+Among the authors' cars, collapsed objects have at most 0.015 and whole ones at least 0.043."""
 
 
 class _Hyperparameters(NamedTuple):
-    """Sizes of the network, by the authors' names."""
+    """Sizes of the network, under the authors' names."""
 
     W: int
     shape_blocks: int
@@ -41,7 +43,7 @@ class _Hyperparameters(NamedTuple):
 
     @property
     def config(self) -> FieldConfig:
-        """The same sizes as this program's configuration."""
+        """These sizes as a :class:`FieldConfig`, with the authors' conventions for density and colour."""
         return FieldConfig(
             width=self.W,
             shape_blocks=self.shape_blocks,
@@ -60,7 +62,7 @@ class _Data(NamedTuple):
 
 
 class _Settings(NamedTuple):
-    """The part of ``hpam.json`` that is read."""
+    """The entries of ``hpam.json`` that are read."""
 
     net_hyperparams: _Hyperparameters
     data: _Data
@@ -73,7 +75,7 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
 
     The authors' network paints the white background itself (``white_from_network``) and its colours are unbounded.
     Objects that collapsed in training are marked (:attr:`core.models.codes.CodeBook.collapsed`). Raises ``ValueError``
-    naming the file if one of the two is missing or holds something else.
+    naming the file that is missing or that the authors' trainer did not write.
 
     Args:
         config: ``hpam.json``; by default beside the checkpoint.
@@ -113,7 +115,7 @@ def _load_tensors(path: Path) -> Any:
 
 
 def _tensors(state: Any, part: str) -> dict[str, Tensor]:
-    """Return the tensors of one part of a checkpoint by name, without the prefix of DataParallel."""
+    """Return one table of a checkpoint: its tensors by name, without the prefix of DataParallel."""
     found = state.get(part) if isinstance(state, dict) else None
     if not isinstance(found, dict) or not all(isinstance(one, Tensor) for one in found.values()):
         raise ValueError(f"it has no table {part} of tensors")
@@ -128,9 +130,9 @@ def _codes(state: dict[str, Tensor]) -> Float[Tensor, "objects latent"]:
 
 @torch.no_grad()
 def _collapsed(field: Field, shapes: Float[Tensor, "objects latent"]) -> frozenset[int]:
-    """Find objects that show next to nothing.
+    """Return the indices of objects that are nearly empty.
 
-    The opacity of one training interval is squared before averaging over the box: solid matter counts, fog hardly does.
+    The solid volume is the mean over the box of the squared opacity of one training interval: fog hardly counts.
     """
     axis = (torch.arange(_CELLS) + 0.5) / _CELLS - 0.5
     points = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)

@@ -1,4 +1,7 @@
-"""Grids of cells over the scene's box: their corners, their neighbours, and which cell a point lies in."""
+"""Grids of cells over the scene's box: corners, neighbours, and the cell that contains a point.
+
+Flat indices are row-major: x varies slowest, z fastest.
+"""
 
 import torch
 from jaxtyping import Bool, Float, Int, Shaped
@@ -7,7 +10,7 @@ from torch.nn import functional
 
 
 def corner_points(extent: Float[Tensor, "3"], count: int) -> Float[Tensor, "corners 3"]:
-    """Return the corners of a grid of ``count`` cells along each axis, row by row.
+    """Return the (count + 1)^3 corners of a grid of ``count`` cells along each axis, row-major, in scene units.
 
     Args:
         extent: half the size of the box, scene units.
@@ -17,16 +20,16 @@ def corner_points(extent: Float[Tensor, "3"], count: int) -> Float[Tensor, "corn
 
 
 def unravelled(index: Int[Tensor, "*corners"], count: int) -> Int[Tensor, "*corners 3"]:
-    """Return the grid positions of flat corner indices (row by row), ``count`` corners along each axis.
+    """Return the grid positions of row-major corner indices; ``count`` corners along each axis.
 
-    Replaces :func:`torch.unravel_index`, whose first call imports a symbolic library for a third of a second.
+    Replaces :func:`torch.unravel_index`: its first call imports sympy, which takes a third of a second.
     """
     row = index // count
     return torch.stack((row // count, row % count, index % count), -1)
 
 
 def max_of_corners(corners: Shaped[Tensor, "*batch _ _ _"]) -> Shaped[Tensor, "*batch _ _ _"]:
-    """Return the largest of each cell's eight corners; of booleans, True if any corner is."""
+    """Return the maximum over the eight corners of each cell; for booleans, whether any corner is True."""
     for axis in (-3, -2, -1):
         length = corners.shape[axis] - 1
         corners = torch.maximum(corners.narrow(axis, 0, length), corners.narrow(axis, 1, length))
@@ -34,12 +37,12 @@ def max_of_corners(corners: Shaped[Tensor, "*batch _ _ _"]) -> Shaped[Tensor, "*
 
 
 def corners_of(cells: Bool[Tensor, "*batch _ _ _"]) -> Bool[Tensor, "*batch _ _ _"]:
-    """Mark the corners of the grid that belong to one of these cells."""
+    """Mark the corners of the marked cells; the result has one more entry along each axis."""
     return max_of_corners(functional.pad(cells, (1,) * 6))
 
 
 def with_neighbours(cells: Bool[Tensor, "*batch x y z"]) -> Bool[Tensor, "*batch x y z"]:
-    """Return the cells and all that touch them."""
+    """Return the marked cells together with their 26 neighbours."""
     return max_of_corners(corners_of(cells))
 
 
@@ -55,7 +58,13 @@ def contains(
     points: Float[Tensor, "objects points 3"],
     extent: Float[Tensor, "3"],
 ) -> Bool[Tensor, "objects points"]:
-    """Tell which points lie in a cell of their object; a point outside the box counts to the nearest cell."""
+    """Mark the points that lie in a marked cell of their object.
+
+    A point outside the box belongs to the nearest cell on its surface.
+
+    Args:
+        extent: half the size of the box, scene units.
+    """
     count = cells.shape[-1]
     scale = count / (2 * extent)
     x, y, z = torch.addcmul(scale * extent, points, scale).nan_to_num_(0).clamp_(0, count - 1).floor_().unbind(-1)

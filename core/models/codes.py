@@ -18,8 +18,8 @@ class Codes:
     shape: Float[Tensor, "*batch shape_latent"]
     texture: Float[Tensor, "*batch texture_latent"]
     detail: PhotoDetail | None = None
-    """Photos of a fitted object. They lie on the surface, so they go with the shape; a texture repaints them."""
-    model: str = ""  # fingerprint of the model the codes belong to; empty for codes of no object, such as a batch
+    """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
+    model: str = ""  # fingerprint of the model the codes belong to; empty for a batch, which is no single object
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
@@ -39,10 +39,10 @@ class Codes:
         return hash((*self.shape.tolist(), *self.texture.tolist()))
 
     def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
-        """Interpolate linearly between two objects' codes, from these at 0 to the other's at 1.
+        """Interpolate linearly between two objects' codes.
 
-        Shape and texture have separate positions; the photo detail is that of the nearer shape. Raises ``ValueError``
-        for codes of another model.
+        ``shape`` and ``texture`` are positions from 0 (these codes) to 1 (the other's). The photo detail is that of the
+        nearer shape. Raises ``ValueError`` for codes of another model.
         """
         self._require_same_model(other)
         detail = self.detail if shape <= 0.5 else other.detail
@@ -50,9 +50,10 @@ class Codes:
         return Codes(*codes, detail, self.model)
 
     def taking(self, part: str, other: "Codes") -> "Codes":
-        """Return these codes with the shape (and its photo detail) or the texture of another object.
+        """Return these codes with one part of another object.
 
-        Raises ``ValueError`` for codes of another model.
+        Part "shape" includes its photo detail; any other part is the texture. Raises ``ValueError`` for codes of
+        another model.
         """
         self._require_same_model(other)
         if part == "shape":
@@ -74,7 +75,7 @@ class CodeSpace:
 
     @classmethod
     def from_codes(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
-        """Fit a PCA to the rows; the sign of each direction is fixed by its largest component."""
+        """Fit a PCA to the rows, without directions of no variance; each direction's largest component is positive."""
         # Cached, so no inference tensor: the first caller may be rendering, and a fit needs gradients.
         with torch.inference_mode(False), torch.no_grad():
             mean = codes.mean(0)
@@ -104,16 +105,16 @@ class CodeSpace:
         return self.std[:, None] * self.directions
 
     def one_deviation(self, way: Float[Tensor, "latent"]) -> Float[Tensor, "latent"]:
-        """Return the step of one standard deviation along a direction of any length; zero in a space of no extent."""
+        """Return the step of one standard deviation along a direction of any length; zero if the codes never vary."""
         unit = torch.nn.functional.normalize(way, dim=0)
         return (self.basis @ unit).norm() * unit
 
     def distance(
         self, code: Float[Tensor, "*batch latent"], start: Float[Tensor, "*#batch latent"] | None = None
     ) -> Float[Tensor, "*batch"]:
-        """Return the root mean square difference of coordinates between a code and ``start``, or the mean.
+        """Return the RMS difference of coordinates between a code and ``start``, in standard deviations.
 
-        In standard deviations: over the trained codes the mean square distance from the mean is 1.
+        ``start`` is the mean by default; the mean square distance of the trained codes from it is 1.
         """
         return self.coordinates(code if start is None else code - start + self.mean).square().mean(-1).sqrt()
 
@@ -155,6 +156,7 @@ class CodeBook:
         return len(self.objects)
 
     def __getitem__(self, index: int) -> Codes:
+        """Return the codes of an object. Raises ``ValueError`` for an index outside the book."""
         if not 0 <= index < len(self.objects):
             raise ValueError(f"object must be 0 to {len(self.objects) - 1}, got {index}")
         entry = self.objects[index]
@@ -198,7 +200,7 @@ class CodeBook:
         return self._nearest(self.texture_space, self.textures, rows, code)
 
     def sample(self, generator: torch.Generator) -> Codes:
-        """Sample a random pair from the two code spaces, taken as normal distributions."""
+        """Sample a pair of codes from normal distributions with the mean and variance of the two code spaces."""
         shape, texture = (
             space.code(torch.randn(len(space.std), generator=generator))
             for space in (self.shape_space, self.texture_space)
@@ -208,7 +210,7 @@ class CodeBook:
     def _nearest(
         self, space: CodeSpace, codes: Float[Tensor, "rows latent"], rows: list[int], code: Float[Tensor, "latent"]
     ) -> int:
-        """Return the nearest valid object; ``rows`` holds the row of each."""
+        """Return the nearest valid object; ``rows`` holds the row in ``codes`` of each valid object."""
         if not rows:
             raise ValueError("the book has no objects to compare with")
         return self.valid[int(space.distance(codes[rows], code).argmin())]
@@ -220,7 +222,7 @@ class CodeBook:
 
 
 def farthest_first(points: Float[Tensor, "points size"]) -> list[int]:
-    """Order points so that each is the farthest from all before it, beginning with the first (Gonzalez 1985)."""
+    """Return an order of points in which each is farthest from all before it; the first stays first (Gonzalez 1985)."""
     if not len(points):
         return []
     order, left = [0], (points - points[0]).norm(dim=1)

@@ -1,8 +1,8 @@
 """Density from the network's logit: a scaled softplus, then contrast.
 
-Contrast makes surfaces crisp. Training images show an edge as a mean over pixels, so a softplus there is neither empty
-nor opaque. :math:`\\sigma' = \\sigma \\min(\\sigma / \\sigma_0, g)` thins densities below :math:`\\sigma_0` and
-multiplies the rest by up to g.
+Contrast makes surfaces crisp. Pixels of training images average over edges, so the softplus learns a half-transparent
+layer there. Contrast replaces a density :math:`\\sigma` by :math:`\\sigma \\min(\\sigma / \\sigma_0, g)`: densities
+below :math:`\\sigma_0` become thinner, and the others up to g times denser.
 """
 
 import torch
@@ -14,7 +14,7 @@ from core.models.field_config import FieldConfig
 
 
 def logits_to_density(logits: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
-    """Return the density (per scene unit) of the network's logits."""
+    """Convert the network's logits to densities per scene unit."""
     density = config.density_scale * functional.softplus(logits)
     if not config.contrast:
         return density
@@ -22,7 +22,7 @@ def logits_to_density(logits: Float[Tensor, "*batch"], config: FieldConfig) -> F
 
 
 def density_derivative(density: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
-    """Return the derivative of :func:`logits_to_density` with respect to the logit, from the density itself."""
+    """Return the derivative of :func:`logits_to_density` at the logits that give these densities."""
     soft, slope = density, torch.ones_like(density)
     if config.contrast:
         soft = without_contrast(density, config)
@@ -32,7 +32,7 @@ def density_derivative(density: Float[Tensor, "*batch"], config: FieldConfig) ->
 
 
 def without_contrast(density: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
-    """Return the density before contrast was applied."""
+    """Invert contrast: return the scaled softplus that gave these densities."""
     if not config.contrast:
         return density
     return torch.maximum(
@@ -42,6 +42,6 @@ def without_contrast(density: Float[Tensor, "*batch"], config: FieldConfig) -> F
 
 
 def density_to_logits(density: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
-    """Return the logits of densities; infinite for densities too large for float32."""
+    """Invert :func:`logits_to_density`; infinite for infinite densities, about -13.8 for zero."""
     share = (without_contrast(density, config) / config.density_scale).clamp_min(1e-6)
     return share + torch.log(-torch.expm1(-share))

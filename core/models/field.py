@@ -14,9 +14,10 @@ from core.models.field_config import FieldConfig
 
 
 def encode(values: Float[Tensor, "*batch 3"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
-    """Positional encoding :math:`\\gamma`: the values, then sin, then cos of every frequency :math:`2^k x`.
+    """Apply the positional encoding :math:`\\gamma`: 3 + 6 * frequencies numbers per point.
 
-    As in the authors' code there is no factor pi; the order is frequency by frequency, three axes each.
+    The values, then all sines, then all cosines of :math:`2^k x`, each block frequency by frequency with three axes. As
+    in the authors' code, there is no factor pi.
     """
     scales = 2.0 ** torch.arange(frequencies, device=values.device, dtype=values.dtype)
     angles = (values[..., None, :] * scales[:, None]).flatten(-2)
@@ -24,12 +25,12 @@ def encode(values: Float[Tensor, "*batch 3"], frequencies: int) -> Float[Tensor,
 
 
 class Field(nn.Module):
-    """The network: a shape part that ends in density and features, and a texture part that turns features into colour.
+    """The network: a shape part ends in density and features, a texture part turns the features into colour.
 
-    Every code enters through a latent layer whose output is added to the features in front of a block: ``block(y +
-    latent(z))``. As the block begins with a linear map, the code amounts to an additional bias, ``W (y + latent(z)) + b
-    = W y + (W latent(z) + b)``, the same for all points of an object. Computing this bias once per code
-    (:meth:`shape_bias`, :meth:`texture_bias`) is exact and makes the cost per point independent of the size of codes.
+    A code z enters in front of every block, through a latent layer of its own (linear, then ReLU), whose output is
+    added to the features: ``block(y + latent(z))``. The block begins with a linear map, so the code amounts to another
+    bias, ``W (y + latent(z)) + b = W y + (W latent(z) + b)``, the same for all points of an object. Computing this bias
+    once per code (:meth:`shape_bias`, :meth:`texture_bias`) is exact: codes of any size cost nothing per point.
     """
 
     def __init__(self, config: FieldConfig) -> None:
@@ -102,7 +103,7 @@ class Field(nn.Module):
     def density_from_activations(
         self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
-        """Evaluate :meth:`density` from the activations of the first layer on."""
+        """Evaluate :meth:`density` from the activations of the first layer, which depend on no code."""
         for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
             y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         features = self.feature_layer(y)
@@ -110,10 +111,10 @@ class Field(nn.Module):
         return logits_to_density(logit, self.config), features
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
-        """Return the direction's contribution to the texture part's first layer, with that layer's bias; one per ray.
+        """Return the direction's contribution to the texture part's first layer, including that layer's bias.
 
         Args:
-            directions: world, unit length.
+            directions: world, unit length; one per ray is enough.
         """
         weight = self.direction_layer.weight[:, self.config.width :]
         return functional.linear(
@@ -148,7 +149,7 @@ def _matrices(blocks: nn.ModuleList) -> list[Tensor]:
 def folded_biases(
     latent: nn.ModuleList, blocks: nn.ModuleList, code: Float[Tensor, "*batch latent"]
 ) -> Float[Tensor, "*batch blocks width"]:
-    """Return the biases of blocks with a code (on any device) folded in through their latent layers."""
+    """Return the biases of blocks with a code folded in (:class:`Field`); the code may be on any device."""
     code = code.to(blocks[0].get_parameter("weight").device)
     biases = [block(layer(code).relu()) for layer, block in zip(latent, blocks, strict=True)]
     return torch.stack(biases, -2).float()
@@ -160,7 +161,7 @@ def _folded_bias_jacobian(
     code: Float[Tensor, "*batch latent"],
     directions: Float[Tensor, "some latent"],
 ) -> Float[Tensor, "*batch blocks width some"]:
-    """Jacobian of :func:`folded_biases`: a block's matrix times the latent layer's matrix where its ReLU is active."""
+    """Return the jacobian of :func:`folded_biases`: the block's matrix times the active rows of the latent layer's."""
     device = blocks[0].get_parameter("weight").device
     code, directions = code.to(device), directions.to(device)
     jacobians = []

@@ -1,4 +1,4 @@
-"""The size and the conventions of a field. Imports no torch, so that recipes load at once."""
+"""The size and the conventions of a field. The module does not import torch, so training recipes load at once."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,15 @@ _SIZES = {
     "texture_latent": (1, 4096),
     "position_frequencies": (0, 32),
     "direction_frequencies": (0, 32),
-}  # Least and greatest values, checked first because a field is built before its weights are read.
+}  # least and greatest values, checked because a file's field is built before its weights are read
 
 
 @dataclass(frozen=True)
 class FieldConfig:
-    """The size and the conventions of a field. The defaults are those of the shipped models, not the paper's."""
+    """The size and the conventions of a field. Raises ``ValueError`` for values out of range.
+
+    The defaults are those of the shipped models, not the paper's.
+    """
 
     width: int = 96
     shape_blocks: int = 3
@@ -27,10 +30,10 @@ class FieldConfig:
     position_frequencies: int = 6
     direction_frequencies: int = 4
     density_scale: float = 30.0
-    """Scale of the density. At 30 an object is opaque within 0.01 scene units, so logits stay small; the authors' 1."""
+    """At 30 an object is opaque within 0.01 scene units, so logits stay small. 1 in the authors' files."""
     contrast: float = 0.0  # density (per scene unit) that contrast leaves unchanged; 0: no contrast (density.py)
     contrast_gain: float = 4.0  # largest factor by which contrast multiplies density
-    bounded_colour: bool = True  # a sigmoid on rgb; False in the authors' files, whose colours leave [0, 1]
+    bounded_colour: bool = True  # rgb through a sigmoid; False in the authors' files, whose colours leave [0, 1]
     architecture: str = "codenerf"  # or "M1", "M2" (architecture_variants)
 
     def __post_init__(self) -> None:

@@ -9,31 +9,32 @@ from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SHIPPED = _ASSETS / "models"
-FORMER = SHIPPED / "former"  # models shipped before, by fingerprint: what was made with them still opens
+FORMER = SHIPPED / "former"  # models of earlier versions, named by fingerprint: their scenes still open
 DEFAULT_MODEL = "chairs"
 
 
 def shipped_models() -> tuple[str, ...]:
-    """Return the names of the models that come with the program."""
+    """Return the names of the shipped models, in alphabetical order."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
 
 
 def former_model(fingerprint: str) -> str | None:
-    """Return the name of the formerly shipped model that codes of a fingerprint belong to, if any."""
+    """Return the name of a formerly shipped model that is, or extends, the model with a fingerprint."""
     names = sorted(path.stem for path in FORMER.glob("*.safetensors"))
     return next((name for name in names if name == fingerprint or _read(name).shares_codes_with(fingerprint)), None)
 
 
 @cache
 def sample_images(category: str) -> tuple[Path, ...]:
-    """Return images of objects of a category that its model was not trained on."""
+    """Return images of held-out objects of a category ("cars"); empty for a category without samples."""
     return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
 
 
 def load_model(name: str, device: str = "cpu") -> Model:
-    """Load a model by its shipped name (``chairs``), the fingerprint of a formerly shipped one, or a path.
+    """Load a model by name, fingerprint or path.
 
-    A ``.pth`` file is a checkpoint of the authors' trainer.
+    Names are those of shipped models (``chairs``), fingerprints those of formerly shipped ones. A ``.pth`` or ``.pt``
+    file is a checkpoint of the authors' trainer.
 
     Args:
         device: "cpu" or "cuda", for the network; codes, cameras and images stay on the processor.

@@ -34,12 +34,12 @@ _PARTS = "parts.weight", "parts.bias"
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A trained category for rendering and fitting, neither of which changes it."""
+    """A trained category. Rendering and fitting do not change it. Raises ``ValueError`` for unusable values."""
 
     field: Field
     codes: CodeBook
     extent: tuple[float, float, float]
-    """Half the size of the box that holds every training object, along x, y, z (scene units)."""
+    """Half the size of the scene's box along x, y, z, scene units. The box holds every training object."""
     category: str  # in the plural: "chairs"; '' if unknown
     image_size: int  # px, the size of the training images
     focal: float  # px at `image_size`
@@ -48,9 +48,9 @@ class Model:
     """The network itself paints the white background (the authors' checkpoints): the last sample is always opaque."""
     viewpoint_classifier: ViewpointClassifier | None = None  # on the processor
     extends: tuple[str, ...] = ()  # fingerprints of the models that training started from, the latest first
-    metres: float = 1.0  # length of a usual object's longest side
+    metres: float = 1.0  # length of a typical object's longest side
     stored_cells: Bool[Tensor, "x y z"] | None = None
-    """:attr:`occupied_cells` as in the file; None: computed from the codes"""
+    """:attr:`occupied_cells` from the model file; None: the file has none, compute them from the codes"""
     part_head: PartHead | None = None  # labels the parts of a mesh, on the processor; None: a mesh is one part
 
     def __post_init__(self) -> None:
@@ -105,7 +105,7 @@ class Model:
 
     @property
     def pixel_offset(self) -> float:
-        """Shift of rays to the left and up of pixel centres, px: the authors' rays go through pixel corners."""
+        """Shift of rays from pixel centres to the left and up, px; 0.5 for the authors' models, else 0."""
         return 0.5 if self.white_from_network else 0.0
 
     @property
@@ -117,15 +117,15 @@ class Model:
     def occupied_cells(self) -> Bool[Tensor, "cells cells cells"] | None:
         """Cells of the box that objects may occupy (:mod:`core.models.occupied_cells`), on the processor.
 
-        None if the field is evaluated outside the box too, or is M1 or M2. Read from the model file; computing missing
-        cells takes seconds.
+        None for M1 and M2, and for networks that paint the background: their field counts outside the box too. Read
+        from the model file; computing missing cells takes seconds.
         """
         for _ in self.find_occupied_cells():
             pass
         return vars(self).get(_CELLS, self.stored_cells)
 
     def find_occupied_cells(self) -> Iterator[None]:
-        """Find :attr:`occupied_cells` in small steps, unless they are known."""
+        """Compute :attr:`occupied_cells` in small steps, unless they are known; the property then returns at once."""
         if self.stored_cells is not None or _CELLS in vars(self):
             return
         cells = None
@@ -137,7 +137,7 @@ class Model:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of the field's weights and the codes, by which a scene recognises its model."""
+        """Hash of the field's weights and the codes: identifies the model in scenes."""
         digest = hashlib.sha256()
         for name, tensor in sorted(_rendering_tensors(self).items()):
             digest.update(name.encode())
@@ -145,11 +145,14 @@ class Model:
         return digest.hexdigest()[:16]
 
     def shares_codes_with(self, fingerprint: str) -> bool:
-        """Tell whether codes of the model with this fingerprint fit: this model is, or extends, that model."""
+        """Return True if this model can show codes of the model with this fingerprint: it is or extends that model."""
         return fingerprint in (self.fingerprint, *self.extends)
 
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
-        """Return a camera (rad, rad, scene units) with the training images' size, focal length and default distance."""
+        """Return a camera (rad, rad, scene units) with the training images' size and focal length.
+
+        The distance is that of the training cameras by default.
+        """
         size = self.image_size
         return Camera(azimuth, elevation, distance or self.distance, self.focal, size, size)
 
@@ -206,7 +209,7 @@ def singular(category: str) -> str:
 
 
 class _About(NamedTuple):
-    """The metadata of a model file: all of :class:`Model` that is not a tensor."""
+    """The metadata of a model file: the values of :class:`Model` that are not tensors."""
 
     config: FieldConfig
     objects: tuple[tuple[str, int, int], ...]
@@ -222,11 +225,11 @@ class _About(NamedTuple):
     parts: tuple[str, ...] = ()  # names of the part head's parts
 
 
-_ELSEWHERE = ("config", "objects", "collapsed", "parts")  # not passed on to the model by name
+_ELSEWHERE = ("config", "objects", "collapsed", "parts")  # metadata that is not a field of Model
 
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
-    """Take the viewpoint classifier's tensors out of those of a file; None if there are none."""
+    """Remove the viewpoint classifier's tensors from a file's and return the classifier; None if it has none."""
     state = {name.removeprefix(_CLASSIFIER): name for name in tensors if name.startswith(_CLASSIFIER)}
     if not state:
         return None

@@ -1,8 +1,8 @@
-"""The cells of the scene's box that any object of a model may occupy: fits evaluate the field nowhere else.
+"""The cells of the scene's box that any object of a model may occupy. Fits evaluate the field only there.
 
 The densities of every training shape are evaluated at the corners of the cells. A cell is occupied if any shape is
-dense enough at one of its corners; neighbours of occupied cells count too. That leaves room for new codes: shapes five
-standard deviations along a single direction stay inside.
+dense enough at one of its corners. Neighbours of occupied cells are included, which leaves room for new codes: shapes
+five standard deviations along a single direction stay inside.
 """
 
 import math
@@ -17,14 +17,19 @@ from core.models.field import Field, encode
 from core.runtime.precision import autocast
 
 CELLS = 32  # along each axis of the box
-MIN_OPACITY = 0.03  # a corner whose cell would absorb less of the light than this is empty
+MIN_OPACITY = 0.03  # of a cell with a corner's density, below which the corner is empty
 _BLOCK = 16384  # corners evaluated at a time
 
 
 def cells_at_corners(
     density: Float[Tensor, "*batch all"], extent: Float[Tensor, "3"]
 ) -> Bool[Tensor, "*batch cells cells cells"]:
-    """Return the cells with an occupied corner; a density of NaN counts as occupied, so that the error shows."""
+    """Mark the cells with an occupied corner; a density of NaN counts as occupied, so that the error shows.
+
+    Args:
+        density: per scene unit at all 33^3 corners, row-major.
+        extent: half the size of the scene's box, scene units.
+    """
     limit = -math.log1p(-MIN_OPACITY) / float(2 * extent.amin() / CELLS)
     return max_of_corners(~(density.unflatten(-1, (CELLS + 1,) * 3) <= limit))
 
@@ -34,8 +39,8 @@ def find_occupied_cells(
 ) -> Generator[None, None, Bool[Tensor, "cells cells cells"]]:
     """Find the cells that any of these shapes occupies, and their neighbours; seconds for a thousand shapes.
 
-    Yields None after each shape. Every second corner along each axis is evaluated first, the others only around
-    occupied cells.
+    Evaluates every second corner along each axis, then the others around occupied cells. Yields None after each shape
+    of either pass and returns the cells.
     """
     with torch.no_grad():
         points = corner_points(extent, CELLS)
@@ -57,7 +62,7 @@ def _raise_to_densities(
     first: Float[Tensor, "all width"],
     biases: Float[Tensor, "shapes blocks width"],
 ) -> Iterator[None]:
-    """Raise ``most`` to the largest density of any shape at some corners."""
+    """Raise ``most``, the largest density so far at each corner, to that of these shapes at some corners."""
     index = at.flatten().nonzero()[:, 0]
     activations = first[index]
     for bias in biases:
@@ -74,7 +79,7 @@ def pack(cells: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "bytes"]:
 
 
 def unpack(packed: UInt8[Tensor, "bytes"]) -> Bool[Tensor, "cells cells cells"]:
-    """Invert :func:`pack`. Raises ``ValueError`` for another number of cells."""
+    """Invert :func:`pack`. Raises ``ValueError`` unless there are :data:`CELLS` along each axis."""
     if packed.numel() * 8 != CELLS**3:
         raise ValueError(f"occupied cells take {CELLS**3 // 8} bytes, got {packed.numel()}")
     return ((packed[:, None] >> torch.arange(8, dtype=torch.uint8)) & 1).bool().reshape(CELLS, CELLS, CELLS)

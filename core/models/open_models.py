@@ -1,4 +1,4 @@
-"""The open models: each object's model is found by the fingerprint in its codes."""
+"""The open models. The fingerprint in an object's codes identifies its model."""
 
 from collections.abc import Callable, Iterator
 
@@ -8,10 +8,13 @@ from core.models.model import Model
 
 
 class OpenModels:
-    """Models by name, in the order of opening. Models join and never leave, so codes that found theirs always will."""
+    """Models by name, in the order of opening. No model is ever closed, so the models of codes in use stay available.
+
+    Args:
+        load: reads the model of a shipped name or a path, such as :func:`core.models.library.load_model`.
+    """
 
     def __init__(self, load: Callable[[str], Model]) -> None:
-        """``load`` reads the model of a shipped name or a path, like :func:`core.models.library.load_model`."""
         self.load = load
         self._names: dict[str, str] = {}
         self._models: dict[str, Model] = {}  # by fingerprint
@@ -25,18 +28,18 @@ class OpenModels:
         return tuple(self._names)
 
     def open(self, name: str) -> Model:
-        """Load a model unless it is open. Raises ``ValueError`` if loading fails."""
+        """Return the model of a name, loading it unless it is open. Raises ``ValueError`` if loading fails."""
         if name not in self._names:
             self.add(name, self.load(name))
         return self._models[self._names[name]]
 
     def add(self, name: str, model: Model) -> None:
-        """Add a loaded model; a known fingerprint only gives the known model another name."""
+        """Add a loaded model. If a model with its fingerprint is open, that model only gets another name."""
         self._models.setdefault(model.fingerprint, model)
         self._names[name] = model.fingerprint
 
     def is_former(self, model: Model) -> bool:
-        """True for a model that was shipped before, opened because codes of it were met."""
+        """True for a formerly shipped model, which opens when codes refer to it."""
         return model.fingerprint in self._names  # its name in the library
 
     def of(self, codes: Codes) -> Model:
@@ -44,9 +47,9 @@ class OpenModels:
         return self[codes.model]
 
     def __getitem__(self, fingerprint: str) -> Model:
-        """Return the model of a fingerprint, or an open one that extends it; a formerly shipped model is opened.
+        """Return the open model with a fingerprint, else an open model that extends it.
 
-        Raises ``ValueError`` if there is none.
+        Otherwise opens the formerly shipped model. Raises ``ValueError`` if there is none.
         """
         if found := self._models.get(fingerprint):
             return found
@@ -62,5 +65,5 @@ class OpenModels:
 
 
 def model_of(models: Model | OpenModels, codes: Codes) -> Model:
-    """Return the model of an object from a single model or the open ones."""
+    """Return the model of an object: the given one, or that among the open models."""
     return models if isinstance(models, Model) else models.of(codes)

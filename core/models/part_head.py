@@ -12,7 +12,7 @@ from torch.nn import functional
 class PartHead:
     """The parts of a category's objects. Raises ``ValueError`` for inconsistent names and weights."""
 
-    names: tuple[str, ...]  # the first is the rest of the object: ("body", "wheels", "glass")
+    names: tuple[str, ...]  # ("body", "wheels", "glass"); the first is everything that is no other part
     weight: Float[Tensor, "parts width"]
     bias: Float[Tensor, "parts"]
 

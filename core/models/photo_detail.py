@@ -1,4 +1,4 @@
-"""Photos of a fitted object with their cameras, from which detail beyond the codes is computed."""
+"""Photos of a fitted object with their cameras: the source of detail beyond the codes."""
 
 import base64
 import io
@@ -18,16 +18,16 @@ from core.runtime.reading import open_image, reading
 
 SIDE = 1024  # px of the longer side at most; keeps lettering on a door legible
 MAX_BYTES = 200_000  # of a photo's file in scenes, projects and images
-MAX_PHOTOS = 4  # photos kept with an object; graphics cards support at least 16 textures, a photo takes three
-BACKGROUND = 0.1  # opacity below which a pixel certainly shows background: it bounds the object
+MAX_PHOTOS = 4  # photos kept with an object: graphics cards support at least 16 textures, a photo takes three
+BACKGROUND = 0.1  # opacity below which a pixel certainly shows background, so that the object ends there
 OtherSide = Literal["model", "soft", "mirrored"]
 OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
-"""Sources of colours that only the mirror image shows: the model alone, the blurred photo, the photo."""
+"""Colours of surfaces that only the mirror image shows: the model's, with blurred detail, or the photo's."""
 _QUALITIES = (96, 92, 85, 75, 60, 40)  # of WebP, tried from the best
 
 
 class Erasure(NamedTuple):
-    """A brush stroke over a photo: pixels below it are not used."""
+    """A brush stroke over a photo: the covered pixels are not used."""
 
     points: tuple[tuple[float, float], ...]  # fractions of the photo's width and height
     radius: float  # fraction of the photo's longer side
@@ -38,11 +38,11 @@ class PhotoView:
     """A photo of an object and its camera. Raises ``ValueError`` for a file that is too large."""
 
     image: bytes = field(repr=False)
-    """WebP, upright as the camera sees it: the object on white, opacity is the object's coverage of each pixel"""
+    """WebP, upright as the camera sees the object: colours on white, and the object's opacity"""
     camera: Camera  # at the size of the image
     erased: tuple[Erasure, ...] = ()
     outline_margin: float | None = None
-    """focal lengths beyond its mask within which the object ends; None where the mask does not bound the object"""
+    """focal lengths beyond the mask within which the object ends; None if the mask does not bound the object"""
 
     def __post_init__(self) -> None:
         if len(self.image) > MAX_BYTES:
@@ -57,19 +57,22 @@ class PhotoView:
 
     @classmethod
     def of(cls, rgba: UInt8[np.ndarray, "height width 4"], camera: Camera) -> "PhotoView":
-        """Build a view from pixels on white with the object's opacity; compressed, and scaled down if too large."""
+        """Compress pixels, on white with the object's opacity, to a view; scale them down if the file is too large."""
         image = compressed(rgba)
         return cls(image, camera.resized(*decompressed(image).shape[1::-1]))
 
     def pixels(self) -> UInt8[np.ndarray, "height width 4"]:
-        """Decode colours on white and opacity. Raises ``ValueError`` if damaged or of another size than the camera."""
+        """Decode colours on white and opacity.
+
+        Raises ``ValueError`` if the file is damaged or its size differs from the camera's.
+        """
         pixels = decompressed(self.image)
         if pixels.shape[1::-1] != (self.camera.width, self.camera.height):
             raise ValueError("the photo's size differs from its camera's")
         return pixels
 
     def kept(self, width: int, height: int) -> Bool[np.ndarray, "height width"]:
-        """Return the mask of pixels that are not erased, at a given size."""
+        """Return the mask of pixels that are not erased, at a size in px."""
         image = Image.new("1", (width, height), 1)
         draw = ImageDraw.Draw(image)
         for points, radius in self.erased:
@@ -121,12 +124,12 @@ class PhotoDetail:
         return (*self.views, self.confidence, self.other_side, *self.codes_key)
 
     def erasing(self, number: int, erased: tuple[Erasure, ...]) -> "PhotoDetail":
-        """Return a copy in which one photo has exactly these erasures."""
+        """Return a copy in which the erasures of photo ``number`` are replaced."""
         views = [replace(view, erased=erased) if at == number else view for at, view in enumerate(self.views)]
         return replace(self, views=tuple(views))
 
     def to_json(self) -> dict:
-        """Return a JSON-compatible dictionary; image files in base64."""
+        """Return a JSON-compatible dictionary with image files in base64; scenes read it back."""
         views = [
             {
                 "image": base64.b64encode(view.image).decode(),

@@ -1,4 +1,4 @@
-"""A scene: the state of the editor, an object's codes and a camera. Saved as JSON, exact to float32.
+"""A scene: an object's codes and a camera. Saved as JSON, exact to float32.
 
 A PNG image can embed the scene it shows as a text chunk, so the image alone restores the scene.
 """
@@ -28,7 +28,7 @@ _KEY = "CodeNeRF scene"
 
 @dataclass(frozen=True)
 class Scene:
-    """One state of the editor. Edits make a new one."""
+    """The state of the editor. An edit makes a new scene."""
 
     codes: Codes
     camera: Camera
@@ -53,7 +53,10 @@ class Scene:
 
     @classmethod
     def load(cls, path: Path, model: Model) -> "Scene":
-        """Read a scene for a model. Raises ``ValueError`` if the file is not a scene or belongs to another model."""
+        """Read a JSON file. Raises ``ValueError`` if it is not a scene or belongs to another model.
+
+        :func:`open_scene` also reads images.
+        """
         with reading(path, "a scene"):
             return cls.from_json(read_text(path), model)
 
@@ -61,7 +64,7 @@ class Scene:
     def from_json(cls, text: str, model: Model) -> "Scene":
         """Parse JSON text. Raises ``ValueError`` if it is not a scene or belongs to another model.
 
-        A scene of a model that this one extends becomes a scene of this model and looks nearly the same.
+        A scene of a model that ``model`` extends becomes a scene of ``model`` and looks nearly the same.
         """
         about = typed(_About, parse_json(text), name="scene")
         detail = about.detail and about.detail.read()
@@ -77,7 +80,7 @@ class Scene:
 
 
 class _View(NamedTuple):
-    """JSON of one of a detail's photos."""
+    """JSON of a photo."""
 
     image: str
     camera: Camera
@@ -99,7 +102,7 @@ class _Detail(NamedTuple):
     confidence: float = 1.0
     strength: float = 1.0
     other_side: OtherSide | None = None
-    both_sides: bool = False  # of older scenes
+    both_sides: bool = False  # in older scenes, instead of other_side
 
     def read(self) -> PhotoDetail:
         views = tuple(view.read() for view in self.views)
@@ -119,7 +122,7 @@ class _About(NamedTuple):
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:
-    """Write an image, RGB or with opacity, in the format of the name's ending; a PNG also embeds the scene.
+    """Write an RGB or RGBA image in the format of the name's ending; a PNG also embeds the scene.
 
     Raises ``ValueError`` for an unknown ending, opacity in a format without it, or a path that cannot be written.
     """
@@ -134,7 +137,7 @@ def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, sc
 
 
 def embedded_scene(path: Path) -> str | None:
-    """Return the scene's JSON that an image embeds; None for any other file."""
+    """Return the JSON of the scene embedded in an image; None for any other file."""
 
     def read() -> object:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
@@ -145,9 +148,9 @@ def embedded_scene(path: Path) -> str | None:
 
 
 def open_scene(path: Path, model: Model) -> Scene:
-    """Read a scene for a model from its JSON file or from an image that embeds it.
+    """Read a scene from its JSON file or from an image that embeds it.
 
-    Raises ``ValueError`` if the file is neither or belongs to another model.
+    Raises ``ValueError`` if the file holds no scene, or that of another model.
     """
     text = embedded_scene(path)
     if text is None:
@@ -157,6 +160,6 @@ def open_scene(path: Path, model: Model) -> Scene:
 
 
 def scene_model(path: Path) -> str | None:
-    """Return the fingerprint of the model of a scene, or of an image that embeds one; None for other files."""
+    """Return the fingerprint of the model that a scene file or image needs; None for other files."""
     about = optional(lambda: typed(_About, parse_json(embedded_scene(path) or read_text(path))))
     return about and about.model
