@@ -11,14 +11,14 @@ from core.runtime.threads import use_one_torch_thread, use_threads
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one command. Whatever is wrong with its input is said in one line on stderr, with status 2."""
+    """Run one command. Bad input ends with one line on stderr and status 2."""
     began = time.perf_counter()
     use_one_torch_thread()
     on_signals()
     chosen = parse(sys.argv[1:] if arguments is None else arguments)
     chosen.began = began
     use_threads(chosen.threads)
-    # Imported late: a command loads what it needs alone.
+    # Imported late, so that a command loads only its own modules.
     module, _, name = chosen.run.partition(".")
     run = getattr(import_module(f"core.cli.{module}"), name)
 

@@ -1,4 +1,4 @@
-"""Helpers for generators that end with a result: run to the end, or as part of a longer stream."""
+"""Generators that end with a result: run to the end, or mapped into the progress of a longer one."""
 
 from collections.abc import Callable, Generator
 from typing import Any, TypeVar
@@ -7,7 +7,7 @@ _Result = TypeVar("_Result")
 
 
 def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], object] = lambda value: None) -> _Result:
-    """Run a generator to its end and return its result; ``each`` is called with every value before.
+    """Run a generator to its end and return its result; call ``each`` with every value that it yields.
 
     Example:
         >>> def job():
@@ -26,7 +26,7 @@ def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], obje
 def subprogress(
     stream: Generator[float | None, None, _Result], begin: float, end: float
 ) -> Generator[float, None, _Result]:
-    """Map a stream of fractions from 0..1 to ``begin``..``end`` of a longer one; None counts as 0.
+    """Map a generator's fractions from 0..1 to ``begin``..``end`` and return its result; None counts as 0.
 
     Example:
         >>> def job():

@@ -1,4 +1,4 @@
-"""Types of option values. Each raises ``ArgumentTypeError`` with one line for wrong text."""
+"""Parsers of option values. Each raises ``ArgumentTypeError`` with one line for wrong text."""
 
 import argparse
 import math
@@ -6,7 +6,7 @@ import re
 
 
 def view_numbers(text: str) -> tuple[int, ...]:
-    """Parse whole numbers ``V,V``."""
+    """Parse whole numbers separated by commas, ``V,V``."""
     try:
         return tuple(int(word) for word in text.split(","))
     except ValueError:
@@ -14,7 +14,7 @@ def view_numbers(text: str) -> tuple[int, ...]:
 
 
 def part(text: str) -> tuple[int, int]:
-    """Parse one of several parts, ``K/N``."""
+    """Parse part K of N, ``K/N``, with K from 1."""
     which, _, parts = text.partition("/")
     if not (which.isdecimal() and parts.isdecimal() and 1 <= int(which) <= int(parts)):
         raise argparse.ArgumentTypeError(f"a part is K/N, like 1/2, not {text!r}")
@@ -22,7 +22,7 @@ def part(text: str) -> tuple[int, int]:
 
 
 def box(text: str) -> tuple[float, ...]:
-    """Parse four numbers ``X0,Y0,X1,Y1``."""
+    """Parse left, top, right and bottom, ``X0,Y0,X1,Y1``."""
     try:
         left, top, right, bottom = (float(word) for word in text.split(","))
     except ValueError:
@@ -40,7 +40,7 @@ def point(text: str) -> tuple[float, float]:
 
 
 def edits(text: str) -> tuple[tuple[str, float], ...]:
-    """Parse names of directions with standard deviations, ``NAME=X,NAME=X``."""
+    """Parse names of directions and amounts in standard deviations, ``NAME=X,NAME=X``."""
     found = []
     for word in text.split(","):
         name, _, amount = word.partition("=")
@@ -55,7 +55,10 @@ def edits(text: str) -> tuple[tuple[str, float], ...]:
 
 
 def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-    """Parse parts and sRGB colours (returned as 0..1), ``#rrggbb`` or ``PART=#rrggbb,PART=#rrggbb``."""
+    """Parse parts and sRGB colours, ``#rrggbb`` or ``PART=#rrggbb,PART=#rrggbb``.
+
+    Channels are returned as 0..1, and a missing part as "".
+    """
     found = []
     for word in text.split(","):
         part, _, colour = word.rpartition("=")

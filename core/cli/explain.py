@@ -1,4 +1,4 @@
-"""``fit --explain``: the course of a fit on one page of small images."""
+"""``fit --explain``: a web page of small images that shows the course of a fit."""
 
 import html
 import math
@@ -26,8 +26,8 @@ from core.photos.segmentation import CutOut
 from core.photos.view_bank import ViewBank
 from core.rendering.images import render_image
 
-_SMALL, _LARGE, _DETECTIONS = 80, 160, 480  # px, of images
-_ZOOM = 1.6  # of renders and photo: the usual crop has wide margins
+_SMALL, _LARGE, _DETECTIONS = 80, 160, 480  # px of an image's side
+_ZOOM = 1.6  # zoom of renders and photo, whose crops have wide margins
 _SHOWN = 8  # hypotheses shown per stage
 _STYLE = (
     "body{font:14px sans-serif;margin:2em;max-width:80em}figure{display:inline-block;margin:4px;vertical-align:top}"
@@ -39,7 +39,7 @@ def write_page(model: Model, job: FitJob, found: Explanation, folder: Path, seen
     """Write ``index.html`` and its images into an existing folder; return the page's path.
 
     Args:
-        seen: the first photo from :func:`draw_detections`.
+        seen: the first photo with its detections (:func:`draw_detections`).
     """
     page = folder / "index.html"
     sections = _Images(model, folder)
@@ -60,7 +60,7 @@ def write_page(model: Model, job: FitJob, found: Explanation, folder: Path, seen
 
 
 class _Images:
-    """Images of a page, as numbered files beside it."""
+    """Images of a page, saved as numbered files beside it; methods return HTML."""
 
     def __init__(self, model: Model, folder: Path) -> None:
         self.model, self._folder, self._count = model, folder, 0
@@ -77,7 +77,7 @@ class _Images:
 
 
 def _middle(pixels: Float[Tensor, "height width channels"]) -> Float[Tensor, "less less_too channels"]:
-    """Crop to the region that renders show."""
+    """Crop to the middle region that the zoomed renders show."""
     across, down = (round(side * (1 - 1 / _ZOOM) / 2) for side in pixels.shape[:2])
     return pixels[across : len(pixels) - across, down : pixels.shape[1] - down]
 

@@ -38,12 +38,12 @@ from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.view_bank import ViewBank
 from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
-_AS_PROMINENT = 0.7  # of the first object's prominence, from which a second object is mentioned
+_AS_PROMINENT = 0.7  # fraction of the first object's prominence from which a second object is mentioned
 _TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
 
 def fit(chosen: argparse.Namespace) -> None:
-    """Run ``fit``: estimate camera and codes of the object in the images; the last line on stdout is JSON."""
+    """Run ``fit``: estimate camera and codes of the object in the images; end with a line of JSON."""
     if chosen.pose and len(chosen.pose) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     pointed = (chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks"), (chosen.object, "object numbers")
@@ -93,12 +93,12 @@ def fit(chosen: argparse.Namespace) -> None:
 
 
 def probable_model(cut: CutOut) -> str:
-    """Return the shipped model of the likeliest category of an image."""
+    """Return the name of the shipped model of an image's likeliest category."""
     return likelier_model(cut.categories)
 
 
 def other_objects(cut: CutOut, hints: Hints | None) -> str:
-    """Return a note about other objects nearly as prominent as the one cut out, or ""."""
+    """Return a note about other objects nearly as prominent as the one cut out; "" for none."""
     if hints or cut.confidence == 1 or len(cut.detections) < 2:
         return ""
     first, second = cut.detections[:2]
@@ -154,7 +154,7 @@ def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, pose: Path | N
 
 
 def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
-    """Run a fit and return its steps, also written to ``log`` if given."""
+    """Run a fit under a progress bar and return its steps, also written to ``log`` if given."""
     steps, bar = list[FitStep](), tqdm(unit="step", leave=False, disable=None)
     with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as lines:
         for step in fit_as_set(model, job):

@@ -83,7 +83,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
 
 def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:
-    """Yield objects whose input views show something; report the others. Real ShapeNet has a few all-white ones."""
+    """Yield objects with visible input views; report the others. ShapeNet has a few all-white ones."""
     for views in objects:
         blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
         if blank:
@@ -93,7 +93,7 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 
 
 def figures(chosen: argparse.Namespace) -> None:
-    """Run ``figures``: fit photos one by one, make the paper's figures of them, and print each path."""
+    """Run ``figures``: fit photos one by one, draw the paper's figures, and print their paths."""
     model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
     bank = wait_for_view_bank(model)
     shown = [load_photo(image, model, bank) for image in chosen.images]
@@ -138,7 +138,7 @@ def bench_gate(chosen: argparse.Namespace) -> None:
 
 
 def bench_threads(chosen: argparse.Namespace) -> None:
-    """``bench threads``: seconds of whole jobs against threads and load, as CSV, table and chart."""
+    """Run ``bench threads``: seconds of whole jobs against threads and load, as CSV, table and chart."""
     drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "category": model.category}
@@ -185,7 +185,7 @@ def bench_detail(chosen: argparse.Namespace) -> None:
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
-    """Run ``bench photos``: photographs against judgement by eye."""
+    """Run ``bench photos``: fits of photographs against judgement by eye."""
     drawing.prepare(chosen.out)
     seen = photos.read_judgements(chosen.by_eye)
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
@@ -220,11 +220,12 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
 def _bench(
     chosen: argparse.Namespace, name: str, kind: type[Any], about: Row, measure: Callable[[set[Any]], Iterator[Any]]
 ) -> None:
-    """Append the rows that an earlier run has not measured to a benchmark's CSV file; write its table and chart.
+    """Measure a benchmark's missing rows into its CSV file; write its table and chart.
 
     Args:
-        kind: of the rows, which have a ``key``.
-        measure: yields the rows whose keys are not in its argument.
+        kind: type of the rows, which have a ``key``.
+        about: the conditions of the rows, such as the machine.
+        measure: yields the rows whose keys are not in its argument, the keys of an earlier run.
     """
     path = chosen.out / f"{name}.csv"
     done = {row.key for row in read_records(path, kind, about)}
@@ -261,7 +262,7 @@ def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry,
 
 
 def _gather(scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None) -> list[_Score]:
-    """Return all scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
+    """Return all scores of a stream, under a bar that shows their mean PSNR; call ``keep`` with each."""
     found = []
     with tqdm(total=total, unit="object", disable=None) as bar:
         for score in scores:

@@ -6,7 +6,7 @@ from core.cli.argument_types import count
 
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows only defaults with a value."""
+    """Shows the defaults of options, except None, False and empty lists."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         shown = action.default not in (None, []) and action.default is not False
@@ -14,7 +14,7 @@ class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
 
 
 def add_command(commands: argparse._SubParsersAction, name: str, run: str, about: str) -> argparse.ArgumentParser:
-    """Add a command that executes ``run``, given as ``module.function`` of core.cli."""
+    """Add a command that runs the function ``run``, given as ``module.function`` of core.cli."""
     command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
     command.set_defaults(run=run)
     about = "threads that compute (default: $CODENERF_THREADS, else one for each core)"

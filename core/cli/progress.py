@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 
 def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
-    """Run a stream to its end under a progress bar that appears with the first value."""
+    """Run a stream of ``total`` values under a progress bar in units of a value.
+
+    The bar appears with the first value, so that errors come first.
+    """
     next(stream, None)
     with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
         for _ in stream:

@@ -60,7 +60,7 @@ def turntable(chosen: argparse.Namespace) -> None:
 
 
 def mesh(chosen: argparse.Namespace) -> None:
-    """Run ``mesh``: write an object as triangles."""
+    """Run ``mesh``: write an object as a coloured mesh."""
     from core.export.mesh import MeshSettings, export_mesh  # imports scipy, which videos and images do not need
 
     model, codes, camera = _load_selection(chosen)
@@ -72,7 +72,7 @@ def mesh(chosen: argparse.Namespace) -> None:
 
 
 def page(chosen: argparse.Namespace) -> None:
-    """Run ``page``: write an object as one .html file."""
+    """Run ``page``: write an object as a web page in one file."""
     from core.export.page import write_page
 
     model, codes, camera = _load_view(chosen)
@@ -84,14 +84,14 @@ def page(chosen: argparse.Namespace) -> None:
 
 
 def _load_view(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """Return the chosen model, codes and camera."""
+    """Return the chosen model, codes and camera, with the camera's options applied."""
     model, codes, camera = _load_selection(chosen)
     given = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
     return model, codes, replace(camera, **{name: value for name, value in given.items() if value is not None})
 
 
 def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """Return the chosen model and codes, with the scene's camera or one from the front."""
+    """Return the chosen model and codes, and the scene's camera or the default one."""
     model = load_model(_model_name(chosen), chosen.device)
     if chosen.scene:
         scene = open_scene(chosen.scene, model)
@@ -102,7 +102,7 @@ def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
 
 
 def _model_name(chosen: argparse.Namespace) -> str:
-    """Return the chosen model, or the shipped or formerly shipped model that made the chosen scene."""
+    """Return the model's name: the chosen one unless another shipped or former model made the chosen scene."""
     fingerprint = scene_model(chosen.scene) if chosen.scene else None
     if fingerprint is None or load_model(chosen.model).shares_codes_with(fingerprint):
         return chosen.model

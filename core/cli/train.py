@@ -1,4 +1,4 @@
-"""Commands that make data and models: ``dataset``, ``train`` and its parts, ``convert``."""
+"""Commands that make data and models: ``dataset``, ``train``, ``train-viewpoint``, ``train-parts``, ``convert``."""
 
 import argparse
 import math
@@ -28,9 +28,9 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.runtime.files import require_writable
 
-_CHECKPOINT_EVERY = 5000  # steps between two checkpoints of a model in training, each also measured
+_CHECKPOINT_EVERY = 5000  # steps between two checkpoints, each measured on held-out views
 _VIEWPOINT_FRACTION = 12  # steps of the model per step of the viewpoint classifier
-_VALIDATION_STRIDE = 20  # every such object is held out to measure a classifier
+_VALIDATION_STRIDE = 20  # every 20th object is held out to measure a classifier
 _VALIDATION_ANGLE = math.radians(15)  # largest error of a correct predicted direction
 _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
@@ -47,7 +47,7 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
 
 
 def dataset_recombined(chosen: argparse.Namespace) -> None:
-    """Run ``dataset recombined``: render chairs made of the legs of one mesh and the seat of another."""
+    """Run ``dataset recombined``: render chairs made of one mesh's legs and another's seat."""
     if chosen.category != "chairs":
         raise ValueError(f"only chairs can be recombined, not {chosen.category}")
     _render(chosen, recombined_tasks(chosen.folder, chosen.count), "train")
@@ -66,7 +66,7 @@ def _render(chosen: argparse.Namespace, tasks: Sequence[RenderTask], split: Spli
 
 
 def train(chosen: argparse.Namespace) -> None:
-    """Run ``train``: train a model on datasets, saving it regularly with its state and training curve."""
+    """Run ``train``: train a model on datasets, regularly saving it, its state and its curve."""
     require_writable(chosen.out)
     recipe = RECIPES[chosen.recipe]
     initial = load_model(chosen.init) if chosen.init else None
@@ -127,7 +127,7 @@ def train_part_head(chosen: argparse.Namespace) -> None:
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
-    """Add a viewpoint classifier, trained on most of the objects and measured on the others."""
+    """Return the model with a viewpoint classifier, trained on most objects and measured on the others."""
     validation = dataset.objects[::_VALIDATION_STRIDE]
     shown = [views for index, views in enumerate(dataset.objects) if index % _VALIDATION_STRIDE] or validation
     training = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
@@ -146,7 +146,7 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
 
 
 def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:
-    """Return the network's sizes from the options, or from the initial model."""
+    """Return the network's configuration: from the options, or the initial model's."""
     if initial:
         if chosen.width or chosen.latent or chosen.recipe != "default":
             raise ValueError("--init keeps its model's sizes and architecture: omit --width, --latent and --recipe")

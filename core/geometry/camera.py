@@ -17,12 +17,12 @@ from torch import Tensor
 
 from core.runtime.reading import whole
 
-FRONT_AZIMUTH = math.pi / 2  # rad; from here the front of an object is seen
+FRONT_AZIMUTH = math.pi / 2  # rad, of a camera that sees an object's front
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and the front at +z. Equal to its own inverse transpose: row vectors times it go from world to glTF."""
-MAX_SIDE = 16_384  # px of a square image's side that most OpenGL drivers support; other shapes may have as many pixels
+"""World axes from glTF's (y up, front at +z). A rotation: row vectors times this matrix go from world to glTF."""
+MAX_SIDE = 16_384  # px: largest side that most OpenGL drivers support; limits the area to its square
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
-"""Turns the camera axes of pose files (x right, y down, looking along +z) into ours, and back"""
+"""Converts OpenCV's camera axes (x right, y down, looking along +z) to OpenGL's, which are ours, and back."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,14 @@ class Camera:
             raise ValueError(f"camera size must be 1 to {MAX_SIDE} px a side, got {self.width}x{self.height}")
 
     def resized(self, width: int, height: int) -> "Camera":
-        """Return the same view at another size; the vertical field of view stays."""
+        """Return the camera at another image size (px) with the same vertical field of view."""
         return replace(self, focal=self.focal * height / self.height, width=width, height=height)
 
     def world_to_camera(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
-        """Return the paper's R and p: world-to-camera rotation, camera position in the world. Cached, do not modify."""
+        """Return the world-to-camera rotation and the position in the world, the paper's R and p.
+
+        They are cached: do not modify them.
+        """
         return _world_to_camera(self, device)
 
     def to_camera_axes(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
@@ -72,7 +75,10 @@ class Camera:
         return project(self.to_camera_axes(points), self.focal, (self.width, self.height))
 
     def clip_from_world(self, near: float, far: float) -> Float[np.ndarray, "4 4"]:
-        """Return OpenGL's projection matrix, float32: image x, y in -1..1 (y up), depth from ``near`` to ``far``."""
+        """Return the float32 matrix from world to OpenGL's clip space.
+
+        Clip coordinates x (right), y (up) and z run from -1 to 1; z from depth ``near`` to ``far``, scene units.
+        """
         projection = np.zeros((4, 4))
         projection[0, 0], projection[1, 1] = 2 * self.focal / self.width, 2 * self.focal / self.height
         projection[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
@@ -81,7 +87,7 @@ class Camera:
         return (projection @ np.linalg.inv(camera_to_world)).astype(np.float32)
 
     def pose(self) -> Float[Tensor, "4 4"]:
-        """Return the camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
+        """Return the camera-to-world matrix with OpenCV axes in float64, as in SRN's pose files."""
         angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
         matrix = torch.eye(4, dtype=torch.float64)
         rotation = camera_rotation(angles[0], angles[1])
@@ -90,7 +96,9 @@ class Camera:
 
     @classmethod
     def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":
-        """Return the orbit camera at an SRN pose. Raises ``ValueError`` unless the pose looks at the origin upright.
+        """Return the orbit camera at a camera-to-world matrix with OpenCV axes.
+
+        Raises ``ValueError`` unless the pose is upright and looks at the origin.
 
         Example:
             >>> camera = Camera(0.3, 0.4, 1.3, 131.25, 128, 128)
@@ -147,7 +155,7 @@ def project(
 def camera_directions(
     pixels: Float[Tensor, "*batch 2"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
 ) -> Float[Tensor, "*batch 3"]:
-    """Return unit directions in camera axes through image points: the inverse of :func:`project`."""
+    """Return unit directions in camera axes through image points, the inverse of :func:`project`."""
     right = (pixels[..., 0] - size[0] / 2) / focal
     down = (pixels[..., 1] - size[1] / 2) / focal
     directions = torch.stack(torch.broadcast_tensors(right, -down, -torch.ones_like(right)), -1)

@@ -6,7 +6,7 @@ from torch import Tensor
 
 
 def to_bytes(image: Float[Tensor | np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape"]:
-    """Convert numbers of 0..1 to bytes of 0..255, rounded and clipped.
+    """Convert numbers in 0..1 to bytes in 0..255, rounded and clipped.
 
     Example:
         >>> to_bytes(np.array([-1.0, 0.5, 1.0]))
@@ -17,7 +17,7 @@ def to_bytes(image: Float[Tensor | np.ndarray, "*shape"]) -> UInt8[np.ndarray, "
 
 
 def bounding_box(mask: Bool[Tensor | np.ndarray, "height width"]) -> tuple[int, int, int, int]:
-    """Return left, top, right, bottom of the object in px; right and bottom are exclusive.
+    """Return left, top, right, bottom (exclusive) in px of a mask, which must not be empty.
 
     Example:
         >>> bounding_box(np.array([[False, True, True], [False, False, False]]))

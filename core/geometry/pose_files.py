@@ -9,7 +9,7 @@ from torch import Tensor
 from core.geometry.camera import OPENCV_FROM_OPENGL, Camera
 from core.runtime.reading import optional, read_numbers, reading
 
-_LIKELY = {
+_LIKELY = {  # error messages for poses with other axes
     "opengl": "it is a pose in OpenGL axes (--pose-axes opengl reads it)",
     "opencv": "it is a pose in OpenCV axes (--pose-axes opencv reads it)",
     "opencv inverse": "it goes from world to camera; its inverse is wanted",
@@ -21,11 +21,11 @@ def read_pose(path: Path, axes: str = "opencv") -> Float[Tensor, "4 4"]:
     """Read a camera-to-world matrix with OpenCV axes, float64.
 
     Args:
-        axes: of the file's camera: "opencv" (x right, y down, looking along +z: ShapeNet-SRN) or "opengl" (x right, y
-            up, looking along -z: Blender, NeRF's transforms.json).
+        axes: camera axes of the file: "opencv" (x right, y down, looking along +z: ShapeNet-SRN) or "opengl" (x right,
+            y up, looking along -z: Blender, NeRF's transforms.json).
 
-    Raises ``ValueError`` naming the file unless it holds a pose of an upright camera that looks at the origin. The
-    message names the file's convention if another one would make it such a pose.
+    Raises ``ValueError`` naming the file unless its camera is upright and looks at the origin. The message suggests
+    other axes, or the inverse, if these make the pose valid.
     """
     with reading(path, "a pose"):
         matrix = torch.tensor(read_numbers(path, 16), dtype=torch.float64).reshape(4, 4)
@@ -41,7 +41,7 @@ def read_pose(path: Path, axes: str = "opencv") -> Float[Tensor, "4 4"]:
 
 
 def _as_opencv(matrix: Float[Tensor, "4 4"], axes: str) -> Float[Tensor, "4 4"]:
-    """Convert a matrix with these axes, or its ``inverse``, to OpenCV axes."""
+    """Convert a camera-to-world matrix to OpenCV axes; ``axes`` may end with "inverse" for world-to-camera."""
     convention, _, inverse = axes.partition(" ")
     if inverse:
         matrix = torch.linalg.inv(matrix)

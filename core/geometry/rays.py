@@ -11,12 +11,12 @@ from core.geometry.camera import Camera, camera_directions, camera_rotation, pix
 
 @dataclass(frozen=True)
 class Rays:
-    """Half-lines clipped to the scene's box. A ray that misses the box has ``near == far``, so no mask is needed."""
+    """Rays clipped to the scene's box; one that misses has ``near == far``, so no mask is needed."""
 
     origins: Float[Tensor, "*batch 3"]  # world
     directions: Float[Tensor, "*batch 3"]  # world, unit length
-    near: Float[Tensor, "*batch"]  # scene units along the direction
-    far: Float[Tensor, "*batch"]
+    near: Float[Tensor, "*batch"]  # scene units from the origin to the box
+    far: Float[Tensor, "*batch"]  # scene units from the origin to the end of the box
 
     def __getitem__(self, index: object) -> "Rays":
         return Rays(self.origins[index], self.directions[index], self.near[index], self.far[index])  # type: ignore[index]
@@ -31,7 +31,7 @@ def cast_rays(
     size: tuple[int, int],
     extent: Float[Tensor, "3"],
 ) -> Rays:
-    """Cast rays from orbit cameras through points of the image; differentiable in the camera's parameters.
+    """Cast rays from orbit cameras through image points; differentiable in the cameras' parameters.
 
     Args:
         pixels: (x, y) in px from the top left corner of the image.
@@ -53,7 +53,7 @@ def camera_rays(camera: Camera, extent: Float[Tensor, "3"], pixel_offset: float 
     """Return the rays through all pixel centres of a camera, shaped (height, width), on ``extent``'s device.
 
     Args:
-        pixel_offset: px, shift of the rays to the left and up.
+        pixel_offset: px that rays pass to the left of and above the centres (:attr:`Model.pixel_offset`).
     """
     return rays_at_pixels(pixel_centres(camera.width, camera.height, extent.device) - pixel_offset, camera, extent)
 
@@ -69,7 +69,7 @@ def rays_at_pixels(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Fl
 def clip_to_box(
     origins: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"], extent: Float[Tensor, "3"]
 ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
-    """Return entry and exit distances of rays for the box [-extent, extent] (slab method); equal for a miss."""
+    """Return the distances at which rays enter and leave the box [-extent, extent]; equal for a miss."""
     safe = torch.where(directions.abs() < 1e-9, torch.full_like(directions, 1e-9), directions)
     first, second = (-extent - origins) / safe, (extent - origins) / safe
     near = torch.minimum(first, second).amax(-1).clamp_min(0.0)
@@ -97,5 +97,5 @@ def stratified(
 
 
 def ray_points(rays: Rays, depths: Float[Tensor, "*batch samples"]) -> Float[Tensor, "*batch samples 3"]:
-    """Return world points at these distances along the rays."""
+    """Return world points at ``depths``, in scene units along the rays."""
     return rays.origins[..., None, :] + depths[..., None] * rays.directions[..., None, :]

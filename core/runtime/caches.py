@@ -10,15 +10,19 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any, NamedTuple
 
-LIMIT = 128 * 2**20  # bytes of all caches together
+LIMIT = 128 * 2**20  # bytes of all kinds together
 
 
 class CacheKind(IntEnum):
-    """Kinds of values, evicted in this order (cheapest to recompute first), within a kind least recently used first."""
+    """Kinds of values, cheapest to recompute first.
 
-    VIEW = 0  # visible intervals of a shape from a camera: much memory, a fraction of a second
-    SHAPE = 1  # the occupied cells of a shape
-    DETAIL = 2  # photo detail
+    Values are evicted in this order, and the least recently used first within a kind. A value never evicts one of a
+    later kind.
+    """
+
+    VIEW = 0  # visible intervals of a shape from a camera: large, recomputed in a fraction of a second
+    SHAPE = 1  # occupied cells of a shape
+    DETAIL = 2  # photo detail of codes
 
 
 class _Entry(NamedTuple):
@@ -44,12 +48,12 @@ class ByteCache:
 
     @property
     def used(self) -> int:
-        """bytes"""
+        """Bytes of all stored values."""
         with self._lock:
             return self._used()
 
     def get(self, kind: CacheKind, key: Hashable) -> Any:
-        """Return the value, which counts as used now; None if there is none."""
+        """Return a value and mark it as used; None if it is not stored."""
         with self._lock:
             entry = self._entries[kind].get(key)
             if entry is None:
@@ -58,7 +62,7 @@ class ByteCache:
             return entry.value
 
     def put(self, kind: CacheKind, key: Hashable, value: object, size: int) -> None:
-        """Store a value of ``size`` bytes, evicting others as needed; a value that is too large is not stored."""
+        """Store a value of ``size`` bytes unless it is too large, evicting values of its kind and earlier kinds."""
         with self._lock:
             self._entries[kind].pop(key, None)
             if size <= self._room(kind):
@@ -66,7 +70,10 @@ class ByteCache:
                 self._make_room()
 
     def make_room(self, kind: CacheKind, size: int) -> bool:
-        """Evict until ``size`` bytes fit. Returns False, evicting nothing, if they never can."""
+        """Evict until a value of ``size`` bytes fits, before computing it.
+
+        Returns False, evicting nothing, if later kinds leave too little room.
+        """
         with self._lock:
             if size > self._room(kind):
                 return False
@@ -74,7 +81,7 @@ class ByteCache:
             return True
 
     def newest(self, kind: CacheKind) -> list[tuple[Any, Any]]:
-        """Return keys and values of a kind, the most recently used first."""
+        """Return the keys and values of a kind, most recently used first."""
         with self._lock:
             return [(key, entry.value) for key, entry in reversed(self._entries[kind].items())]
 

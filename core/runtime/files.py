@@ -22,18 +22,18 @@ def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> It
     same file at once, the last one wins completely. For a device, a pipe or standard output the content is copied.
 
     Args:
-        check: reads the new file before it replaces the old one.
+        check: reads the new file before it replaces the old one; a ``ValueError`` discards the new file.
 
-    Raises ``ValueError`` naming ``path`` if it cannot be written, or if ``check`` does.
+    Raises ``ValueError`` naming ``path`` if it cannot be written, and another if ``check`` raises one.
     """
     with _naming(path):
-        partial = _partial(path)  # first, so that an unwritable place is refused before the work
+        partial = _partial(path)  # first, so that an unwritable path is refused before the work
         try:
             yield partial
             _read_back(partial, check)
             _put(partial, path)
         finally:
-            with suppress(OSError):  # the place may be gone, which must not hide the cause
+            with suppress(OSError):  # a folder that has vanished must not hide the cause
                 partial.unlink(missing_ok=True)
 
 
@@ -41,7 +41,7 @@ def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> It
 def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
     """Yield a new folder to write to, like :func:`atomic_file`.
 
-    Raises ``ValueError`` naming ``path`` if it cannot be written, or exists and is not to be replaced.
+    Raises ``ValueError`` naming ``path`` if it cannot be written, or if it exists and ``replace`` is False.
     """
     target = Path(os.path.realpath(path))
     partial, former = _beside(target), _beside(target)
@@ -60,7 +60,7 @@ def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
 
 
 def require_writable(path: Path) -> None:
-    """Check before the work that its result can be written, by writing and removing a file.
+    """Check before the work that its result can be written, by creating and removing a file.
 
     Raises ``ValueError`` if the path is a folder, or its folder does not exist or is not writable.
     """
@@ -73,9 +73,9 @@ def require_writable(path: Path) -> None:
 
 
 def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
-    """Save an expensive result; if that fails, save it in the folder of temporary files.
+    """Save an expensive result; if ``path`` fails, save it in the folder of temporary files.
 
-    Then raises ``ValueError`` naming both places.
+    Raises ``ValueError`` if ``path`` failed, naming the file in the temporary folder.
     """
     try:
         save(path)
@@ -86,7 +86,7 @@ def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
 
 
 def write_json(path: Path, content: dict) -> None:
-    """Write numbers as JSON, with null for infinity and NaN."""
+    """Write a dictionary as JSON, atomically, with null for infinity and NaN."""
     with atomic_file(path) as partial:
         partial.write_text(json.dumps(_without_nan(content), indent=1) + "\n")
 
@@ -164,7 +164,7 @@ def _copy_owner(target: Path, partial: Path) -> bool:
 
 
 def _put(partial: Path, path: Path) -> None:
-    """Put a finished file in place and flush it to disk."""
+    """Replace the target by a finished file and flush it to disk; copy it if ``path`` is a stream."""
     if is_stream(path):
         with partial.open("rb") as source, open_output(path) as stream:
             shutil.copyfileobj(source, stream)

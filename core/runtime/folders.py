@@ -1,4 +1,4 @@
-"""Folders of the user for caches and configuration, also for users without a home."""
+"""The user's folders for caches and configuration; temporary folders for users without a home."""
 
 import os
 import tempfile
@@ -13,18 +13,18 @@ _NAME = "codenerf-viewer"
 
 
 def cache_folder() -> Path:
-    """Return the folder for slow but reproducible results: ``CODENERF_CACHE``, else the platform's cache folder."""
+    """Return the folder of results that are slow to compute again: ``CODENERF_CACHE``, else the platform's."""
     named = os.environ.get(_CACHE_VARIABLE)
     return Path(named) if named else _or_temporary(lambda: user_cache_path(_NAME, appauthor=False))
 
 
 def config_folder() -> Path:
-    """Return the folder for preferences, layout and sessions."""
+    """Return the folder of preferences, window layout and sessions."""
     return _or_temporary(lambda: user_config_path(_NAME, appauthor=False, roaming=True))
 
 
 def is_temporary(folder: Path) -> bool:
-    """True if the system may empty a folder at its next start."""
+    """True if a folder lies in the system's temporary folder, which may be emptied at the next boot."""
     return folder.parent == Path(tempfile.gettempdir())
 
 

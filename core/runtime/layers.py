@@ -9,14 +9,14 @@ from jaxtyping import Float, Num
 from torch import Tensor
 from torch.nn import functional
 
-_ROWS = 512
+_ROWS = 512  # row counts are padded to a multiple
 _INTEGERS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
 
 
 def linear_relu(
     values: Float[Tensor, "*batch inputs"], weight: Float[Tensor, "outputs inputs"], bias: Float[Tensor, "outputs"]
 ) -> Float[Tensor, "*batch outputs"]:
-    """Compute ``relu(values @ weight.T + bias)``, not differentiable."""
+    """Compute ``relu(values @ weight.T + bias)`` without autograd."""
     return relu_(functional.linear(values, weight, bias))
 
 
@@ -32,7 +32,7 @@ def relu_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
 def relu_backward_(
     gradient: Float[Tensor, "*batch width"], activations: Float[Tensor, "*#batch width"]
 ) -> Float[Tensor, "*batch width"]:
-    """Propagate a gradient through a ReLU in place: 0 where its output is 0."""
+    """Set a gradient to 0, in place, where the ReLU's output ``activations`` is 0."""
     _as_integers(gradient).bitwise_and_(_as_integers(activations).clamp_max(1).neg_())  # -1 has all bits set
     return gradient
 
@@ -44,6 +44,6 @@ def _as_integers(values: Tensor) -> Tensor:
 def pad_rows(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:
     """Append zero rows up to a multiple of 512.
 
-    oneDNN compiles a kernel for every new number of rows, which takes longer than to run it.
+    oneDNN compiles a kernel for every new number of rows, which takes longer than running it.
     """
     return functional.pad(rows, (*(0, 0) * (rows.ndim - 1), 0, -len(rows) % _ROWS)) if len(rows) % _ROWS else rows

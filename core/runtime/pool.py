@@ -1,8 +1,8 @@
 """A pool of threads that compute pieces of work, each with one torch thread.
 
 OpenMP splits every operation, and all threads wait for the slowest at its end: beside another busy program this is many
-times slower than one thread. Here a thread computes a whole piece and takes the next when it is free, so a busy core
-takes fewer. Pieces, the order of results, and the results bit for bit do not depend on the number of threads.
+times slower than one thread. Here a thread computes a whole piece and then takes the next, so a busy core gets fewer
+pieces. The pieces and their results, bit for bit, do not depend on the number of threads.
 """
 
 import threading
@@ -18,15 +18,15 @@ from core.runtime.threads import thread_count
 
 _Piece = TypeVar("_Piece")
 _Result = TypeVar("_Result")
-_AHEAD = 1.5  # Pieces handed out for each thread: few wait, as a more urgent caller's come behind them.
+_AHEAD = 1.5  # pieces submitted per thread: few, as pieces of a more urgent job queue behind them
 
 
 class _Caller(threading.local):
-    """The threads that work for this thread."""
+    """The pool of the current thread."""
 
-    helps: bool = False  # this thread works for another one, so it has none
-    count: int = 1
-    helpers: ThreadPoolExecutor | None = None  # None: the thread computes by itself
+    helps: bool = False  # the current thread belongs to a pool, so it gets none of its own
+    count: int = 1  # threads of the pool
+    helpers: ThreadPoolExecutor | None = None  # None: the current thread computes everything
 
 
 _caller = _Caller()
@@ -35,10 +35,10 @@ _caller = _Caller()
 def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) -> Iterator[_Result]:
     """Yield ``function(piece)`` for each piece, in order; several are computed at a time.
 
-    A few more pieces may run between two values. An exception is raised in place of its piece's result. A closed
-    generator waits for the running pieces and starts no others. The threads start at the first call with the caller's
-    priority, and inherit its gradient, inference and autocast modes. A piece that maps pieces itself computes these
-    alone.
+    The threads compute a few pieces ahead of the value that is yielded. An exception is raised in place of its piece's
+    result. A closed generator waits for the running pieces and starts no others. The threads start at the first call,
+    with the caller's priority; every piece runs in the caller's gradient, inference and autocast modes. A nested call
+    inside a piece runs in that piece's thread alone.
 
     Example:
         >>> list(map_pieces(lambda piece: piece.sum(), torch.arange(6).split(4)))
@@ -63,7 +63,7 @@ def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) 
 
 
 def _helpers() -> ThreadPoolExecutor | None:
-    """Return the threads that work for this one, in the current number."""
+    """Return the pool of the current thread, restarted if :func:`thread_count` has changed."""
     count = 1 if _caller.helps else thread_count()
     if count != _caller.count:
         if _caller.helpers:
@@ -77,19 +77,19 @@ def _started(count: int) -> ThreadPoolExecutor:
     for _ in range(count):
         helpers.submit(all_begun.wait)
     all_begun.wait()
-    # A thread that sets its own number also sets that of later threads, not all of which belong to this project.
+    # set_num_threads in a pool thread also changes the default of later threads, some of other libraries: restore it.
     torch.set_num_threads(torch.get_num_threads())
     return helpers
 
 
 def _begin() -> None:
-    torch.get_num_threads()  # A thread's number is that of the program when it is first asked for,
-    torch.set_num_threads(1)  # and only then its own.
+    torch.get_num_threads()  # the first query resets a thread's number to the program's,
+    torch.set_num_threads(1)  # so it must come before this
     _caller.helps = True
 
 
 def _in_modes(function: Callable[[_Piece], _Result]) -> Callable[[_Piece], _Result]:
-    """Bind the caller's modes to the function: torch keeps them per thread."""
+    """Wrap a function to run in the caller's modes, which torch keeps per thread."""
     inference, grad = torch.is_inference_mode_enabled(), torch.is_grad_enabled()
     autocast, dtype = torch.is_autocast_enabled("cpu"), torch.get_autocast_dtype("cpu")
 

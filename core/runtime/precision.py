@@ -7,9 +7,9 @@ from functools import cache
 
 import torch
 
-_FIRST, _EMULATED = 4, 3.0  # rounds that are enough where bfloat16 takes so many times as long as float32 in all
-_ROUNDS = 20
-_forced: torch.dtype | None = None
+_FIRST, _EMULATED = 4, 3.0  # first rounds, and the ratio of times: if bfloat16 is slower in each, measuring ends
+_ROUNDS = 20  # further rounds otherwise
+_forced: torch.dtype | None = None  # by use_dtype
 
 
 def require_device(name: str) -> torch.device:
@@ -20,7 +20,7 @@ def require_device(name: str) -> torch.device:
 
 
 def matmul_dtype(device_type: str) -> torch.dtype:
-    """Return bfloat16 if this machine multiplies it clearly faster than float32, else float32.
+    """Return bfloat16 if this machine multiplies it at least 1.2 times faster than float32, else float32.
 
     Processors with bfloat16 units run a field's layers 2 to 5 times faster; others emulate it slowly. Encoding,
     compositing, and the state of fits and training stay in float32.
@@ -30,7 +30,7 @@ def matmul_dtype(device_type: str) -> torch.dtype:
 
 @contextmanager
 def use_dtype(dtype: torch.dtype) -> Iterator[None]:
-    """Force a number format of linear layers inside a ``with``, for ablations and tests."""
+    """Force the number format of linear layers inside a ``with``, for ablations and tests."""
     global _forced
     before, _forced = _forced, dtype
     try:
@@ -43,9 +43,9 @@ def use_dtype(dtype: torch.dtype) -> Iterator[None]:
 def _fastest_dtype(device_type: str) -> torch.dtype:
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
-    # Alternating, so that other load affects both formats; by the lower quartile, since the minimum may be a lucky
-    # outlier of one format. In one thread: several threads wait for each other beside a busy process, equally long in
-    # both formats.
+    # Formats alternate, so that other load affects both. The lower quartiles are compared, as a minimum may be a lucky
+    # outlier. One thread measures: beside a busy process, several threads wait for each other, equally long in both
+    # formats.
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 MAX_DECODED = 400_000_000  # bytes of a decoded file, judged by its header: an RGB image of 100 megapixels
 MAX_TEXT = 16_000_000  # bytes of JSON or numbers as text; Python objects take up to twenty times as much
 _MAX_MEMBERS = 10_000  # files in a zip
-_MAX_PAGES = 100  # of an image that are examined
+_MAX_PAGES = 100  # pages of a TIFF that are examined
 _MAX_MESSAGE, _MAX_REASON = 200, 100  # characters of an error, and of its reason after a long path
-_LARGEST = 1e300  # of a number: JSON integers have no limit
+_LARGEST = 1e300  # limit of a number, as JSON integers have none
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
-"""Supported image formats, besides HEIF. Pillow has many more, of which EPS starts another program."""
+"""Supported image formats, besides HEIF. Pillow's others are refused: its EPS reader starts another program."""
 _HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
 _COPIED = ("WEBP", "AVIF", "HEIF")  # formats whose decoders hold a second copy of the pixels
-_STORED = {"1": 1, "L": 1, "P": 1, "I;16": 2, "I;16B": 2, "I;16L": 2}  # bytes of a pixel in Pillow's memory, if not 4
-_COEFFICIENTS = 3  # bytes of a pixel for a progressive JPEG, independent of the draft size
+_STORED = {"1": 1, "L": 1, "P": 1, "I;16": 2, "I;16B": 2, "I;16L": 2}  # bytes per pixel by Pillow's mode; else 4
+_COEFFICIENTS = 3  # further bytes per pixel of a progressive JPEG, at its full size
 
 # Pillow refuses photographs with a colour profile or description over a megabyte.
 PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, MAX_TEXT)
@@ -48,7 +48,7 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
     """Turn any exception inside into a one-line ``ValueError`` naming the file; the cause is kept.
 
     Args:
-        kind: of the file, with its article: "an image".
+        kind: kind of file with its article, such as "an image".
 
     Example:
         >>> with reading("chair.json", "a scene"):
@@ -103,7 +103,7 @@ def first_line(error: Exception) -> str:
 
 
 def optional(read: Callable[[], Any]) -> Any:
-    """Return the value of ``read``, or None if it fails: for optional parts of a file, such as EXIF."""
+    """Return the value of ``read``, or None if it raises: for optional parts of a file, such as EXIF."""
     try:
         return read()
     except Exception:
@@ -114,7 +114,7 @@ def optional(read: Callable[[], Any]) -> Any:
 
 
 def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
-    """Read a file's content. Raises ``ValueError`` if it has more bytes than ``most``."""
+    """Read a file's content. Raises ``TooLargeError`` for more than ``most`` bytes."""
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -158,7 +158,7 @@ def number(value: Any, name: str = "a number") -> float:
 
 
 def whole(value: Any, name: str = "a number") -> int:
-    """Return a whole number as an integer, also 128.0. Raises ``ValueError`` for anything else."""
+    """Return a whole number, such as 128 or 128.0, as an integer. Raises ``ValueError`` for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
         raise ValueError(f"{name} must be a whole number, got {_shown(value)}")
     return int(value)
@@ -172,10 +172,10 @@ def typed(
     Named tuples count as dataclasses. Missing fields get their defaults; unknown ones are ignored.
 
     Args:
-        special: returns a reader for types that need one, which takes precedence; None for other types.
-        name: of the value, for errors.
+        special: maps a type to its own reader, which takes precedence; to None for types without one.
+        name: name of the value in errors.
 
-    Raises ``ValueError`` naming the part of the wrong type.
+    Raises ``ValueError`` naming the field or item of the wrong type.
 
     Example:
         >>> typed(tuple[int, ...], [1, 2.0])
@@ -247,7 +247,7 @@ _SIMPLE: dict[Any, Callable[[Any, str], Any]] = {
 
 @cache
 def _kinds(kind: Any) -> dict[str, Any]:
-    """Return the types of the fields, cached because it is slow."""
+    """Return the types of the fields; cached, as resolving them is slow."""
     return get_type_hints(kind)
 
 
@@ -268,8 +268,8 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
     """Open an image after checking its header against the memory limit.
 
     Args:
-        side: sufficient px; a JPEG is decoded at a fraction of its size.
-        most: bytes that the decoded image may take.
+        side: px that suffice; a JPEG may be decoded at a fraction of its size.
+        most: limit of the decoded image in bytes.
 
     Raises ``ValueError`` for other files and for images that are too large; decoding may raise anything.
     """
@@ -298,7 +298,7 @@ def _opened(file: Path | BytesIO) -> Image.Image:
 
 
 def _seek_largest(image: Image.Image) -> None:
-    """Go to the first of the largest pages, as the others are previews. HEIC and MPO name their main image."""
+    """Go to a TIFF's largest page, as the others are previews. HEIC and MPO name their main image."""
     sizes = []
     with suppress(Exception):  # a damaged page ends the file
         for page in range(min(getattr(image, "n_frames", 1), _MAX_PAGES) if image.format == "TIFF" else 0):
@@ -336,7 +336,7 @@ def read_tensors(path: Path) -> "tuple[dict[str, str], dict[str, Tensor]]":
 
 @contextmanager
 def open_zip(path: Path, most: int = MAX_DECODED) -> Iterator[zipfile.ZipFile]:
-    """Open a zip file after checking that its unpacked members have at most ``most`` bytes in total."""
+    """Open a zip file. Raises ``TooLargeError`` if it unpacks to more than ``most`` bytes or too many files."""
     with zipfile.ZipFile(path) as file:
         members = file.infolist()
         if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > most:

@@ -11,7 +11,9 @@ TERMINATION = "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
 def on_signals(
     end: Callable[[int], object] = lambda number: sys.exit(128 + number), names: Sequence[str] = TERMINATION
 ) -> None:
-    """Call ``end`` with a signal's number, by default to exit, unless the signal is ignored (``nohup``).
+    """Call ``end`` with the number of an arriving signal, by default to exit.
+
+    Signals that the process ignores (``nohup``) stay ignored.
 
     Does nothing outside the main thread, where no handler can be set.
     """

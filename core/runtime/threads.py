@@ -7,7 +7,7 @@ from pathlib import Path
 
 VARIABLE = "CODENERF_THREADS"  # environment: threads of the pool, instead of one per core
 _LIBRARIES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-"""read by torch, its matrix library, numpy's and OpenCV when they are loaded"""
+"""Read by OpenMP, MKL, OpenBLAS and OpenCV when they are loaded."""
 _LIMITS = ("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")
 """Files of control groups, version 2 and 1: microseconds of processor time per period, and the period."""
 
@@ -15,21 +15,21 @@ _LIMITS = ("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")
 def use_one_torch_thread() -> None:
     """Limit libraries that are loaded from now on, and child processes, to one thread.
 
-    The first line of a program. Importing :mod:`core` changes nothing: a library leaves torch's threads to its caller.
+    Call first in a program. Importing :mod:`core` does not do so: a library leaves torch's threads to its caller.
     """
     os.environ.update(dict.fromkeys(_LIBRARIES, "1"))
 
 
 def use_threads(count: int | None) -> None:
-    """Let the pools of this process and its children have so many threads; None: as the environment says."""
+    """Set the number of pool threads of this process and its children; None keeps the environment's."""
     if count is not None:
         os.environ[VARIABLE] = str(count)
 
 
 def thread_count() -> int:
-    """Return the number of threads of the pool: ``CODENERF_THREADS``, else one per core of this process.
+    """Return the number of pool threads: ``CODENERF_THREADS``, else one per core of this process.
 
-    Raise ``ValueError`` unless the variable is a positive number.
+    Raises ``ValueError`` unless the variable is a positive whole number.
     """
     told = os.environ.get(VARIABLE)
     if told is None:
