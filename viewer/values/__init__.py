@@ -1,1 +1,1 @@
-"""Frozen values, and pure functions of them: no threads, no screen."""
+"""Frozen values and pure functions of them, without threads or screen."""

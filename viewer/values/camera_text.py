@@ -1,4 +1,4 @@
-"""A camera as a line of text for the clipboard. Pure."""
+"""A camera as a line of text for the clipboard."""
 
 import math
 import re
@@ -11,7 +11,7 @@ _NUMBER = re.compile(r"(azimuth|elevation|distance|focal)\s*[=:]?\s*(-?\d+(?:\.\
 
 
 def camera_text(camera: Camera) -> str:
-    """Format a camera in degrees, scene units, and image heights (focal length).
+    """Format a camera: angles in degrees, distance in scene units, focal length in image heights.
 
     Example:
         >>> camera_text(Camera(math.pi / 3, 0.25, 2.0, 131.25, 128, 128))
@@ -23,7 +23,7 @@ def camera_text(camera: Camera) -> str:
 
 
 def camera_from_text(text: str, camera: Camera) -> Camera:
-    """Replace the camera's values that the text names. Raises ``ValueError`` if it names none."""
+    """Return ``camera`` with the values that a text names. Raises ``ValueError`` if it names none."""
     found: dict[str, Any] = {name.lower(): float(value) for name, value in _NUMBER.findall(text)}
     if not found:
         raise ValueError("there is no camera in the clipboard, such as azimuth=60 elevation=20 distance=2")

@@ -2,7 +2,7 @@
 
 
 def duration(seconds: float) -> str:
-    """Format a duration with the precision that a person needs.
+    """Format a duration in seconds or minutes, rounded as in speech.
 
     >>> [duration(seconds) for seconds in (0.2, 6.4, 38, 170, 4000)]
     ['1 s', '6 s', '40 s', '3 min', '67 min']

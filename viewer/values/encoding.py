@@ -1,4 +1,4 @@
-"""Frozen values as JSON by the types of their fields; large values are stored once and referred to by number."""
+"""Frozen values as JSON by the types of their fields; large values are stored once, by number."""
 
 import io
 from collections.abc import Callable
@@ -23,24 +23,24 @@ from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
 
 _SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
-_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes, of the pixels of one photo and of all photos
+_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
 
 
 @dataclass(eq=False)
 class BlobStore:
-    """Values that JSON refers to by number, since many states share them and arrays make bad text."""
+    """Values that JSON refers to by number: arrays, photos, and values shared by many states."""
 
     tensors: list[Tensor] = field(default_factory=list)
-    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity, WebP of photo detail
+    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity; WebP of photo detail
     timelines: list[Any] = field(default_factory=list)
-    """timelines and erasures of photos: JSON, replaced by values when decoded"""
-    models: OpenModels | None = None  # finds the models of decoded codes
-    model: str = ""  # default fingerprint for codes without one
-    left: int = _MAX_PHOTOS  # bytes left for the pixels of photos yet to be read
-    _known: dict[int, tuple[object, int]] = field(default_factory=dict)  # by identity, values and their numbers
+    """Timelines, views and erasures of photos: JSON, replaced by values when decoded."""
+    models: OpenModels | None = None  # models of decoded codes; None for encoding
+    model: str = ""  # fingerprint for codes without one
+    left: int = _MAX_PHOTOS  # bytes left for the pixels of photos not yet decoded
+    _known: dict[int, tuple[object, int]] = field(default_factory=dict)  # stored values and their numbers, by id
 
     def number(self, value: object, stored: list, make: Callable[[], Any]) -> int:
-        """Return a value's number in a list, adding the value if it is new."""
+        """Return a value's number in the list ``stored``; a new value is made by ``make`` and appended."""
         if id(value) not in self._known:
             made = make()
             self._known[id(value)] = value, len(stored)
@@ -75,7 +75,7 @@ def _encode_shared(value: Any, store: BlobStore) -> Any:
 
 
 def decode(kind: Any, value: Any, store: BlobStore) -> Any:
-    """Invert :func:`encode` for a type; missing fields get their defaults.
+    """Decode a value of type ``kind``, the inverse of :func:`encode`; missing fields get their defaults.
 
     Raises ``ValueError`` for other content.
     """
@@ -100,10 +100,11 @@ def encode_photo(photo: Photo) -> bytes:
 
 
 def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
-    """Invert :func:`encode_photo`, adding the other fields. Raises ``ValueError`` if it is not a photo.
+    """Decode a photo, the inverse of :func:`encode_photo`. Raises ``ValueError`` for other files.
 
     Args:
-        most: bytes that its pixels may take.
+        most: limit of the decoded pixels in bytes.
+        beside: the photo's other fields.
     """
     with reading("its photo", "an image"), open_image(io.BytesIO(file), most=most) as image:
         rgba = torch.from_numpy(np.array(image.convert("RGBA")))
@@ -140,7 +141,7 @@ def _decode_fitted_photo(about: Any, store: BlobStore) -> FittedPhoto:
 
 
 def _decode_codes(about: Any, store: BlobStore) -> Codes:
-    """Decode codes of an open model, or one that extends theirs. Raises ``ValueError`` if neither is open."""
+    """Decode codes of an open model or of one that it extends. Raises ``ValueError`` if neither is open."""
     codes: Codes = _decode_in_place(Codes, about, store)
     assert store.models is not None, "no models"
     model = store.models[codes.model or store.model]
@@ -151,7 +152,7 @@ def _decode_codes(about: Any, store: BlobStore) -> Codes:
 
 
 def _decode_shared(kind: Any, about: Any, store: BlobStore) -> Any:
-    """Return the same value for the same number; some files of November 2026 hold values in place."""
+    """Return the same value for the same number. Some files of November 2026 hold the JSON in its place."""
     if isinstance(about, dict):
         return _decode_in_place(kind, about, store)
     found = _part(store.timelines, about)
@@ -182,7 +183,7 @@ _SPECIAL: dict[Any, Callable[[Any, BlobStore], Any]] = {
 
 @cache
 def _kinds(kind: Any) -> dict[str, Any]:
-    """Return the types of the fields, cached because it is slow."""
+    """Return the types of the fields; cached, as resolving them is slow."""
     return get_type_hints(kind)
 
 

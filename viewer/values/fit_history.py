@@ -1,4 +1,4 @@
-"""The history of a fit: photos, steps, and the selected step. All frozen."""
+"""The history of a fit: its photos and steps; requests for fits, and questions about photos."""
 
 from __future__ import annotations
 
@@ -22,39 +22,39 @@ from core.runtime.reading import optional, read_numbers
 from viewer.values.printable import printable
 from viewer.values.seen_cut_out import SeenCutOut
 
-MAX_STEPS = 800  # steps kept; beyond, every other one is dropped
+MAX_STEPS = 800  # limit of kept steps, at which every other step is dropped
 
 
 class PhotoSource(NamedTuple):
-    """The origin of a photo: its file, and hints of a person."""
+    """A photo to fit: its file, its pose file, and a person's hints."""
 
     path: Path
-    pose: Path | None = None  # its SRN pose file, if the camera is known
-    hints: Hints | None = None  # a person's hints to the object, if any
+    pose: Path | None = None  # SRN pose file, if the camera is known
+    hints: Hints | None = None  # clicks, box and strokes that point out the object
 
     @property
     def name(self) -> str:
-        """Name of the file, printable."""
+        """The file's name as the window can draw it."""
         return printable(self.path.name)
 
 
 @dataclass(frozen=True, eq=False)
 class FittedPhoto:
-    """A photo that is fitted."""
+    """A photo that was read and prepared for a fit."""
 
     source: PhotoSource
     photo: Photo
-    pixels: UInt8[np.ndarray, "height width 3"]
-    seen: SeenCutOut | None = None  # None once it was saved
+    pixels: UInt8[np.ndarray, "height width 3"]  # of the photo, as bytes
+    seen: SeenCutOut | None = None  # the whole photo with its outline; not saved with a project
 
     @classmethod
     def of(cls, source: PhotoSource, photo: Photo, seen: SeenCutOut | None = None) -> FittedPhoto:
-        """Build from a photo, converting its pixels to bytes."""
+        """Return a fitted photo with the pixels of ``photo`` as bytes."""
         return cls(source, photo, to_bytes(photo.pixels), seen)
 
     @property
     def digest(self) -> str:
-        """Hash that identifies the photo."""
+        """A hash of the pixels, which identifies the photo."""
         return hashlib.sha256(self.pixels.tobytes()).hexdigest()[:16]
 
 
@@ -63,14 +63,14 @@ class FitHistory:
     """The photos and steps of a fit so far."""
 
     sources: tuple[PhotoSource, ...] = ()
-    photos: tuple[FittedPhoto, ...] = ()  # of the sources read so far
+    photos: tuple[FittedPhoto, ...] = ()  # the first of the sources, those read so far
     steps: tuple[FitStep, ...] = ()
     photo_index: int = 0  # the selected photo
     model: str = ""  # fingerprint of the fitted model; empty until the first photo's category is known
 
     @property
     def name(self) -> str:
-        """Name of the object: its first photo's."""
+        """The object's name, that of its first photo; empty without photos."""
         return printable(self.sources[0].path.stem) if self.sources else ""
 
     @property
@@ -85,49 +85,49 @@ class FitHistory:
 
     @property
     def progress(self) -> float:
-        """Progress, 0..1."""
+        """The finished fraction of the fit's steps, 0..1."""
         return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
 
     def with_step(self, step: FitStep) -> FitHistory:
-        """Add a step; beyond :data:`MAX_STEPS` keep only every other step and the newest."""
+        """Return the history with another step; above :data:`MAX_STEPS`, every other older step is dropped."""
         steps = (*self.steps, step)
         return replace(self, steps=steps if len(steps) <= MAX_STEPS else (*steps[:-1:2], step))
 
 
 class FitRequest(NamedTuple):
-    """A fit to be run: its history so far, and the hypothesis to resume from, if any."""
+    """A fit to be run."""
 
-    history: FitHistory
-    resume_from: Hypothesis | None = None
-    restored: bool = False  # from a run that ended during this fit, maybe after its result had joined the objects
-    answered: int = 0  # number of photos, from the first, about which a person was asked
+    history: FitHistory  # its sources, and the photos and steps so far
+    resume_from: Hypothesis | None = None  # None: search from the beginning
+    restored: bool = False  # from a run that ended during this fit; its result may already be among the objects
+    answered: int = 0  # number of photos, from the first, whose questions were answered
 
 
 class Question(NamedTuple):
-    """A photo that a person looks at before it is fitted."""
+    """A question about the cut-out of a photo, to be answered before the fit."""
 
     request: FitRequest
     words: str
-    cut: CutOut | None  # None where no object was found
+    cut: CutOut | None  # None if no object was found
     seen: SeenCutOut
-    model: str  # fingerprint of the model that would fit it
+    model: str  # fingerprint of the model that would fit the photo
 
     @property
     def number(self) -> int:
-        """The index of the photo among those of the request."""
+        """The photo's index among the sources of the request."""
         return len(self.request.history.photos)
 
     @property
     def source(self) -> PhotoSource:
-        """The photo asked about."""
+        """The photo in question."""
         return self.request.history.sources[self.number]
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
-    """Sort files into images with the poses of the same names, and other files.
+    """Sort files into images, each with the pose file of the same name, and other files.
 
-    A pose is a text of 16 numbers. Without an image, all other files count as images, so that reading them reports why
-    they are not. Raises ``ValueError`` if there are only texts.
+    A pose file is a .txt of 16 numbers. If no file is an image, all but .txt files count as images, so that reading
+    them reports the reason. Raises ``ValueError`` if there are only .txt files.
     """
     texts = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
     no_texts = [path for path in paths if path not in texts.values()]
@@ -150,4 +150,4 @@ class Ready:
     """A fitted object that is ready to be shown."""
 
     name: str
-    camera: Camera  # its photo's camera, at the size of the model's images
+    camera: Camera  # of its photo, at the size of the model's images

@@ -1,4 +1,4 @@
-"""The undo history: states before and after the current one; a drag counts once."""
+"""The undo history: the current state between earlier and later ones. A drag is one step."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from core.models.scene import Scene
 from viewer.values.part import PARTS
 from viewer.values.variety import readable
 
-_DEPTH = 500  # states kept; a state is a few hundred numbers
+_DEPTH = 500  # earlier states kept; a state holds a few hundred numbers
 
 
 class Pair(NamedTuple):
-    """An object composed of one object's shape and another's texture."""
+    """The names of the objects whose shape and texture make one object."""
 
     shape: str
     texture: str
 
     @property
     def words(self) -> str:
-        """Name of the object for people."""
+        """The composed object's readable name."""
         shape, texture = map(readable, self)
         return shape if self.shape == self.texture else f"{shape} as {texture}"
 
 
 @dataclass(frozen=True)
 class Mix:
-    """Objects between which shape and texture are mixed, and how far from A (0) to B (1)."""
+    """The mixed objects A and B, and the amount of B in shape and texture."""
 
     a: Pair
-    b: str
-    shape: float = 0.0
-    texture: float = 0.0
+    b: str  # name
+    shape: float = 0.0  # 0 (A) to 1 (B)
+    texture: float = 0.0  # 0 (A) to 1 (B)
 
     def with_amount(self, part: str, amount: float) -> Mix:
-        """Change the amount of B in one part."""
+        """Return the mix with another amount of B in one part."""
         return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
 
     @property
@@ -49,13 +49,13 @@ class Mix:
         return frozenset((*self.a, self.b))
 
     def renamed(self, names: Mapping[str, str]) -> Mix:
-        """Rename some objects."""
+        """Return the mix with objects renamed from keys to values of ``names``."""
         return replace(self, a=Pair(*(names.get(name, name) for name in self.a)), b=names.get(self.b, self.b))
 
 
 @dataclass(frozen=True)
 class State:
-    """The edited state: scene, mix and timeline."""
+    """A state of the editor: everything that undo restores."""
 
     scene: Scene
     mix: Mix
@@ -74,9 +74,9 @@ class State:
 
 
 class Edit(NamedTuple):
-    """An edit of the codes; later changes of camera, B or timeline alone belong to it."""
+    """An edit of the codes, with the changes of camera, B or timeline that follow it."""
 
-    last: int  # index of the last state
+    last: int  # index of its last state
     words: str  # description
     of: Pair  # object A
 
@@ -88,11 +88,14 @@ class History:
     now: State
     past: tuple[State, ...] = ()
     future: tuple[State, ...] = ()
-    gesture: str = ""  # drag under way; its edits replace the state it began
-    moved: bool = field(default=False, compare=False)  # the next move continues this one
+    gesture: str = ""  # name of the current drag, whose edits replace the current state; empty: none
+    moved: bool = field(default=False, compare=False)  # the last step moved the camera; the next move joins it
 
     def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
-        """Add an edited state. Edits of one gesture, or consecutive camera moves (``moves``), count as one step."""
+        """Return the history with an edited state as the current one; later states are dropped.
+
+        Edits of one gesture are one step, and so are consecutive camera moves (``moves``).
+        """
         if state == self.now:
             return self
         same = (bool(gesture) and gesture == self.gesture) or (moves and self.moved)
@@ -100,17 +103,17 @@ class History:
         return History(state, past, (), gesture, moves)
 
     def without_gesture(self) -> History:
-        """End the drag: the next edit is a step of its own."""
+        """Return the history with the drag ended: the next edit is another step."""
         return replace(self, gesture="")
 
     def undone(self) -> History:
-        """Go one step back, if there is one."""
+        """Return the history one step back, if there is one."""
         if not self.past:
             return self
         return History(self.past[-1], self.past[:-1], (self.now, *self.future))
 
     def redone(self) -> History:
-        """Go one step forward, if there is one."""
+        """Return the history one step forward, if there is one."""
         if not self.future:
             return self
         return History(self.future[0], (*self.past, self.now), self.future[1:])
@@ -122,7 +125,7 @@ class History:
 
     @property
     def edits(self) -> tuple[tuple[Edit, ...], ...]:
-        """Edits in groups of one object each, the oldest first."""
+        """All edits, the oldest first, grouped by object A."""
         states = self.states
         changed = (at for at in range(1, len(states)) if states[at].scene.codes != states[at - 1].scene.codes)
         begins = [0, *changed]
@@ -132,24 +135,24 @@ class History:
         return tuple(tuple(group) for _, group in groupby(found, lambda edit: edit.of))
 
     def at(self, index: int) -> History:
-        """Make another state current; all states stay."""
+        """Return the history with another state as the current one, by its index in :attr:`states`."""
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
 
     def shortened(self) -> History:
-        """Drop the older half of undo; where there is no undo, the later half of redo."""
+        """Return the history without the older half of undo or, if undo is empty, the later half of redo."""
         if self.past:
             return replace(self, past=self.past[(len(self.past) + 1) // 2 :])
         return replace(self, future=self.future[: len(self.future) // 2])
 
     def after(self, earlier: History) -> History:
-        """Put all states of another history before these."""
+        """Return the history with all states of another one before its own."""
         return replace(self, past=(*earlier.states, *self.past)[-_DEPTH:])
 
     def renamed(self, names: Mapping[str, str]) -> History:
-        """Rename some objects in every state."""
+        """Return the history with objects renamed in every state, from keys to values of ``names``."""
         return self.everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
 
     def everywhere(self, change: Callable[[State], State]) -> History:
-        """Change every state in the same way."""
+        """Return the history with ``change`` applied to every state."""
         return History(change(self.now), tuple(map(change, self.past)), tuple(map(change, self.future)), self.gesture)

@@ -1,4 +1,4 @@
-"""The influence of a slider: changed image regions, and changes of the silhouette. Pure."""
+"""The influence of a slider: the changed pixels and the movement of the silhouette."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 from core.rendering.progressive import Frame
 from viewer.values.view_modes import colour_map
 
-_VISIBLE = 4 / 255  # difference of colours that an eye may notice
+_VISIBLE = 4 / 255  # least visible difference of colours, 0..1; smaller ones are not amplified
 _OVER = 0.8  # opacity of the overlay at large changes
 
 
@@ -16,12 +16,12 @@ _OVER = 0.8  # opacity of the overlay at large changes
 class CodeInfluence:
     """The difference between two renders from the same camera."""
 
-    image: UInt8[np.ndarray, "height width 4"]  # transparent where nothing changes, brighter for larger changes
-    leak: float  # largest change of any pixel's opacity, 0..1: movement of the silhouette
+    image: UInt8[np.ndarray, "height width 4"]  # RGBA overlay: transparent for no change, bright for large changes
+    leak: float  # largest change of a pixel's opacity, 0..1: movement of the silhouette
 
     @classmethod
     def between(cls, low: Frame, high: Frame) -> "CodeInfluence":
-        """Compare renders of a slider at two of its values."""
+        """Compare renders at two values of a slider."""
         moved = np.abs(low.image.astype(float) - high.image).max(-1) / 255
         leak = float(np.abs(low.opacity - high.opacity).max())
         share = moved / max(moved.max(), _VISIBLE)

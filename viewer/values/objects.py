@@ -1,4 +1,4 @@
-"""The objects of a session: training objects of the open models, and added ones."""
+"""The objects of a session: the training objects of open models, and added objects."""
 
 import re
 from collections.abc import Container, Iterable
@@ -20,8 +20,8 @@ class EditableObject:
     name: str
     codes: Codes
     fitted: bool = False  # to a photo
-    confidence: float | None = None  # probability that the photo's camera is right; None: unknown
-    photo: str = ""  # digest of that photo's pixels; empty if unknown
+    confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
+    photo: str = ""  # digest of the photo's pixels; empty if unknown
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
@@ -29,16 +29,16 @@ class EditableObject:
 
 
 class ObjectLibrary:
-    """Objects by name: those of the models except collapsed ones, and added ones."""
+    """Objects by name: the models' training objects that did not collapse, and added objects."""
 
     def __init__(self, models: Iterable[Model]) -> None:
         self._trained: dict[str, EditableObject] = {}
         self._added: dict[str, EditableObject] = {}
-        self.removed: frozenset[str] = frozenset()  # in no list, but undo may restore them
-        self.version = 0  # counts the changes
-        self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint, names here of its objects by their own
+        self.removed: frozenset[str] = frozenset()  # names of unlisted added objects, which undo may show again
+        self.version = 0  # number of changes so far
+        self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint: names here by names in the model
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
-        """by fingerprint of the model: one object of each form and its variants, different forms first"""
+        """By model's fingerprint: one object of each form with its variants, the most different forms first."""
         for model in models:
             self.add_model(model)
 
@@ -64,29 +64,29 @@ class ObjectLibrary:
 
     @property
     def names(self) -> list[str]:
-        """Added objects, the newest first, then those of each model: one of each form, then the variants."""
+        """All listed names: added objects, the newest first; then of each model all forms and all variants."""
         forms = self.families.values()
         return [*self.own, *(name for one in forms for name in (*one, *chain.from_iterable(one.values())))]
 
     @property
     def own(self) -> list[str]:
-        """Names of added objects, the newest first."""
+        """Names of added objects that were not removed, the newest first."""
         return [one.name for one in reversed(self.added)]
 
     def name_here(self, name: str, model: str) -> str | None:
-        """Return the name of an object of a model that had this name elsewhere; None if there is none.
+        """Return the name here of a model's object with this name in another session; None if there is none.
 
-        Names differ where two models have objects of the same name.
+        The names differ if objects of two models share a name, as one of them gets a number.
 
         Args:
-            model: fingerprint.
+            model: the model's fingerprint.
         """
         if name in self and self[name].codes.model == model:
             return name
         return self._names.get(model, {}).get(re.sub(r" \(\d+\)$", "", name))
 
     def families_of(self, name: str) -> dict[str, tuple[str, ...]]:
-        """Return the forms with variants that list an object; none for an added object."""
+        """Return the families (:attr:`families`) of an object's model; none for an added object."""
         return {} if name in self._added else self.families[self[name].codes.model]
 
     @property
@@ -100,7 +100,7 @@ class ObjectLibrary:
         return tuple(self._added.values())
 
     def add(self, added: EditableObject) -> str:
-        """Add an object and return its name, made unique."""
+        """Add an object under a unique name and return that name."""
         name = unique_name(added.name, self)
         self._added[name] = replace(added, name=name)
         self.version += 1
@@ -112,7 +112,7 @@ class ObjectLibrary:
         self.version += 1
 
     def rename(self, name: str, to: str) -> str:
-        """Rename an added object and return the new name, made unique."""
+        """Rename an added object and return its new name, made unique."""
         to = unique_name(to, self)
         self._added = {
             to if key == name else key: replace(one, name=to) if key == name else one
@@ -122,12 +122,15 @@ class ObjectLibrary:
         return to
 
     def remove(self, *names: str) -> None:
-        """Remove added objects from all lists."""
+        """Remove added objects from all lists; lookup by name still finds them."""
         self.removed |= frozenset(names)
         self.version += 1
 
     def add_missing(self, others: Iterable[EditableObject]) -> dict[str, str]:
-        """Add objects whose codes no earlier added object has, one for one; map their names to the names here."""
+        """Add the objects whose codes are not here yet; return the names here by the given names.
+
+        Each earlier object matches at most one of ``others``.
+        """
         before, names = list(self.ever_added), dict[str, str]()
         for other in others:
             same = [one for one in before if one.codes == other.codes]
@@ -139,7 +142,7 @@ class ObjectLibrary:
 
 
 def unique_name(wanted: str, taken: Container[str]) -> str:
-    """Return the wanted name, with a number if it is taken."""
+    """Return the wanted name, printable, with a number if it is taken."""
     name, count = (wanted := printable(wanted)), 1
     while name in taken:
         count += 1

@@ -1,4 +1,4 @@
-"""New cameras from input: drag, wheel, keys. Pure."""
+"""Cameras after a drag, a wheel click or a key, and their crops to the view's size."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,8 +7,8 @@ from core.geometry.camera import FRONT_AZIMUTH, Camera
 from core.models.model import Model
 from core.rendering.progressive import Frame
 
-HIGHEST = math.radians(89.0)  # short of the pole, where the image would spin
-_ZOOM_STEP = 1.06
+HIGHEST = math.radians(89.0)  # largest elevation, rad: at the pole the image would spin
+_ZOOM_STEP = 1.06  # factor of the distance per wheel click
 REACH = 0.4, 3.0  # nearest and farthest distance, relative to the training distance
 VIEWS = {"front": (FRONT_AZIMUTH, 0.0), "side": (FRONT_AZIMUTH - math.pi / 2, 0.0), "top": (FRONT_AZIMUTH, HIGHEST)}
 """Azimuth and elevation (rad) of the standard views."""
@@ -16,7 +16,7 @@ _MAX_PAN = 1.0  # largest pan of the object, relative to the view's shorter side
 
 
 def home(model: Model) -> Camera:
-    """Return the initial camera of a model: from the front, slightly sideways and above, filling the view."""
+    """Return a model's initial camera: from the front, slightly sideways and above, the object filling the view."""
     half_view = math.atan(model.image_size / 2 / model.focal)
     # Four fifths, because the box's corners are empty.
     filling_it = 0.8 * math.hypot(*model.extent) / math.sin(half_view)
@@ -24,35 +24,35 @@ def home(model: Model) -> Camera:
 
 
 def dragged(camera: Camera, across: float, down: float) -> Camera:
-    """Rotate the object with the mouse: half a turn for a drag across the whole view.
+    """Return the camera after a drag, of which one across the whole view is half a turn.
 
     Args:
-        across, down: motion of the mouse, relative to the view's size.
+        across, down: motion of the mouse as fractions of the view's size.
     """
     return turned(camera, -math.pi * across, math.pi * down)
 
 
 def turned(camera: Camera, azimuth: float, elevation: float) -> Camera:
-    """Rotate the camera by these angles (rad), kept off the poles."""
+    """Return the camera turned by these angles (rad), kept off the poles."""
     around = math.remainder(camera.azimuth + azimuth, 2 * math.pi)
     up = max(-HIGHEST, min(HIGHEST, camera.elevation + elevation))
     return replace(camera, azimuth=around, elevation=up)
 
 
 def reach(camera: Camera, model: Model) -> tuple[float, float]:
-    """Return the least and the largest distance of a camera; longer focal lengths allow larger distances."""
+    """Return a camera's least and largest distance in scene units; a longer focal length allows a larger one."""
     longer = max(1.0, camera.focal / camera.height / (model.focal / model.image_size))
     return REACH[0] * model.distance, REACH[1] * longer * model.distance
 
 
 def zoomed(camera: Camera, steps: float, model: Model) -> Camera:
-    """Zoom in by wheel clicks, within :func:`reach`."""
+    """Return the camera nearer by wheel clicks, farther for negative ``steps``, within :func:`reach`."""
     nearest, farthest = reach(camera, model)
     return replace(camera, distance=max(nearest, min(farthest, camera.distance * _ZOOM_STEP**-steps)))
 
 
 def seen_from(camera: Camera, view: str) -> Camera:
-    """Return one of :data:`VIEWS` at the current distance."""
+    """Return the camera of a standard view (:data:`VIEWS`) at the current distance."""
     azimuth, elevation = VIEWS[view]
     return replace(camera, azimuth=azimuth, elevation=elevation)
 
@@ -63,7 +63,7 @@ def same_direction(one: Camera, other: Camera) -> bool:
 
 
 def photo_camera(photo: Camera, model: Model) -> Camera:
-    """The camera of a photo at the size of a model's images, the photo filling four fifths of a view."""
+    """Return a photo's camera at the size of a model's images, where the photo fills four fifths."""
     size = model.image_size
     focal = 0.8 * photo.focal * size / max(photo.width, photo.height)
     return replace(photo, width=size, height=size, focal=focal)
@@ -72,10 +72,13 @@ def photo_camera(photo: Camera, model: Model) -> Camera:
 def photo_box(
     photo: Camera, seen: Camera, panel: tuple[float, float], pan: tuple[float, float]
 ) -> tuple[float, float, float, float] | None:
-    """Left, top, right and bottom (px) of a photo over a panel that shows it from its camera; None from elsewhere.
+    """Return a photo's left, top, right and bottom (px) in a panel; None unless seen from its camera.
 
     Args:
-        pan: as :func:`fit_to_panel` takes it.
+        photo: camera of the photo.
+        seen: camera of the panel.
+        panel: width and height in px.
+        pan: shift of the object, as in :func:`fit_to_panel`.
     """
     if not same_direction(photo, seen) or not math.isclose(photo.distance, seen.distance):
         return None
@@ -86,23 +89,26 @@ def photo_box(
 
 
 def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
-    """Move the object in the view; fractions of the view's shorter side."""
+    """Return the pan moved right and down, limited, as fractions of the view's shorter side."""
     x, y = (max(-_MAX_PAN, min(_MAX_PAN, value)) for value in (pan[0] + across, pan[1] + down))
     return x, y
 
 
 @dataclass(frozen=True)
 class PanelCrop:
-    """An image to render and the part of it that a panel shows: cameras only look at the object's middle."""
+    """An image to render and the part of it that a panel shows.
 
-    camera: Camera
-    width: int
+    The image is larger than the part if the object is off the panel's middle, as cameras look at the object.
+    """
+
+    camera: Camera  # of the whole image
+    width: int  # px shown
     height: int  # px shown
-    left: int = 0
-    top: int = 0  # px to the left of and above the shown part
+    left: int = 0  # px to the left of the shown part
+    top: int = 0  # px above the shown part
 
     def cropped(self, frame: Frame) -> Frame:
-        """Crop a frame of any resolution to the shown part."""
+        """Crop a frame of the whole image, at any resolution, to the shown part."""
         if (self.width, self.height) == (self.camera.width, self.camera.height):
             return frame
         scale = frame.image.shape[0] / self.camera.height
@@ -118,12 +124,12 @@ class PanelCrop:
 def fit_to_panel(
     camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)
 ) -> PanelCrop:
-    """Return the view for a panel of any shape; its shorter side shows the camera's height.
+    """Return the image to render for a panel of any shape; its shorter side shows the camera's height.
 
     Args:
         width, height: of the panel, px.
         detail: px along the shorter side of the shown part.
-        pan: shift of the object to the right and down, relative to the shorter side.
+        pan: shift of the object to the right and down, as fractions of the shorter side.
     """
     shorter = max(1, min(width, height))
     across, down = (max(1, round(detail * side / shorter)) for side in (width, height))

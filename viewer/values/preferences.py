@@ -1,4 +1,4 @@
-"""Preferences kept between launches in a small file that may be missing or broken."""
+"""Preferences, kept between launches in a file that may be missing or damaged."""
 
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -11,12 +11,12 @@ from viewer.values.share_settings import ShareSettings
 
 _FILE = "preferences.json"
 _RECENT = 8  # files remembered
-SMALLEST, LARGEST = 0.75, 2.0  # of the text, relative to the default
+SMALLEST, LARGEST = 0.75, 2.0  # limits of the text's size, relative to the default
 
 
 @dataclass(frozen=True)
 class Preferences:
-    """A person's choices. Changes make a new object."""
+    """A person's preferences."""
 
     dark: bool = True
     text: float = 1.0  # size of the text, relative to the default
@@ -25,22 +25,22 @@ class Preferences:
     recent: tuple[str, ...] = ()  # paths of opened files, the latest first
 
     def with_text_size(self, text: float) -> "Preferences":
-        """Change the text size, within limits."""
+        """Return the preferences with another text size, within its limits."""
         return replace(self, text=max(SMALLEST, min(LARGEST, text)))
 
     def with_recent(self, path: Path) -> "Preferences":
-        """Put a file at the head of the recent ones."""
+        """Return the preferences with a file at the head of the recent ones."""
         name = str(path.absolute())
         return replace(self, recent=(name, *(other for other in self.recent if other != name))[:_RECENT])
 
     def save(self, folder: Path) -> None:
-        """Write to a folder, creating it. Raises ``ValueError`` or ``OSError`` if that fails."""
+        """Write the preferences to a folder, creating it. Raises ``ValueError`` or ``OSError`` on failure."""
         folder.mkdir(parents=True, exist_ok=True)
         write_json(folder / _FILE, asdict(self))
 
     @classmethod
     def load(cls, folder: Path) -> "Preferences":
-        """Read preferences; missing or invalid values get their defaults."""
+        """Read the preferences of a folder; missing or invalid values get their defaults."""
         stored = optional(lambda: read_json(folder / _FILE))
         if not isinstance(stored, dict):
             return cls()
@@ -60,7 +60,7 @@ def _share(stored: object) -> ShareSettings:
 
 
 def _kept(default: Any, stored: dict) -> dict[str, Any]:
-    """Return the stored numbers, texts and choices of the right type."""
+    """Return the stored truth values, numbers and texts that have the type of the default."""
     return {
         one.name: stored[one.name]
         for one in fields(default)

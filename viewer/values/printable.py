@@ -1,9 +1,9 @@
-"""Text as the window can draw it, and as names of files."""
+"""Text that the window can draw, and text for file names."""
 
 import re
 
 _CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
-_JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))  # join parts of an emoji: no glyphs
+_JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))  # characters that join parts of an emoji: no glyphs
 
 
 def printable(text: object) -> str:
@@ -21,7 +21,7 @@ def printable(text: object) -> str:
 
 
 def file_name(words: str) -> str:
-    """Words as a name that every system takes, without its ending.
+    """Convert words to a file name, without ending, that every system accepts.
 
     Example:
         >>> file_name("Police car (2)"), file_name("?")

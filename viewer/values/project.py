@@ -1,4 +1,4 @@
-"""A project: everything a person made, as a value and as one file, a zip of JSON, tensors and photos."""
+"""A project: everything a person made, as a value and as a zip of JSON, tensors and photos."""
 
 import json
 import zipfile
@@ -23,15 +23,15 @@ from viewer.values.objects import EditableObject, unique_name
 
 SUFFIX = ".codenerf"
 _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
-_MAX_BYTES = 100_000_000  # of unpacked content; a project of a day's work has some millions
+_MAX_BYTES = 100_000_000  # limit of the unpacked content; a day's work takes a few million bytes
 
 
 class SavedTile(NamedTuple):
-    """A candidate of a fit, without its thumbnail."""
+    """A candidate of a fit without its thumbnail (:class:`viewer.activities.candidates.Tile`)."""
 
     number: int
     hypothesis: Hypothesis
-    eliminated_at: float | None
+    eliminated_at: float | None  # s of the fit; None if it is active
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +39,13 @@ class Project:
     """Everything needed to resume a session."""
 
     history: History
-    objects: tuple[EditableObject, ...] = ()  # those that are no model's own, the oldest first
-    removed: tuple[str, ...] = ()  # those of them that are in no list any more
-    fit: FitHistory = field(default_factory=FitHistory)  # the last one that is over
-    tiles: tuple[SavedTile, ...] = ()  # its candidates
-    pending: tuple[FitRequest, ...] = ()  # the fit under way, and those that wait
-    models: tuple[str, ...] = ()  # names and paths of the models that were open
-    path: Path | None = None  # where a person saved it last, if it is kept from launch to launch
+    objects: tuple[EditableObject, ...] = ()  # added objects, the oldest first
+    removed: tuple[str, ...] = ()  # names of removed ones among them
+    fit: FitHistory = field(default_factory=FitHistory)  # the last finished fit
+    tiles: tuple[SavedTile, ...] = ()  # candidates of that fit
+    pending: tuple[FitRequest, ...] = ()  # the running fit and the waiting ones
+    models: tuple[str, ...] = ()  # names and paths of the open models
+    path: Path | None = None  # file that a person saved it to, only in autosaved sessions
 
     @property
     def is_empty(self) -> bool:
@@ -54,7 +54,7 @@ class Project:
 
     @property
     def summary(self) -> str:
-        """Counts of steps, objects and photos under way in words; empty for none."""
+        """Counts of undo steps, objects and unfinished fits in words; empty if all are 0."""
         counts = {
             ("step", "steps"): len(self.history.past) + len(self.history.future),
             ("object", "objects"): len({one.name for one in self.objects} - {*self.removed}),
@@ -63,15 +63,15 @@ class Project:
         return ", ".join(f"{count} {one if count == 1 else more}" for (one, more), count in counts.items() if count)
 
     def shared(self) -> "Project":
-        """Return the project without this machine's folders, except those of photos not yet read."""
+        """Return the project for other machines: paths are names, except those of photos not yet read."""
         return replace(self._moved(lambda path: Path(path.name)), path=None)
 
     def beside(self, folder: Path) -> "Project":
-        """Locate photos by their names in a folder."""
+        """Return the project with photos located by name in a folder, if they are there."""
         return self._moved(lambda path: folder / path if (folder / path).is_file() else path)
 
     def after(self, earlier: "Project") -> "Project":
-        """Append this project to another one, renaming the other's objects on a clash."""
+        """Return both projects as one: the states of ``earlier`` come first; its objects are renamed on a clash."""
         taken, names = {one.name for one in self.objects}, dict[str, str]()
         for one in earlier.objects:
             names[one.name] = unique_name(one.name, taken)
@@ -89,10 +89,10 @@ class Project:
         )
 
     def save(self, path: Path, models: OpenModels) -> int:
-        """Write the project, whole or not at all; return the number of undo steps that were left out.
+        """Write the project atomically; return the number of undo steps that were left out.
 
-        None are left out unless the project is too large to be read back: then the older half of undo goes, and again
-        until it fits. Raises ``ValueError`` for a path that cannot be written.
+        The older half of undo is left out, again and again, as long as the file is too large to be read back. Raises
+        ``ValueError`` for a path that cannot be written.
         """
         project = self
         while True:
@@ -105,7 +105,7 @@ class Project:
                 project = replace(project, history=project.history.shortened())
 
     def _write(self, path: Path, models: OpenModels) -> None:
-        """Write the project. Raises ``ValueError``, caused by a ``TooLargeError`` where it cannot be read back."""
+        """Write the project. Raises ``ValueError``, caused by ``TooLargeError`` if the file cannot be read back."""
         store = BlobStore()
         bare = replace(self, fit=_shortened(self.fit), pending=tuple(map(_request, self.pending)))
         about = {"format": "codenerf-project-2", "project": encode(bare, store), "timelines": store.timelines}
@@ -118,8 +118,9 @@ class Project:
 
     @classmethod
     def load(cls, path: Path, models: OpenModels) -> "Project":
-        """Read a project and open its models. Raises ``ValueError`` for a damaged file or a model that cannot be
-        opened.
+        """Read a project and open its models.
+
+        Raises ``ValueError`` for a damaged file, or codes of a model that cannot be opened.
         """
         with reading(path, "a project"), open_zip(path, _MAX_BYTES) as file:
             about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
@@ -130,20 +131,20 @@ class Project:
             return _first_format(about, store) if about.project is None else _decoded(about.project, store)
 
     def _moved(self, move: Callable[[Path], Path]) -> "Project":
-        """Map the paths of photos and poses that have been read."""
+        """Apply ``move`` to the paths of photos that were read, and of their poses."""
         pending = tuple(one._replace(history=_moved(one.history, move)) for one in self.pending)
         return replace(self, fit=_moved(self.fit, move), pending=pending)
 
 
 class _About(NamedTuple):
-    """The JSON of a project."""
+    """The JSON of a project. The first format had a session per model instead of one project."""
 
     format: Literal["codenerf-project-1", "codenerf-project-2"]
     timelines: list
-    project: dict | None = None
-    model: str = ""
-    sessions: tuple[dict, ...] = ()
-    path: Path | None = None  # the last three only in the first format, which had a session per model
+    project: dict | None = None  # second format
+    model: str = ""  # first format: the current model
+    sessions: tuple[dict, ...] = ()  # first format
+    path: Path | None = None  # first format
 
 
 def _decoded(about: dict, store: BlobStore) -> Project:
@@ -158,7 +159,7 @@ def _decoded(about: dict, store: BlobStore) -> Project:
 
 
 def _first_format(about: _About, store: BlobStore) -> Project:
-    """Join the sessions of all models, that of the current model last."""
+    """Join the sessions of all models; the current model's comes last."""
     assert store.models is not None
     found: Project | None = None
     for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
@@ -174,14 +175,14 @@ def _first_format(about: _About, store: BlobStore) -> Project:
 
 
 def _completed(value: Any, store: BlobStore) -> Any:
-    """Add fields that the oldest files lack to JSON of the first format: the shift of photos in their crops."""
+    """Add fields that the oldest files lack to JSON of the first format."""
     if isinstance(value, list):
         return [_completed(one, store) for one in value]
     if not isinstance(value, dict):
         return value
     found = {name: _completed(one, store) for name, one in value.items()}
     if {"name", "codes", "photo"} <= found.keys() and not isinstance(found["photo"], str):
-        found |= {"photo": "", "fitted": found["photo"] is not None}  # an object: its photo is now known by its digest
+        found |= {"photo": "", "fitted": found["photo"] is not None}  # an object held its photo, now its digest
     if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
         found["crop_transform"] = len(store.tensors)
         store.tensors.append(torch.zeros(len(found["cameras"]), 4))
@@ -193,7 +194,7 @@ def _of_model(fit: FitHistory, model: str) -> FitHistory:
 
 
 def left_out(what: str, steps: int) -> str:
-    """Return the message that the file of a project or session lacks some steps of undo."""
+    """Return the message that a file ("project" or "session") lacks some steps of undo."""
     return f"The {what} was too large: its file lacks the {steps} most distant steps of undo"
 
 
@@ -207,7 +208,7 @@ def _photo(number: int) -> str:
 
 
 def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
-    """Map paths of photos already read; the others stay."""
+    """Apply ``move`` to the paths of photos that were read; the other paths stay."""
     read = [one._replace(path=move(one.path), pose=one.pose and move(one.pose)) for one in fit.sources]
     read = read[: len(fit.photos)]
     photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))
@@ -215,7 +216,7 @@ def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
 
 
 def _check_cameras(fit: FitHistory) -> None:
-    """Raise ``ValueError`` if a fit's cameras differ in size from its photos, at which they are rendered."""
+    """Raise ``ValueError`` if the cameras of a fit differ in image size from its photos."""
     sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
     for step in fit.steps:
         for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
@@ -228,7 +229,7 @@ def _is_too_large(error: BaseException | None) -> bool:
 
 
 def _shortened(fit: FitHistory) -> FitHistory:
-    """Drop all hypotheses but the leading one of each step except the last."""
+    """Return a fit in which every step but the last has only its best hypothesis."""
     steps = tuple(replace(step, hypotheses=step.hypotheses[:1]) for step in fit.steps[:-1])
     return replace(fit, steps=(*steps, *fit.steps[-1:]))
 

@@ -1,4 +1,4 @@
-"""Cut-outs as a person sees them: the whole photo, the outline of the mask, and the boxes of objects."""
+"""A cut-out as a person sees it: the whole photo with the outline of the mask, and boxes of objects."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,17 @@ from core.photos.detector import Box
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.segmentation import CutOut
 
-_RIVAL, _LEAST = 0.7, 0.25  # prominence over that of the first object: from which a person chooses, and is told of it
+_RIVAL, _LEAST = 0.7, 0.25  # prominence relative to the first object's: to ask which is meant, and to draw a box
 _SURE, _DOUBTFUL = (60, 220, 130), (255, 170, 40)  # colours of outlines
-_THIN = 1 / 300  # of the photo's longer side: half the width of the outline
+_THIN = 1 / 300  # half the width of the outline, as a fraction of the photo's longer side
 
 
 @dataclass(frozen=True, eq=False)
 class SeenCutOut:
-    """The photo with the outline over it."""
+    """A photo on white with the outline of its cut-out."""
 
     pixels: UInt8[np.ndarray, "height width 3"]
-    boxes: tuple[Box, ...]  # of the prominent chairs and cars in the photo, the most prominent first
+    boxes: tuple[Box, ...]  # boxes of chairs and cars, the most prominent first
 
     @classmethod
     def of(cls, image: Image.Image, cut: CutOut) -> "SeenCutOut":
@@ -33,12 +33,12 @@ class SeenCutOut:
 
 
 def is_doubtful(cut: CutOut) -> bool:
-    """Return whether the mask may be more or less than one whole object."""
+    """Return whether the mask may include more or less than one whole object."""
     return cut.confidence < DOUBTFUL_MASK
 
 
 def has_rival(cut: CutOut) -> bool:
-    """Return whether a second object is nearly as prominent; an image on white or clear ground has one object."""
+    """Return whether a second object is nearly as prominent; always False on a white background."""
     if cut.white or len(cut.detections) < 2:
         return False
     first, second, *_ = cut.detections
@@ -46,7 +46,7 @@ def has_rival(cut: CutOut) -> bool:
 
 
 def on_white(image: Image.Image, side: int | None = None) -> UInt8[np.ndarray, "height width 3"]:
-    """The pixels of an RGBA image on white, the longer side at most so many px."""
+    """Return the pixels of an RGBA image on white; ``side`` limits the longer side, px."""
     small = image.copy()
     if side is not None:
         small.thumbnail((side, side))
@@ -56,7 +56,7 @@ def on_white(image: Image.Image, side: int | None = None) -> UInt8[np.ndarray, "
 def outlined(
     pixels: UInt8[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "h w"], colour: tuple[int, int, int]
 ) -> UInt8[np.ndarray, "height width 3"]:
-    """Draw the outline of a mask of any size over pixels."""
+    """Return the pixels with the outline of a mask, which may have another size."""
     inside = np.asarray(Image.fromarray(mask).resize(pixels.shape[1::-1]))
     thick = max(1, round(_THIN * max(inside.shape)))
     edge = binary_dilation(inside, iterations=thick) & ~binary_erosion(inside, iterations=thick)

@@ -1,4 +1,4 @@
-"""Choices of the Share dialog, kept between launches."""
+"""Settings of the Share dialog, kept between launches."""
 
 from dataclasses import dataclass, replace
 
@@ -12,31 +12,31 @@ from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient
 
-KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # names
-TURN, RATE = 72, 24  # frames of one turn, and a second
+KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # labels
+TURN, RATE = 72, 24  # frames of a turntable's turn, and frames per second of every video
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
-"""labels of the backgrounds behind the object"""
+"""Labels of the backgrounds."""
 
 
 @dataclass(frozen=True)
 class ShareSettings:
-    """Options of a shared file. Raises ``ValueError`` for an unknown choice."""
+    """Settings of a shared file. Raises ``ValueError`` for an unknown choice."""
 
     kind: str = "turntable"  # one of :data:`KINDS`
-    video: str = ".mp4"
-    picture: str = ".png"
-    mesh: str = ".glb"  # endings of names
+    video: str = ".mp4"  # ending of a video's or turntable's name
+    picture: str = ".png"  # ending of an image's name
+    mesh: str = ".glb"  # ending of a mesh's name
     size: int = 512  # px, width and height
     fill: bool = True  # the object fills the frame; else it is as large as in the view
     background: str = "view"  # one of :data:`BACKGROUNDS`
-    red: int = 255
-    green: int = 255
-    blue: int = 255  # 0..255, the colour of that background
-    view_background: Gradient | None = None
-    exact: bool = False  # every pixel of an image or a video by the network; else baked
-    cells: int = 0  # of a mesh along the object; 0: as many as the detail needs
-    texture: int = 1024  # px, of a mesh's colour image; 0: colours per vertex
-    triangles: int = 0  # of a mesh, at most; 0: as many as the detail needs
+    red: int = 255  # 0..255, of the background "colour"
+    green: int = 255  # 0..255
+    blue: int = 255  # 0..255
+    view_background: Gradient | None = None  # of the background "view"; None: white
+    exact: bool = False  # render every frame of an image or a video with the network; else bake the object
+    cells: int = 0  # cells of a mesh along the longest side; 0: as many as the detail needs
+    texture: int = 1024  # px of a mesh's colour image; 0: colours per vertex
+    triangles: int = 0  # limit of a mesh; 0: as many as the detail needs
     metres: float = 0.0  # longest side of a mesh; 0: usual for the model
 
     def __post_init__(self) -> None:
@@ -56,7 +56,7 @@ class ShareSettings:
 
     @property
     def suffix(self) -> str:
-        """Ending of the file's name."""
+        """The ending of the file's name."""
         return {"picture": self.picture, "mesh": self.mesh}.get(self.kind, self.video)
 
     @property
@@ -68,12 +68,12 @@ class ShareSettings:
 
     @property
     def shows_shadow(self) -> bool:
-        """The file can have a shadow on the ground."""
+        """True if the file gets the object's shadow on the ground."""
         return self.kind == "picture" or (self.kind != "mesh" and video.FORMATS[self.video].shows_shadow(self.behind))
 
     @property
     def behind(self) -> Background | None:
-        """Background of the file, None for transparent; white if the format requires one."""
+        """The background behind the object; None is transparent, white if the format cannot be transparent."""
         if self.background == "view":
             return self.view_background or WHITE
         if self.background == "colour":
@@ -82,14 +82,14 @@ class ShareSettings:
 
     @property
     def video_settings(self) -> VideoSettings:
-        """Settings that videos are written with."""
+        """The settings for writing a video."""
         return VideoSettings(self.size, RATE, background=self.behind, exact=self.exact, shadow=self.shows_shadow)
 
     def mesh_settings(self, usual: float) -> MeshSettings:
-        """Return the settings for writing meshes: on the ground, in metres.
+        """Return the settings for writing a mesh that stands on the ground, in metres.
 
         Args:
-            usual: the longest side of the model's objects (:attr:`core.models.model.Model.metres`).
+            usual: longest side in metres (:attr:`core.models.model.Model.metres`) if none is set.
         """
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
@@ -97,14 +97,14 @@ class ShareSettings:
     def views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
         """Return the views to render, in order.
 
-        A video keeps its cameras except for one common zoom in. A turntable that fills the frame stays at least at the
-        model's training distance.
+        With ``fill``, a video's cameras share one zoom in, and a turntable's start no nearer than the training
+        distance.
         """
         shots = self.unframed_views(models, scene, timeline)
         return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
 
     def unframed_views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
-        """Return the views before framing, which is slow and hardly affects the rendering time."""
+        """Return the views before framing, for estimates: framing is slow and hardly changes rendering times."""
         if self.kind == "turntable":
             nearest = models.of(scene.codes).distance if self.fill else 0.0
             camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))

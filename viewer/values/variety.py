@@ -1,4 +1,4 @@
-"""Ordering of objects to choose from: the most different forms first, each with its variants. Pure."""
+"""Readable names of training objects, and their order: the most different forms first, each with its variants."""
 
 import re
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ _SOURCE = re.compile(
     r"^(aws|blendswap_cc_(0|by)|chrono|cm|gazebo|infinigen|jme|jtoastie|kaolin|katorlegaz|kaykit(_furniture|_restaurant)?"
     r"|kenney|khronos|morse|polygoogle|polyhaven|quaternius(_realistic|_house|_zombie|_[a-z]+\d{4})?|scopia|servicesim"
     r"|sh_scopia|sharetextures|sk|smarts|zhabotinsky)_"
-)  # source of a mesh, before its name
+)  # prefix of a mesh's name: its source
 _GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")  # category, seed of the form, seed of the texture
-_VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")  # of a mesh: deformed, recoloured
+_VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")  # suffix of a deformed or recoloured mesh
 _NOUN = re.compile(r"(?<=[a-z])(?<!\barm)(?=(chair|stool)\b)")
 
 
@@ -30,7 +30,7 @@ def family(name: str) -> str:
 
 
 def readable(name: str) -> str:
-    """Return a readable name for a training object; other names stay.
+    """Return a readable name for a training object; other names are returned unchanged.
 
     >>> readable("blendswap_cc_0_antiquechair"), readable("kenney_chair_desk-form1-look2")
     ('Antique chair', 'Chair desk, form 1, look 2')
@@ -57,10 +57,10 @@ def readable(name: str) -> str:
 
 
 def families(names: Sequence[str], codes: Float[Tensor, "names latent"]) -> dict[str, tuple[str, ...]]:
-    """Group names into families, each by its first member, the most different forms first.
+    """Return each form's first object and its variants, the most different forms first.
 
     Args:
-        codes: shape codes by which forms are compared.
+        codes: shape codes of the objects, by which forms are compared.
     """
     members: dict[str, list[int]] = {}
     for index, name in enumerate(names):

@@ -1,4 +1,4 @@
-"""View modes: a frame's colours, or depth, normals, opacity, samples and sources of colours. Pure."""
+"""View modes: a frame's colours, depth, normals, opacity, samples or sources of colours."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,19 +13,19 @@ from core.rendering.progressive import Frame
 
 _OPAQUE = 0.5  # opacity from which a pixel counts as the object
 _COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])
-"""from lowest to highest"""
+"""Colours of 0 to 1, at equal steps."""
 
 SOURCE_COLOURS = {
     name: np.array(colour, np.float32)
     for name, colour in (("photo", (50, 190, 90)), ("mirrored", (60, 120, 240)), ("model", (150, 150, 150)))
-}  # from a photo, from its mirror image, and from the model alone
+}  # of pixels from a photo, from its mirror image, and from the model alone
 
 
 def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
-    """Replace the frame's image by one of :data:`MODES`; unchanged if the data are missing.
+    """Return the frame with its image in a mode of :data:`MODES`; unchanged if it lacks the data.
 
     Args:
-        camera: of the frame, at any size.
+        camera: camera of the frame, at any size.
     """
     image = MODES[mode](frame, camera)
     if image is None:
@@ -36,16 +36,16 @@ def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
 
 
 def colour_map(values: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
-    """Map numbers 0..1 to colours from dark to bright."""
+    """Map numbers in 0..1 to colours from dark to bright."""
     steps = np.linspace(0, 1, len(_COLOUR_MAP))
     channels = [np.interp(values, steps, _COLOUR_MAP[:, channel]) for channel in range(3)]
     return (np.stack(channels, -1) + 0.5).astype(np.uint8)
 
 
 def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]:
-    """Return unit normals from depth in world axes; 0 off the object and at its edges.
+    """Return unit normals in world axes from a frame's depth; 0 off the object and at its edges.
 
-    Computed by differences between neighbouring pixels, so as coarse as the frame.
+    Differences of neighbouring pixels give the normals, so a coarse frame has coarse ones.
     """
     height, width = frame.depth.shape
     view = camera.resized(width, height)
@@ -88,7 +88,7 @@ def _normal(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]
 
 
 def _samples(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"] | None:
-    """Show the number of samples evaluated per ray, relative to the maximum."""
+    """Show the number of evaluated samples per ray, relative to the largest; None if unknown."""
     if frame.evaluations is None:
         return None
     return colour_map(frame.evaluations / max(1, int(frame.evaluations.max())))
@@ -110,7 +110,7 @@ def _on_white(frame: Frame, colours: UInt8[np.ndarray, "height width 3"]) -> UIn
 
 
 MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
-    "colour": lambda frame, camera: None,
+    "colour": lambda frame, camera: None,  # the frame's own image
     "depth": _depth,
     "normals": _normal,
     "opacity": _opacity,
@@ -118,4 +118,4 @@ MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
     "source": _source,
 }
 USUAL_MODES = ("colour", "depth", "normals")  # the others are for developers
-_WITHOUT_BACKGROUND = ("opacity", "samples")  # Modes whose images have no background to shine through
+_WITHOUT_BACKGROUND = ("opacity", "samples")  # modes whose images cover the background

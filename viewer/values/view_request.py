@@ -1,4 +1,4 @@
-"""Everything that the image in the view depends on, as one record."""
+"""The inputs of the image in the view: object, camera and settings."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,9 +9,9 @@ from viewer.values import orbit
 
 
 class Quality(NamedTuple):
-    """Of the image that is rendered at once."""
+    """The quality of the view's images."""
 
-    detail: int = 256  # px along its shorter side, if the view has as many
+    detail: int = 256  # px along the shorter side of a preview, at most the view's
     samples: int = 192  # intervals along the longest side of the scene's box
 
 
@@ -22,21 +22,21 @@ USUAL = Quality()
 class ViewSettings:
     """Settings of the view, independent of the open model."""
 
-    panel: tuple[int, int] = (512, 512)  # px, the size of the view
-    pan: tuple[float, float] = (0.0, 0.0)  # right and down, in shares of the view's shorter side
+    panel: tuple[int, int] = (512, 512)  # px, width and height of the view
+    pan: tuple[float, float] = (0.0, 0.0)  # right and down, as fractions of the view's shorter side
     quality: Quality = USUAL
     mode: str = "colour"  # one of :data:`viewer.values.view_modes.MODES`
     opengl: bool = False  # draw a baked object while it turns; else every image is exact
-    covered: int = 0  # px covered at the view's lower edge, above which the object is placed
+    covered: int = 0  # px covered at the view's lower edge; the object is centred above
 
     @property
     def offset(self) -> tuple[float, float]:
-        """Offset of the object to the right of and below the view's middle, relative to its shorter side."""
+        """The object's offset, right and down from the view's middle, as fractions of its shorter side."""
         return self.pan[0], self.pan[1] - self.covered / (2 * min(self.panel))
 
     @property
     def baked(self) -> bool:
-        """True if a baked object may be drawn, which shows colours only."""
+        """True if OpenGL may draw a baked object, which shows colours only."""
         return self.opengl and self.mode == "colour"
 
 
@@ -50,14 +50,14 @@ class ViewRequest:
 
     @property
     def full(self) -> int:
-        """px of the view's shorter side."""
+        """px along the view's shorter side."""
         return min(self.settings.panel)
 
     @property
     def preview(self) -> int:
-        """px of the preview along that side."""
+        """px of the preview along the view's shorter side."""
         return min(self.settings.quality.detail, self.full)
 
     def crop(self, detail: int) -> orbit.PanelCrop:
-        """Return the camera to render with ``detail`` px along the view's shorter side, and the part shown."""
+        """Return the image to render, with ``detail`` px along the view's shorter side, and its shown part."""
         return orbit.fit_to_panel(self.camera, *self.settings.panel, detail, self.settings.offset)
