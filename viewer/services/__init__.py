@@ -1,1 +1,1 @@
-"""Services: the worker, the backend, messages, the clipboard, files kept between launches."""
+"""The worker, the backend, messages, the clipboard, and files kept between launches."""

@@ -1,4 +1,4 @@
-"""The backend: functions of core that compute values, replaceable in tests."""
+"""The functions of core that the window calls, replaceable in tests."""
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
@@ -30,14 +30,17 @@ from viewer.values.fit_history import PhotoSource
 
 
 def frame_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
-    """Prepare the cut-out object of a photo for a model."""
+    """Prepare a photo's cut-out object for a fit with a model.
+
+    Raises ``ValueError`` naming the photo, also for its pose file.
+    """
     with naming(source.path):
         return prepare_photo(cut, model, bank, read_pose(source.pose) if source.pose else None)
 
 
 @dataclass(frozen=True)
 class Backend:
-    """One function for each kind of value, mostly streams."""
+    """One function per kind of value. Generators yield None as mere progress; the default documents each field."""
 
     load_model: Callable[[str], Model] = load_model
     cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out

@@ -16,17 +16,17 @@ _MAX_KEPT = 50  # files in a permanent folder
 
 
 class Clipboard:
-    """Reads images; pasted pixels are saved as files, so that their object can be selected again later."""
+    """Reads images; pasted pixels are saved as files, so that they can be fitted again later."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """``folder`` keeps the newest files between launches; None: a temporary folder."""
+        """Save pasted pixels in ``folder``, which keeps the newest files; None: in a temporary folder."""
         self._folder, self._is_kept = folder, folder is not None
 
     def images(self, text: str) -> Iterator[tuple[Path, ...]]:
-        """Yield the files once; run it as a job, since the system may have to start a program.
+        """Yield the clipboard's image files, all at once. Run as a job: reading may start a program.
 
         Args:
-            text: the clipboard's text, which may name a file.
+            text: the clipboard's text, which may name files.
 
         Raises ``ValueError`` if there is no image.
         """
@@ -64,7 +64,7 @@ class Clipboard:
 
 
 def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:
-    """Copy an image to the clipboard. Raises ``ValueError`` if there is no clipboard."""
+    """Copy an image to the clipboard. Raises ``ValueError`` if the clipboard cannot be written."""
     height, width = image.shape[:2]
     opaque = np.full((height, width, 1), 255, np.uint8)
     try:
@@ -74,7 +74,7 @@ def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:
 
 
 def _named(text: str) -> tuple[Path, ...]:
-    """Return the files named by lines of text, as paths or file:// addresses; none unless all exist."""
+    """Return the files named by lines of text, as paths or file:// URLs; none unless all exist."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     paths = [Path(unquote(urlparse(line).path)) if line.startswith("file://") else Path(line) for line in lines]
     try:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def folder_command(path: Path, platform: str = sys.platform) -> list[str]:
-    """Return the command that shows a file in its folder; on Linux just the folder, which every file manager supports.
+    """Return the command that shows a file in its folder; on Linux, where file managers differ, the folder alone.
 
     Example:
         >>> folder_command(Path("/home/me/chair.glb"), "darwin")
@@ -20,7 +20,7 @@ def folder_command(path: Path, platform: str = sys.platform) -> list[str]:
 
 
 def show_in_folder(path: Path) -> None:
-    """Open the file's folder. Raises ``ValueError`` if there is no file manager."""
+    """Show a file in the system's file manager. Raises ``ValueError`` if there is none."""
     try:
         subprocess.Popen(folder_command(path.absolute()), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     except OSError:

@@ -1,4 +1,4 @@
-"""Shared by everything that takes longer than a frame: worker, backend, open models, view banks, messages."""
+"""The services of long work: worker, backend, open models, view banks, messages."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from viewer.services.view_banks import ViewBanks
 from viewer.services.worker import Job, Worker
 
 FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.3, 0.1, 0.03, 0.01
-"""Shares of the worker's time beside an export (1.0): a fit, tiles, the view's last pixels, and invisible work."""
+"""Shares of the worker's time, where an export has 1.0: fits, tiles, the view's last pixels, invisible work."""
 
 
 @dataclass(eq=False)
 class Jobs:
-    """Passed to every activity instead of the session."""
+    """The services that every activity gets instead of the session."""
 
     worker: Worker
     backend: Backend
@@ -26,7 +26,7 @@ class Jobs:
 
     @cached_property
     def banks(self) -> ViewBanks:
-        """View banks of the open models."""
+        """The view banks of the open models."""
         return ViewBanks(self.backend.view_bank)
 
     def frames(self, job: RenderJob) -> Iterator[Frame | None]:
@@ -34,18 +34,18 @@ class Jobs:
         return self.backend.frames(self.models.of(job.codes), job)
 
     def submit(self, job: Job) -> None:
-        """Start a job, replacing an older one of its name."""
+        """Start a job as :meth:`Worker.submit` does."""
         self.worker.submit(job)
 
     def cancel(self, *names: str) -> None:
-        """Stop the jobs of these names."""
+        """Stop the jobs of these names and drop their pending callbacks."""
         for name in names:
             self.worker.cancel(name)
 
     def busy(self, *names: str) -> bool:
-        """True if a job (one of these names) is running or has results to deliver."""
+        """True if a job, of these names if given, is running or has callbacks pending."""
         return self.worker.busy(*names)
 
     def reporting(self, what: str) -> Callable[[Exception | None], None]:
-        """Return an end callback that reports an error, if any."""
+        """Return a callback for a job's end that reports its error, if any, after the words ``what``."""
         return lambda error: self.messages.report(what, error) if error else None

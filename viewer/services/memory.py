@@ -1,22 +1,22 @@
-"""Return free memory to the system, which glibc otherwise keeps. Does nothing elsewhere."""
+"""Free memory that glibc would keep, returned to the system. Nothing happens without glibc."""
 
 import ctypes
 import sys
 from contextlib import suppress
 
-_LARGE = 8 * 2**20  # bytes; larger blocks are returned at once; with 1 MiB a fit takes a fifth longer
-_ARENAS = 2
+_LARGE = 8 * 2**20  # bytes of a block that is returned at once; with 1 MiB a fit takes a fifth longer
+_ARENAS = 2  # glibc's default is eight per core
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # from glibc's malloc.h
 
 
 def keep_little_free_memory() -> None:
-    """Keep no large blocks and few arenas. Call before starting threads."""
+    """Let glibc keep no large blocks and few arenas. Call before starting threads."""
     for parameter, value in ((_M_TRIM_THRESHOLD, _LARGE), (_M_MMAP_THRESHOLD, _LARGE), (_M_ARENA_MAX, _ARENAS)):
         _glibc("mallopt", parameter, value)
 
 
 def return_free_memory() -> None:
-    """Return freed memory between allocations that are still in use."""
+    """Return free memory now, including that between blocks in use."""
     _glibc("malloc_trim", 0)
 
 

@@ -15,21 +15,21 @@ import torch
 
 from viewer.values.printable import printable
 
-_MAX_OLDER, _MAX_ERRORS = 3, 2  # older messages beside a new one; errors shown at a time
-_SHORT, _LONG = 5.0, 10.0  # s on screen: of plain notes, and of messages to read or with buttons
-_LOGGED = 500  # lines kept in the log
+_MAX_OLDER, _MAX_ERRORS = 3, 2  # older messages kept beside a new one; errors shown at a time
+_SHORT, _LONG = 5.0, 10.0  # s on screen: messages of success; notes, problems and messages with buttons
+_LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
-"""the folders of an absolute path"""
+"""The folders of an absolute path in a text."""
 UNFORESEEN = "an error in the program; it is listed in Developer (menu Panels)"
 
 
 class MessageKind(Enum):
     """Kinds of messages."""
 
-    DONE = "done"
-    NOTE = "note"
-    PROBLEM = "problem"
+    DONE = "done"  # success
+    NOTE = "note"  # to be read
+    PROBLEM = "problem"  # an error, kept until dismissed
 
 
 class Button(NamedTuple):
@@ -45,15 +45,15 @@ class Message:
 
     text: str
     kind: MessageKind = MessageKind.DONE
-    detail: str = ""  # for the log only: text of an unexpected error
+    detail: str = ""  # text of an unexpected error, for the log
     buttons: tuple[Button, ...] = ()
-    lasts: bool = False  # until it is answered or dismissed
-    born: float = field(default_factory=time.monotonic)  # s on the monotonic clock
-    written: datetime = field(default_factory=datetime.now)
+    lasts: bool = False  # stays on screen until it is answered or dismissed
+    born: float = field(default_factory=time.monotonic)  # s on the monotonic clock, for fading
+    written: datetime = field(default_factory=datetime.now)  # for the log
 
     @property
     def faded(self) -> bool:
-        """True once the message leaves the screen: by age, later with buttons."""
+        """True once the message is old enough to leave the screen."""
         short = self.kind is MessageKind.DONE and not self.buttons
         return not self.lasts and time.monotonic() - self.born > (_SHORT if short else _LONG)
 
@@ -67,12 +67,12 @@ class Messages:
 
     @property
     def errors(self) -> list[str]:
-        """Errors that were not dismissed, even if off screen."""
+        """Texts of errors that were not dismissed, even if faded."""
         return [message.text for message in self.all if message.kind is MessageKind.PROBLEM]
 
     @property
     def shown(self) -> list[Message]:
-        """Messages that have not faded; of errors only the newest."""
+        """Messages that have not faded, and of errors only the newest."""
         due = [message for message in self.all if not message.faded]
         errors = [message for message in due if message.kind is MessageKind.PROBLEM][-_MAX_ERRORS:]
         return [message for message in due if message.kind is not MessageKind.PROBLEM or message in errors]
@@ -90,7 +90,7 @@ class Messages:
         self.log = [*self.log, newest][-_LOGGED:]
 
     def report(self, what: str, error: Exception) -> None:
-        """Show an error; unexpected ones are also logged with their trace."""
+        """Show an error after the words ``what``; log an unexpected one with its traceback."""
         detail = ""
         if not isinstance(error, ValueError | OSError | MemoryError):
             logging.getLogger(__name__).error(what, exc_info=error)
@@ -107,7 +107,7 @@ class Messages:
 
 
 def error_text(error: Exception) -> str:
-    """Format an exception for a person: without folders and programming terms."""
+    """Return an exception's message for a person, without folders and programming terms."""
     text = (str(error).strip().splitlines() or [""])[0]
     if isinstance(error, MemoryError | torch.OutOfMemoryError) or _NO_MEMORY in text:
         return "not enough memory; try a smaller size"

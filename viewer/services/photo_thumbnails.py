@@ -1,4 +1,4 @@
-"""Thumbnails of whole photos, read by the worker."""
+"""Thumbnails of photo files, read by the worker."""
 
 from functools import partial
 from pathlib import Path
@@ -15,14 +15,17 @@ _SIDE = 128  # px
 
 
 class PhotoThumbnails:
-    """Thumbnails by path, each read once."""
+    """Thumbnails of photo files by path; each file is read once."""
 
     def __init__(self, jobs: Jobs) -> None:
         self._jobs = jobs
         self._pixels: dict[Path, UInt8[np.ndarray, "side side 3"] | None] = {}
 
     def get(self, path: Path) -> UInt8[np.ndarray, "side side 3"] | None:
-        """Return the whole photo in a white square; None until it is read, or if unreadable, which its fit reports."""
+        """Return the whole photo in a white square; None until it is read.
+
+        It stays None for an unreadable file, which its fit reports.
+        """
         if path not in self._pixels:
             self._pixels[path] = None
             self._jobs.submit(Job(f"photo {path}", lambda: (_square(path),), partial(self._keep, path)))

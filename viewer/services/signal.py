@@ -1,4 +1,4 @@
-"""A signal that calls any number of receivers."""
+"""A signal to any number of receivers."""
 
 from collections.abc import Callable
 from typing import Generic, ParamSpec
@@ -13,10 +13,10 @@ class Signal(Generic[P]):
         self._receivers: list[Callable[P, object]] = []
 
     def connect(self, receiver: Callable[P, object]) -> None:
-        """Call a receiver at every :meth:`emit`."""
+        """Add a receiver, which every :meth:`emit` calls."""
         self._receivers.append(receiver)
 
     def emit(self, *args: P.args, **kwargs: P.kwargs) -> None:
-        """Call all receivers."""
+        """Call all receivers with these arguments."""
         for receiver in self._receivers:
             receiver(*args, **kwargs)

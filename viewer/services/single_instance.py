@@ -1,4 +1,4 @@
-"""One window per display and folder: a second start passes its files to the first.
+"""One window per display and folder: a second start passes its files to the open window.
 
 Imports nothing slow, so that a second start ends at once.
 """
@@ -24,23 +24,23 @@ _POLL = 0.2  # s
 
 
 class Start(NamedTuple):
-    """Requests of a start: absolute paths, or names; empty for none."""
+    """The request of a start. Paths are absolute, empty for none."""
 
-    image: str = ""  # a photo to fit
-    model: str = ""
+    image: str = ""  # path of a photo to fit
+    model: str = ""  # shipped name or path of a model to show
 
 
 class SingleInstance:
-    """The window of a display; each second start is a file in its folder until :meth:`starts` takes it."""
+    """The only window of a display. Second starts write files into its folder, which :meth:`starts` reads."""
 
     def __init__(self, folder: Path, lock: FileLock) -> None:
-        """Watch a folder. :meth:`close` releases the lock, or the system at the end of the process."""
+        """Watch a folder whose lock is held, until :meth:`close` or the end of the process."""
         self._folder, self._lock, self._ends = folder, lock, threading.Event()
         self.wake: Callable[[], None] = lambda: None  # called from a thread while a start is waiting
         threading.Thread(target=self._watch, name="second starts", daemon=True).start()
 
     def starts(self) -> Iterator[Start]:
-        """Yield the starts since the last call; none once the window ends."""
+        """Yield and remove the second starts since the last call; none after :meth:`end`."""
         for path in () if self._ends.is_set() else _waiting(self._folder):
             text = path.read_text()
             path.unlink()
@@ -48,11 +48,11 @@ class SingleInstance:
                 yield Start(**json.loads(text))
 
     def end(self) -> None:
-        """Accept no more starts; new ones wait until this window is gone."""
+        """Accept no more second starts: they wait and open their own window after :meth:`close`."""
         self._ends.set()
 
     def close(self) -> None:
-        """Leave the display to the next window."""
+        """Release the display for the next window."""
         self.end()
         self._lock.release()
 
@@ -63,13 +63,13 @@ class SingleInstance:
 
 
 def begin(folder: Path, start: Start, display: str | None = None) -> SingleInstance | None:
-    """Become the window of a display; None if another window has taken the start.
+    """Become the window of a display; None if an open window has taken the start.
 
     Args:
-        folder: of the user; contains one folder per display.
-        display: None: the current one.
+        folder: the user's folder, with a subfolder per display.
+        display: name of the display; None: the current one.
 
-    Raises ``TimeoutError`` if that window takes nothing for a minute.
+    Raises ``TimeoutError`` if an open window does not take the start within a minute.
     """
     own = folder / f"window-{_display() if display is None else display}"
     own.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
     write_json(wish, start._asdict())
     try:
         while time.monotonic() < until:
-            if not wish.exists():  # first: the window that took it may have ended
+            if not wish.exists():  # checked first, as the window that took it may have ended
                 return None
             if _is_free(lock):
                 return SingleInstance(own, lock)
@@ -93,7 +93,7 @@ def _waiting(folder: Path) -> list[Path]:
 
 
 def _is_free(lock: FileLock) -> bool:
-    """Acquire the lock and return True; also on a file system without locks."""
+    """Try to acquire the lock; return False if another window holds it, True on a file system without locks."""
     try:
         lock.acquire(timeout=0)
     except Timeout:
@@ -104,6 +104,6 @@ def _is_free(lock: FileLock) -> bool:
 
 
 def _display() -> str:
-    """Return the machine and its display as a file name."""
+    """Return a file name of the machine and the current display."""
     words = platform.node(), os.environ.get("WAYLAND_DISPLAY", ""), os.environ.get("DISPLAY", "")
     return re.sub(r"\W+", "-", "-".join(filter(None, words)))

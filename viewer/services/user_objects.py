@@ -1,4 +1,4 @@
-"""User objects kept between launches: a file for each fitted object."""
+"""Fitted objects kept between launches, a file each."""
 
 import json
 import re
@@ -24,19 +24,19 @@ class _Stored(NamedTuple):
 
 
 class UserObjects:
-    """Stores each object as a scene file with a name, which opens like any scene."""
+    """Stores each fitted object as a scene file with a name, which can be opened like any scene."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """``folder`` None stores nothing."""
+        """Store in ``folder``; None stores nothing."""
         self._folder = folder
-        self._stored: dict[str, _Stored] = {}  # by name, of the opened models
+        self._stored: dict[str, _Stored] = {}  # stored objects of opened models, by name
 
     def fingerprints(self) -> frozenset[str]:
-        """Return the fingerprints of the models of all kept objects."""
+        """Return the fingerprints of the models of all stored objects."""
         return frozenset(filter(None, map(scene_model, self._folder.glob("*.json") if self._folder else ())))
 
     def open(self, model: Model) -> tuple[EditableObject, ...]:
-        """Return the objects of a model, the oldest first; skips unreadable files and other models' objects."""
+        """Return a model's stored objects, the oldest first; unreadable files are skipped."""
         found, others = list[EditableObject](), self._stored.items()
         self._stored = {name: one for name, one in others if one.about.codes.model != model.fingerprint}
         files = self._folder.glob("*.json") if self._folder else ()
@@ -48,7 +48,10 @@ class UserObjects:
         return tuple(found)
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
-        """Store exactly these objects. Raises ``ValueError`` if that fails."""
+        """Store new and changed objects, and delete files of opened models' other objects.
+
+        Raises ``ValueError`` or ``OSError`` on failure.
+        """
         if self._folder is None:
             return
         wanted = {one.name: one for one in objects}

@@ -7,21 +7,21 @@ from core.photos.view_bank import ViewBank
 
 
 class ViewBanks:
-    """One view bank per model. Several jobs that wait for the same bank take turns in building it."""
+    """One view bank per model. Jobs that wait for the same bank take turns in building it."""
 
     def __init__(self, build: Callable[[Model], Generator[float, None, ViewBank]]) -> None:
-        """``build`` yields the finished share (0..1), as :func:`core.photos.view_bank.build_view_bank`."""
+        """Build with ``build``, which yields the finished fraction, 0..1, and returns the bank."""
         self._build = build
         self._built: dict[str, ViewBank] = {}  # by the model's fingerprint
-        self._under_way: dict[str, Generator[float, None, ViewBank]] = {}
-        self.shares: dict[str, float] = {}  # 0..1, the finished part of each bank that was begun
+        self._under_way: dict[str, Generator[float, None, ViewBank]] = {}  # unfinished builds, by fingerprint
+        self.shares: dict[str, float] = {}  # finished fraction of each begun bank, 0..1, by fingerprint
 
     def is_built(self, model: Model) -> bool:
-        """No job needs to wait for the bank."""
+        """True if a model's bank is ready."""
         return model.fingerprint in self._built
 
     def wait(self, model: Model) -> Generator[None, None, ViewBank]:
-        """Return the bank of a model, after as many steps as it takes to build the rest of it."""
+        """Build the rest of a model's bank, a step per value, and return the bank."""
         key = model.fingerprint
         while key not in self._built:
             building = self._under_way.pop(key, None) or self._build(model)

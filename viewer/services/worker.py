@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-_REST = 1.0  # s without work until the worker counts as idle: returning memory earlier would cost time to get it again
+_REST = 1.0  # s without work until ``at_rest``: memory that is returned earlier would soon be needed again
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,25 +21,25 @@ class Job(Generic[T]):
     """A stream that the worker steps. Its callbacks run in :meth:`Worker.deliver`, on the window's thread."""
 
     name: str  # a newer job replaces an older one of the same name
-    start: Callable[[], Iterable[T | None]]  # makes the stream, on the worker; None only marks progress
-    value: Callable[[T], None]
-    end: Callable[[Exception | None], None] = lambda error: None  # called once unless cancelled
-    urgent: bool = False  # runs before all others until its first value, and is not replaced before it
-    share: float = 1.0  # of the worker's time, relative to other jobs
+    start: Callable[[], Iterable[T | None]]  # makes the stream, on the worker's thread; None values only end a step
+    value: Callable[[T], None]  # called with every other value
+    end: Callable[[Exception | None], None] = lambda error: None  # called once with the error, unless cancelled
+    urgent: bool = False  # runs before all other jobs until its first value; a newer job of its name waits for that
+    share: float = 1.0  # share of the worker's time, relative to other jobs
 
 
 @dataclass(eq=False)
 class _Running:
     job: Job
-    spent: float  # s divided by the job's share
-    stream: Iterator | None = None
-    shown: bool = False
+    spent: float  # worker's time, s, divided by the job's share; the least is stepped next
+    stream: Iterator | None = None  # None until the first step
+    shown: bool = False  # a callback was posted
     over: bool = False  # not to be stepped again
-    muted: bool = False  # its pending callbacks are dropped
+    muted: bool = False  # pending callbacks are dropped
 
 
 class Worker:
-    """Steps streams in turn. A stream stops by not being stepped, so a cancel waits for one step at most."""
+    """Steps jobs in turn. A cancelled job is not stepped again, so cancelling never waits."""
 
     def __init__(
         self,
@@ -47,8 +47,12 @@ class Worker:
         at_rest: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        """All callbacks run in the worker's thread: ``wake`` if there is something to deliver, ``at_rest`` after a
-        while without work, ``clock`` (s) before and after every step.
+        """Start the thread, which makes all these calls.
+
+        Args:
+            wake: called when callbacks are pending.
+            at_rest: called after a second without work.
+            clock: time in s, read before and after every step.
         """
         self.wake, self._at_rest, self._clock, self._rests = wake, at_rest, clock, False
         self._running: list[_Running] = []
@@ -60,7 +64,7 @@ class Worker:
         self._thread.start()
 
     def submit(self, job: Job) -> None:
-        """Start a job, replacing an older one of its name."""
+        """Start a job in place of an older one of its name; after the first value of an urgent one."""
         with self._changed:
             current = self._find(job.name)
             if current and current.job.urgent and not current.shown:
@@ -79,21 +83,21 @@ class Worker:
             self._changed.notify()
 
     def busy(self, *names: str) -> bool:
-        """True if a job (one of these names) is running or has results to deliver."""
+        """True if a job, of these names if given, is running or has callbacks pending."""
         with self._changed:
             due = [entry for entry, _ in self._delivery if not entry.muted]
             alive = [entry for entry in self._running if not entry.over]
             return any(not names or entry.job.name in names for entry in due + alive)
 
     def deliver(self) -> None:
-        """Call the pending callbacks; call once a frame."""
+        """Call the pending callbacks. Call once a frame, on the window's thread."""
         for _ in range(len(self._delivery)):
             entry, callback = self._delivery.popleft()
             if not entry.muted:
                 callback()
 
     def close(self) -> None:
-        """End after the current step and wait for it; streams are closed, so that they clean up."""
+        """Stop the thread after its current step, and wait for it; streams are closed, so that they clean up."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -104,7 +108,7 @@ class Worker:
         return next((entry for entry in self._running if entry.job.name == name and not entry.over), None)
 
     def _begin(self, job: Job, old: _Running | None) -> None:
-        if old:  # a pending frame is still worth seeing, other results would mislead
+        if old:  # an urgent job's pending frame is still worth seeing; other results would mislead
             old.over, old.muted = True, not old.job.urgent
         least = min((entry.spent for entry in self._running if not entry.over), default=0.0)
         self._running.append(_Running(job, least))
@@ -120,7 +124,10 @@ class Worker:
             _close(left.stream)
 
     def _pick(self) -> _Running | None:
-        """Return the job to step next: an urgent one without a value, else the one with the least time."""
+        """Wait for work and return the job to step next; None when closing.
+
+        An urgent job without a value comes first, then the job with the least time by its share.
+        """
         while not self._closing:
             with self._changed:
                 ended = [entry for entry in self._running if entry.over]
