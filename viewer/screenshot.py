@@ -1,4 +1,4 @@
-"""An image of the window, taken by the program once everything is rendered."""
+"""An image of the window, saved once everything is rendered."""
 
 import time
 from pathlib import Path
@@ -8,25 +8,25 @@ from PIL import Image
 
 from viewer.app import App
 
-_RATE = 12.0  # frames per second: the worker needs the processor
-_SETTLED = 5  # frames after which the layout is stable
-_FOR_THUMBNAILS = 20.0  # s to wait for thumbnails, of which a model may have hundreds
+_RATE = 12.0  # frames per second, low because the worker needs the processor
+_SETTLED = 5  # idle frames after which the layout is stable
+_FOR_THUMBNAILS = 20.0  # s to wait for thumbnails and other small jobs, of which there may be hundreds
 
 
 class Screenshot:
     """Runs a window until all work is done, then ends it and saves its image."""
 
     def __init__(self, app: App, longest: float) -> None:
-        """Wait ``longest`` seconds at most."""
+        """Prepare to end ``app`` after ``longest`` seconds at most."""
         self._app = app
         self._until = time.monotonic() + longest
-        self._busy = 0.0  # s on the monotonic clock at the end of the last large frame
-        self._still = 0
+        self._busy = 0.0  # s on the monotonic clock of the last frame with a running render or fit
+        self._still = 0  # frames since
         app.each_frame = self._check
         app.params.fps_idling.fps_max = _RATE
 
     def save(self, path: Path) -> None:
-        """Run the window and write the image."""
+        """Run the window to its end and write its image."""
         self._app.run()
         Image.fromarray(hello_imgui.final_app_window_screenshot()[..., :3]).save(path)
 

@@ -1,1 +1,1 @@
-"""The window of the operating system: its runner, theme, textures and file dialog."""
+"""The operating system's window: its runner, theme, textures and file dialog."""

@@ -1,4 +1,4 @@
-"""A baked object in the view, drawn by OpenGL (:mod:`core.rendering.baked_shader`) over the view's background."""
+"""A baked object drawn by OpenGL (:mod:`core.rendering.baked_shader`) on the view's background."""
 
 import math
 import time
@@ -18,10 +18,10 @@ from viewer.screen.canvas import Backdrop, Target
 from viewer.screen.theme import DARK, Palette
 from viewer.values.orbit import PanelCrop
 
-_FAST = 1 / 30  # s for an image of :data:`_PROBE`, up to which OpenGL counts as fast
-_PROBE = 512  # px of a side
-_PROBES = 3
-_FAR = 4  # factor over the limit that other programs cannot explain
+_FAST = 1 / 30  # s: OpenGL is fast if it draws a test image in this time
+_PROBE = 512  # px, side of a test image
+_PROBES = 3  # test images, of which one must be fast
+_FAR = 4  # factor over the limit that other programs' load cannot explain
 
 
 class BakedCanvas:
@@ -33,7 +33,7 @@ class BakedCanvas:
         self._shown: tuple[Any, ...] = ()
 
     def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette) -> imgui.ImTextureRef:
-        """Return a texture of the crop's size; rendered again only after a change."""
+        """Return a texture of the crop's size, redrawn only after a change."""
         if (baked, crop, palette) != self._shown:
             size = crop.width, crop.height
             with self._target.of_size(size):
@@ -44,7 +44,7 @@ class BakedCanvas:
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
-        """Return the last image."""
+        """Return the last image; call after :meth:`draw`."""
         texture = self._target.texture
         return np.frombuffer(texture.read(), np.uint8).reshape(*texture.size[::-1], 4)[..., :3]
 
@@ -56,9 +56,9 @@ class BakedCanvas:
 
 
 def is_fast(context: moderngl.Context, limit: float = _FAST) -> bool:
-    """True if OpenGL draws a baked ball, 512 px a side, within ``limit`` seconds, fast enough for interactive turning.
+    """True if OpenGL draws a baked ball of 512 px within ``limit`` seconds.
 
-    One of a few images suffices, as other programs take time; two far slower ones end the test.
+    One fast image of a few suffices, as other programs take time; two far slower images end the test.
     """
     canvas, baked, least = BakedCanvas(context), _ball(), math.inf
     for number in range(_PROBES + 1):
@@ -77,7 +77,7 @@ def is_fast(context: moderngl.Context, limit: float = _FAST) -> bool:
 
 
 def _ball() -> BakedField:
-    """Return a soft ball, so that rays pass many samples."""
+    """Return a soft ball, in which rays pass many samples."""
     axis = np.linspace(-1, 1, 2 * CELLS + 1, dtype=np.float32)
     radius = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
     texels = np.full((*radius.shape, 4), 128, np.uint8)

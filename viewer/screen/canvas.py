@@ -1,4 +1,4 @@
-"""Textures from arrays: the frame of the scene on its background, and small images."""
+"""Textures of arrays: the scene's frame on the view's background, and small images."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from core.rendering.progressive import Frame
 from viewer.screen.theme import Palette, mixed
 from viewer.values.orbit import PanelCrop
 
-_SPARE = 2_000_000  # px of textures kept although out of sight
+_SPARE = 2_000_000  # px of unused textures that are kept
 SCREEN = """
 #version 330
 out vec2 uv;
@@ -26,7 +26,7 @@ void main() {
     gl_Position = vec4(4.0 * uv - 1.0, 0.0, 1.0);
     uv *= 2.0;
 }
-"""  # vertex shader of a pass over all pixels
+"""  # vertex shader of a triangle that covers all pixels
 _BACKGROUND = """
 #version 330
 in vec2 uv;
@@ -47,7 +47,7 @@ void main() {
 
 
 class Target:
-    """A texture to draw a pass into, resized on demand."""
+    """A texture to draw into, resized on demand."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -56,13 +56,13 @@ class Target:
 
     @property
     def texture(self) -> moderngl.Texture:
-        """The last image."""
+        """The texture with the last image; call after :meth:`of_size`."""
         assert self._texture is not None, "nothing yet"
         return self._texture
 
     @contextmanager
     def of_size(self, size: tuple[int, int]) -> Iterator[None]:
-        """Draw into the texture, then restore the previous framebuffer."""
+        """Bind the texture, resized to ``size`` (px), as the framebuffer inside a ``with``."""
         screen = self._context.screen  # None without a window
         before = screen and (self._context.fbo or screen)
         if self._framebuffer is None or self._framebuffer.size != size:
@@ -94,14 +94,14 @@ class Backdrop:
         self._ground = GroundShader(context)
 
     def draw(self, palette: Palette, shadow: GroundShadow | None, crop: PanelCrop) -> None:
-        """Fill the current framebuffer, which shows the crop at any size."""
+        """Fill the current framebuffer, of any resolution, with the background and the shadow in a crop."""
         self._program["top"], self._program["bottom"] = palette.background
         self._pass.render(moderngl.TRIANGLES, vertices=3)
         if shadow:
             self.cast(shadow, crop)
 
     def cast(self, shadow: GroundShadow, crop: PanelCrop) -> None:
-        """Darken the ground within the viewport."""
+        """Darken the ground by the shadow of a crop within the current viewport."""
         self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top))
 
     def release(self) -> None:
@@ -111,7 +111,7 @@ class Backdrop:
 
 
 class Canvas:
-    """The newest frame, enlarged to the view, with a background in place of white."""
+    """The newest frame, scaled to the view, with the view's background in place of white."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context, self._target, self._backdrop = context, Target(context), Backdrop(context)
@@ -123,9 +123,10 @@ class Canvas:
     def draw(
         self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, shadow: bool
     ) -> imgui.ImTextureRef:
-        """Return a texture of this size (px) with a frame of the crop in its own proportions.
+        """Return a texture of ``size`` px with a frame in its crop's proportions, redrawn only after a change.
 
-        It is rendered again only after a change.
+        Args:
+            shadow: draw the frame's shadow on the ground, if it has one.
         """
         wanted = (frame, crop, size, palette, shadow)
         if wanted != self._shown:
@@ -164,7 +165,7 @@ class Canvas:
 
 
 def within(size: tuple[int, int], shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return the largest rectangle of a shape centred in a size (px): left, bottom, width, height.
+    """Return left, bottom, width, height (px) of the largest centred rectangle with a shape's proportions.
 
     Example:
         >>> within((400, 200), (100, 100)), within((64, 48), (32, 24))
@@ -176,7 +177,7 @@ def within(size: tuple[int, int], shape: tuple[int, int]) -> tuple[int, int, int
 
 
 class Images:
-    """Small images as textures, uploaded once each; :meth:`sweep` releases unused ones."""
+    """Textures of small images, each uploaded once; :meth:`sweep` releases unused ones."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -184,13 +185,13 @@ class Images:
         self._used: set[tuple[int, int]] = set()
 
     def texture(self, image: Frame | np.ndarray, palette: Palette) -> imgui.ImTextureRef:
-        """Return the texture of a frame on the theme's background, or of an image (height, width, 3 or 4), uint8."""
+        """Return the texture of a frame on the theme's background, or of uint8 pixels (height, width, 3 or 4)."""
         key = id(image), id(palette)
         self._used.add(key)
         if key not in self._textures:
             pixels = over_background(image, palette) if isinstance(image, Frame) else image
             rgba = np.dstack((pixels, np.full(pixels.shape[:2], 255, np.uint8)))[..., :4]
-            # The image is kept, so that its id stays unique.
+            # The image is kept alive, so that its id stays unique.
             self._textures[key] = image, self._context.texture(rgba.shape[1::-1], 4, rgba.tobytes())
         return imgui.ImTextureRef(self._textures[key][1].glo)
 
@@ -210,13 +211,13 @@ class Images:
 
 
 def with_alpha(frame: Frame) -> np.ndarray:
-    """Return a frame as RGBA, on white, opacity in the fourth channel."""
+    """Return a frame as uint8 RGBA: the image on white, and opacity as alpha."""
     opacity = to_bytes(frame.opacity)
     return np.dstack((frame.image, opacity))
 
 
 def over_background(frame: Frame, palette: Palette) -> np.ndarray:
-    """Composite a frame as RGB over the middle of the theme's background, as on the canvas."""
+    """Return a frame as uint8 RGB over a colour from the middle of the theme's background."""
     background = np.array(mixed(*palette.background, 0.35))
     left = (1 - frame.opacity.clip(0, 1))[..., None]
     return (frame.image - 255 * left * (1 - background) + 0.5).clip(0, 255).astype(np.uint8)

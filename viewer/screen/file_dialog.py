@@ -1,4 +1,4 @@
-"""Choosing a file in the system's dialog or, without one, by typing."""
+"""The choice of a file in the system's dialog or, without one, by typing its path."""
 
 import shutil
 import sys
@@ -18,27 +18,27 @@ _TITLE = "Choose a file###ask"
 
 @runtime_checkable
 class NativeDialog(Protocol):
-    """A file dialog of the system, open until it is ready."""
+    """An open file dialog of the system."""
 
     def ready(self, timeout: int = ...) -> bool:
-        """Wait up to ``timeout`` ms and tell if it has been answered."""
+        """Wait up to ``timeout`` ms; return True once a person has answered."""
 
     def result(self) -> str | list[str]:
-        """Return the answer, empty if it was cancelled."""
+        """Return the chosen path or paths, empty if cancelled."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileRequest:
-    """A request for a file."""
+    """A request for a file to open or save."""
 
     title: str
-    answer: Callable[[Path], None]
-    suffixes: tuple[str, ...]
+    answer: Callable[[Path], None]  # called with the chosen path
+    suffixes: tuple[str, ...]  # endings of the files to choose from
     save: bool = False
-    name: str = ""  # proposed
+    name: str = ""  # proposed file name
 
     def path(self, typed: str) -> Path:
-        """Return an answer as a path; a file to save without an ending gets the proposed one."""
+        """Return typed text as a path; a file to save gets the proposed ending if it has none."""
         path = Path(typed.strip())
         with suppress(RuntimeError):  # unknown user after ~
             path = path.expanduser()
@@ -60,7 +60,7 @@ def _home() -> Path:
 
 
 def has_native() -> bool:
-    """True if the system has a file dialog that can be started."""
+    """True if the system has a file dialog; on Linux, if a program that shows one is installed."""
     return sys.platform != "linux" or any(map(shutil.which, ("zenity", "kdialog", "matedialog", "qarma")))
 
 
@@ -68,15 +68,15 @@ class FileDialog:
     """Asks for one file at a time, without blocking."""
 
     def __init__(self, native: bool | None = None, open_native: Callable[..., NativeDialog] | None = None) -> None:
-        """``native`` and ``open_native`` override the system's dialog, for tests."""
+        """Use the system's dialog if there is one; ``native`` and ``open_native`` override it, for tests."""
         self._native = has_native() if native is None else native
         self._open_native = open_native or _open_native
         self._request: FileRequest | None = None
         self._dialog: NativeDialog | None = None
-        self._text = ""
-        self._fresh = False
-        self._to_replace: Path | None = None  # existing file to be confirmed
-        self.folder = _home()  # of the last answer
+        self._text = ""  # of the input line
+        self._fresh = False  # the input line opens in the next frame
+        self._to_replace: Path | None = None  # existing file that "Replace" confirms
+        self.folder = _home()  # folder of the last answer
 
     @property
     def asking(self) -> bool:
@@ -84,7 +84,7 @@ class FileDialog:
         return self._request is not None
 
     def ask(self, request: FileRequest) -> None:
-        """Open a request, unless one is open."""
+        """Open a request; it is ignored while another one is open."""
         if self._request:
             return
         self._request = request
@@ -104,7 +104,10 @@ class FileDialog:
             self._answered(self._request, result if isinstance(result, str) else next(iter(result), ""))
 
     def _answered(self, request: FileRequest, answer: str) -> None:
-        """Handle an answer; ask again if the added ending names an existing file, which the system did not confirm."""
+        """Handle an answer of the system's dialog.
+
+        Ask again if the added ending makes it an existing file, as the system has not asked about replacing that.
+        """
         path = request.path(answer)
         if request.save and answer and path != Path(answer) and is_there(path):
             self._dialog = self._open_native(replace(request, name=path.name), path.parent)

@@ -1,4 +1,4 @@
-"""The window's fonts: text with icons, and fallbacks beyond Latin, Greek and Cyrillic."""
+"""The window's fonts: text with icons, and fallbacks for emoji and East Asian scripts."""
 
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -10,9 +10,9 @@ from imgui_bundle import hello_imgui, imgui
 from viewer.screen.theme import SIZE
 
 _TEXT, _BOLD = "fonts/Roboto/Roboto-Regular.ttf", "fonts/Roboto/Roboto-Bold.ttf"
-"""assets of imgui_bundle, with digits of equal width, Greek and Cyrillic"""
+"""Assets of imgui_bundle with digits of equal width, Latin, Greek and Cyrillic."""
 _EMOJI = Path(imgui_bundle.__file__).parent / "demos_assets/fonts/NotoEmoji-Regular.ttf"
-_PACKAGE, _PACKAGED = "cvttf_NotoSansCJK_Regular", "NotoSansCJKtc-Regular.otf"  # of the extra ``cjk``
+_PACKAGE, _PACKAGED = "cvttf_NotoSansCJK_Regular", "NotoSansCJKtc-Regular.otf"  # package and file of the extra ``cjk``
 SYSTEM = (
     "/usr/share/fonts/opentype/noto/NotoSansCJK-Regular.ttc",
     "/usr/share/fonts/google-noto-cjk/NotoSansCJK-Regular.ttc",
@@ -24,24 +24,24 @@ SYSTEM = (
     "C:/Windows/Fonts/msyh.ttc",
     "C:/Windows/Fonts/YuGothM.ttc",
     "C:/Windows/Fonts/malgun.ttf",
-)  # fonts of systems with Chinese, Japanese or Korean, the widest first
+)  # systems' fonts with Chinese, Japanese or Korean; those with most glyphs first
 
 
 def load_fonts() -> list[imgui.ImFont]:
-    """Load the text font and a bold one for headings; glyphs are rasterised on demand."""
+    """Load the text font and the bold one of headings, in this order."""
     beside = hello_imgui.FontLoadingParams()
     beside.inside_assets, beside.merge_to_last_font = False, True
     fonts = []
     for name in (_TEXT, _BOLD):
         fonts.append(hello_imgui.load_font_ttf_with_font_awesome_icons(name, SIZE))
-        # Headings contain only the program's words, so large fallback fonts are loaded once.
+        # Only the text font gets the large fallback fonts: headings hold no file names.
         for path in fallbacks() if name == _TEXT else ():
             hello_imgui.load_font(str(path), SIZE, beside)
     return fonts
 
 
 def fallbacks(system: Sequence[str] = SYSTEM) -> list[Path]:
-    """Return fallback fonts: emoji, then a Chinese, Japanese and Korean one if available."""
+    """Return the paths of fallback fonts: emoji, then Chinese, Japanese and Korean if available."""
     spec = find_spec(_PACKAGE)
     packaged = [Path(place) / _PACKAGED for place in (spec.submodule_search_locations or () if spec else ())]
     return [_EMOJI, *[path for path in (*packaged, *map(Path, system)) if path.is_file()][:1]]

@@ -14,12 +14,12 @@ from viewer.screen import theme, window
 T = TypeVar("T")
 
 _SIZE = 420, 150  # px of a 96 ppi screen
-_FIRST_FRAMES = 3  # frames until the window is on screen
+_FIRST_FRAMES = 3  # frames until the window is on screen, when the work begins
 _RATE = 20.0  # frames per second, low to leave the processor to imports
 
 
 class Splash(Generic[T]):
-    """Waits for a function in its own thread and shows its error, if any."""
+    """A window that runs a function in another thread and shows its error, if any."""
 
     def __init__(self, work: Callable[[], T]) -> None:
         self._work = work
@@ -37,7 +37,7 @@ class Splash(Generic[T]):
         self.params.callbacks.show_gui = self._draw
 
     def run(self) -> T:
-        """Return the function's value or raise its error; :class:`SystemExit` if the window is closed before."""
+        """Return the function's value or raise its error; ``SystemExit`` if the window is closed before."""
         window.run(self.params)
         if self._error:
             raise self._error
@@ -52,7 +52,7 @@ class Splash(Generic[T]):
             self._error = error
 
     def _draw(self) -> None:
-        # Only once an image is on screen: until then both would share one interpreter.
+        # The work begins once an image is on screen: before, its imports would delay the window.
         if imgui.get_frame_count() == _FIRST_FRAMES:
             self._thread.start()
         if self._result:

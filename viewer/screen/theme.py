@@ -1,37 +1,37 @@
-"""Colours and spacing, dark and light."""
+"""Colours and spacing of the dark and the light theme."""
 
 from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, ImVec4, imgui, implot
 
-Colour = tuple[float, float, float]
+Colour = tuple[float, float, float]  # sRGB, 0..1
 SIZE = 16.0  # px of the text, before scaling to screen and preferences
-HEADING, SMALL = 1.15, 0.84  # sizes of headings and of captions, relative to the text
-PLATE: Colour = (0.07, 0.08, 0.09)  # behind text over the view
-ON_PLATE: Colour = (0.95, 0.95, 0.96)
+HEADING, SMALL = 1.15, 0.84  # sizes of headings and captions, relative to the text
+PLATE: Colour = (0.07, 0.08, 0.09)  # plate behind text over the view
+ON_PLATE: Colour = (0.95, 0.95, 0.96)  # text on that plate
 PLATE_OPACITY = 0.88
 
 
-WARM: Colour = (0.93, 0.63, 0.27)  # of object B, while A has the accent
+WARM: Colour = (0.93, 0.63, 0.27)  # colour of object B; A has the accent
 
 
 @dataclass(frozen=True)
 class Palette:
     """The basic colours from which all others are derived."""
 
-    back: Colour
+    back: Colour  # behind panels, and of menu bar and tabs
     panel: Colour
-    raised: Colour
-    line: Colour
+    raised: Colour  # buttons
+    line: Colour  # borders
     text: Colour
-    accent: Colour
-    warm: Colour  # of text about B, and of warnings
+    accent: Colour  # object A, and selections
+    warm: Colour  # text about B, and warnings
     error: Colour
     background: tuple[Colour, Colour]  # behind the object: at the top and at the bottom of the view
 
     @property
     def quiet(self) -> Colour:
-        """Colour of less important text."""
+        """The colour of less important text."""
         return mixed(self.text, self.panel, 0.3)
 
 
@@ -60,7 +60,7 @@ LIGHT = Palette(
 
 
 def mixed(first: Colour, second: Colour, share: float) -> Colour:
-    """Interpolate between two colours."""
+    """Interpolate between two colours: ``share`` 0 is the first, 1 the second."""
     red, green, blue = (a + (b - a) * share for a, b in zip(first, second, strict=True))
     return red, green, blue
 
@@ -89,12 +89,12 @@ def _luminance(colour: Colour) -> float:
 
 
 def packed(colour: Colour, opacity: float = 1.0) -> int:
-    """Return a colour for draw lists."""
+    """Return a colour as the 32-bit number that imgui's draw lists take."""
     return imgui.color_convert_float4_to_u32(ImVec4(*colour, opacity))
 
 
 def apply(palette: Palette) -> None:
-    """Colour every widget. Light themes have borders, as their shades are similar."""
+    """Apply a palette to all widgets. The light theme has borders, as its shades are similar."""
     style = imgui.get_style()
     dark = sum(palette.panel) < 1.5
     base = imgui.style_colors_dark if dark else imgui.style_colors_light
@@ -111,7 +111,7 @@ def apply(palette: Palette) -> None:
 
 
 def colours(p: Palette) -> dict[str, Colour]:
-    """Return the colours of all widget parts, by imgui's names."""
+    """Return the colours of widget parts by their names in imgui."""
     quiet, lit = mixed(p.raised, p.panel, 0.35), mixed(p.raised, p.text, 0.1)
     strong = mixed(p.raised, p.accent, 0.45)
     return {
@@ -133,7 +133,7 @@ def colours(p: Palette) -> dict[str, Colour]:
 
 
 def set_spacing() -> None:
-    """Set roundings and paddings; the runner scales them to the screen."""
+    """Set roundings and paddings in px at 96 ppi, which the runner scales to the screen."""
     style = imgui.get_style()
     style.window_padding, style.frame_padding = ImVec2(12, 10), ImVec2(9, 5)
     style.item_spacing, style.item_inner_spacing = ImVec2(8, 7), ImVec2(6, 4)

@@ -1,4 +1,4 @@
-"""The operating system's window: availability, parameters and running."""
+"""The operating system's window: its preparation, parameters and run."""
 
 import sys
 import warnings
@@ -11,16 +11,16 @@ import glfw  # isort: skip
 import moderngl
 
 NAME = "CodeNeRF Viewer"
-SMALLEST = 900, 600  # px of a 96 ppi screen
-_SHARE = 0.85  # fraction of the screen that a new window takes
+SMALLEST = 900, 600  # least width and height, px of a 96 ppi screen
+_SHARE = 0.85  # fraction of the screen's width and height that a new window takes
 
 
 class NoDisplayError(RuntimeError):
-    """No display for a window, or no OpenGL."""
+    """The machine has no display for a window, or no OpenGL."""
 
 
 def prepare(headless: bool) -> None:
-    """Prepare to open a window, invisible if ``headless``; required before every run.
+    """Initialise glfw and OpenGL before every run, for an invisible window if ``headless``.
 
     Raises :class:`NoDisplayError` with one line of advice.
     """
@@ -60,7 +60,7 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
 
     Args:
         size: (width, height) in px of a 96 ppi screen.
-        folder: stores the layout between launches; None stores nothing.
+        folder: folder of the layout between launches; None stores nothing.
     """
     params = hello_imgui.RunnerParams()
     params.app_window_params.window_title = NAME
@@ -84,7 +84,7 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
 
 
 def usual_size(headless: bool) -> tuple[int, int]:
-    """Return the size of a new window in px of a 96 ppi screen; call :func:`prepare` before."""
+    """Return the size of a new window in px of a 96 ppi screen; call after :func:`prepare`."""
     monitor = None if headless else glfw.get_primary_monitor()
     if monitor is None:
         return 1280, 800
@@ -94,7 +94,7 @@ def usual_size(headless: bool) -> tuple[int, int]:
 
 
 def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) -> None:
-    """Draw without pause and finish every frame: without a display nothing else limits the queue."""
+    """Draw without pause, and call ``finish`` after every frame, as no display limits OpenGL's queue."""
     params.fps_idling.enable_idling = False
     params.fps_idling.fps_max = 0.0
     params.callbacks.after_swap = finish
@@ -106,7 +106,7 @@ def run(params: hello_imgui.RunnerParams) -> None:
 
 
 def add_ons() -> immapp.AddOnsParams:
-    """Return add-ons that panels use beside imgui."""
+    """Return the add-ons that panels use beside imgui: plots."""
     return immapp.AddOnsParams(with_implot=True)
 
 
@@ -127,14 +127,17 @@ def limit_size() -> None:
 
 
 def draw_into(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Framebuffer:
-    """Draw the window into the returned framebuffer: an invisible window has no surface larger than the screen."""
+    """Redirect the window's drawing to a framebuffer of ``size`` px, and return it.
+
+    An invisible window has no surface larger than the screen.
+    """
     surface = context.framebuffer([context.renderbuffer(size)], context.depth_renderbuffer(size))
     surface.use()
     return surface
 
 
 def bring_to_front() -> None:
-    """Bring the window to the front; where systems forbid that, request attention."""
+    """Bring the window to the front, or request attention on systems that forbid that."""
     window = glfw_utils.glfw_window_hello_imgui()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", glfw.GLFWError)
@@ -146,10 +149,10 @@ def bring_to_front() -> None:
 
 
 def resize(width: int, height: int) -> None:
-    """Resize the window, even beyond the screen."""
+    """Resize the window to these px, even beyond the screen."""
     glfw.set_window_size(glfw_utils.glfw_window_hello_imgui(), width, height)
 
 
 def in_software(context: moderngl.Context) -> bool:
-    """True if OpenGL runs on the processor, shared with the worker."""
+    """True if OpenGL runs on the processor, which it shares with the worker."""
     return any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))

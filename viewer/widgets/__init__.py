@@ -1,1 +1,1 @@
-"""Widgets, most of them of several panels."""
+"""Widgets that panels share."""

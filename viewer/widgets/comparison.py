@@ -1,4 +1,4 @@
-"""The photo over the view from the photo's camera: a drag wipes it away."""
+"""The photo over the view, seen from the photo's camera; a drag moves the line between photo and render."""
 
 from functools import lru_cache
 
@@ -13,13 +13,13 @@ from viewer.values import orbit
 
 
 class Comparison:
-    """The line between the photo, on its left, and the render."""
+    """The tool that shows the photo at the left of a line and the render at its right."""
 
     def __init__(self) -> None:
-        self._share = 0.5  # of the photo's width
+        self._share = 0.5  # place of the line as a fraction of the photo's width
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw the photo over the view, which is imgui's last item; return whether it takes the mouse."""
+        """Draw the photo over the view, imgui's last item; return whether the tool takes the mouse."""
         found = photo_place(context, corner, size)
         if found is None or context.images is None:
             return False
@@ -37,7 +37,10 @@ class Comparison:
 
 
 def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[PhotoView, ImVec2, ImVec2] | None:
-    """Return the photo of the object in the view and two corners of its place; None from another camera."""
+    """Return the photo of the object in the view and two opposite corners on screen, px.
+
+    Returns None unless the view shows the scene from the photo's camera.
+    """
     session = context.session
     if (view := session.photo_view) is None or session.viewport.source != "scene":
         return None
@@ -48,5 +51,5 @@ def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[Ph
 
 @lru_cache(maxsize=4)
 def photo_pixels(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
-    """Return the pixels of a photo's file, the same array for the same file."""
+    """Return the pixels of a photo's file; cached, so that the same file keeps its texture."""
     return decompressed(file)

@@ -1,4 +1,4 @@
-"""Small controls of panels: buttons with tooltips, drop-down lists, progress."""
+"""Small controls: buttons with tooltips, choices, sliders, name fields, progress."""
 
 from collections.abc import Mapping
 from typing import TypeVar
@@ -20,13 +20,13 @@ OVERLAY_FLAGS = (
     | imgui.WindowFlags_.no_nav
     | imgui.WindowFlags_.no_docking
     | imgui.WindowFlags_.no_move
-)  # of a small window over the view that nobody moves
+)  # of a small, fixed window over the view
 
-_LINE = 40  # em, of a tooltip
+_LINE = 40  # em, the longest line of a tooltip
 
 
 def tooltip(text: str) -> None:
-    """Add a tooltip to the last item, hidden while that is dragged."""
+    """Add a tooltip to imgui's last item, hidden while the item is dragged."""
     if not imgui.is_item_active() and imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * imgui.get_main_viewport().work_size.x))
         imgui.text_unformatted(text)
@@ -35,20 +35,25 @@ def tooltip(text: str) -> None:
 
 
 def begin_tooltip_beside() -> bool:
-    """Begin a tooltip at the left of the panel, which it leaves visible; imgui's ``end_tooltip`` ends it."""
+    """Begin a tooltip at the left of the panel, without covering it; if True, call imgui's ``end_tooltip``."""
     place = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
     imgui.set_next_window_pos(place, imgui.Cond_.always, (1, 0))
     return imgui.begin_tooltip()
 
 
 def end_gesture(context: PanelContext) -> None:
-    """End the drag of the last item on release, so that the next edit is a step of its own."""
+    """End the drag of imgui's last item on release: the next edit is another step of undo."""
     if imgui.is_item_deactivated():
         context.session.editor.end_gesture()
 
 
 def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colour: Colour | None = None) -> bool:
-    """Draw a button (width in em, 0 fits the label, -1 fills the line) with a tooltip."""
+    """Draw a button with a tooltip and return True if pressed.
+
+    Args:
+        text: the tooltip.
+        width: em; 0 fits the label, -1 fills the line.
+    """
     if colour:
         imgui.push_style_color(imgui.Col_.button, (*colour, 1.0))
         for part in (imgui.Col_.button_hovered, imgui.Col_.button_active):
@@ -66,7 +71,7 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colo
 def action_button(
     context: PanelContext, action: str, label: str = "", width: float = 0.0, colour: Colour | None = None
 ) -> None:
-    """Draw a button for an action of the table, with its id and, by default, its words."""
+    """Draw a button that runs an action of the table, given by its id; the default label is its words."""
     found = ACTIONS[action]
     hint = found.hint()
     text = f"{label or found.words}###{action}"
@@ -75,8 +80,8 @@ def action_button(
 
 
 def draw_choice(choices: dict[str, str], chosen: str) -> str:
-    """Draw labels by value, in one line or several, and return the chosen value."""
-    gap = imgui.get_style().item_spacing.x  # half of it, on either side, is in the colour of the chosen one
+    """Draw all choices (values and labels) side by side, wrapped, and return the chosen value."""
+    gap = imgui.get_style().item_spacing.x  # half of the gap on either side belongs to the highlight of the chosen one
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
     for number, (value, label) in enumerate(choices.items()):
         width = imgui.calc_text_size(label).x
@@ -91,7 +96,7 @@ def draw_choice(choices: dict[str, str], chosen: str) -> str:
 
 
 def flow(label: str, width: float = 0.0) -> None:
-    """Stay in the line if a button of this label, or of this width in em, fits; else begin the next."""
+    """Stay in the line if a button with this label, or this width in em, fits; else begin the next line."""
     width = hello_imgui.em_size(width) or imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
@@ -103,8 +108,11 @@ def labelled_slider(
 ) -> tuple[bool, float]:
     """Draw a slider between its label and its value; return whether it moved, and its value.
 
+    Afterwards imgui's last item is the slider.
+
     Args:
-        shown: the value in words; imgui's last item is the slider, for tooltips and gestures.
+        name: id of the slider.
+        shown: the value as text.
         columns: widths in em of label and value.
     """
     em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
@@ -126,7 +134,13 @@ def labelled_slider(
 
 
 def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:
-    """Draw a drop-down list of few values (width in em)."""
+    """Draw a drop-down list with a tooltip and return the chosen value.
+
+    Args:
+        choices: labels by value.
+        text: the tooltip.
+        width: em.
+    """
     imgui.set_next_item_width(hello_imgui.em_size(width))
     if imgui.begin_combo(f"##{name}", choices.get(chosen, str(chosen))):
         for value, label in choices.items():
@@ -138,13 +152,13 @@ def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: flo
 
 
 class NameField:
-    """A name being typed in a menu or a popup; Enter ends it."""
+    """An input line for a name in a menu or a popup."""
 
     def __init__(self) -> None:
         self._text = ""
 
     def draw(self, start: str) -> str:
-        """Return the confirmed text and close the menu; "" before."""
+        """Draw the line, first with ``start``. On Enter close the menu and return the name, else return ""."""
         if imgui.is_window_appearing():
             self._text = start
             imgui.set_keyboard_focus_here()
@@ -157,10 +171,11 @@ class NameField:
 
 
 def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> bool:
-    """Draw the progress of a file of these kinds (default: any), and its cancel button.
+    """Draw an export's progress bar and cancel button; return False if no file of these kinds is written.
 
     Args:
-        width: em, of both; 0 fills the line.
+        kinds: kinds of :attr:`Exporting.kind`; none: any.
+        width: em of bar and button; 0 fills the line.
     """
     exporting = context.session.exporting
     if exporting.path is None or (kinds and exporting.kind not in kinds):

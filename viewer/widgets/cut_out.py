@@ -1,4 +1,4 @@
-"""A photo as wide as its panel, with its detected objects as numbered boxes to click."""
+"""A photo as wide as its panel, with numbered boxes of detected objects to click."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,7 +13,7 @@ from viewer.widgets.controls import tooltip
 from viewer.widgets.object_tiles import mark, rounding, tile_button
 from viewer.widgets.paint import pick
 
-_TALLEST = 0.5  # of the panel's height
+_TALLEST = 0.5  # largest height of the photo as a fraction of the panel's
 
 
 def draw_cut_out(
@@ -22,7 +22,7 @@ def draw_cut_out(
     boxes: Sequence[Box],
     choose: Callable[[int], None],
 ) -> None:
-    """Draw the photo; a click on one of several boxes chooses its object by number."""
+    """Draw the photo and, unless there is only one, the boxes; a click calls ``choose`` with the box's index."""
     if context.images is None:
         return
     (height, width), room = pixels.shape[:2], imgui.get_content_region_avail().x
@@ -40,7 +40,7 @@ def draw_cut_out(
     if context.tool == "pick":
         pick(context, pixels, corner, size)
     elif len(boxes) > 1:
-        for number, box in sorted(enumerate(boxes), key=lambda one: -_area(one[1])):  # the smaller over the larger
+        for number, box in sorted(enumerate(boxes), key=lambda one: -_area(one[1])):  # smaller boxes over larger ones
             _draw_box(context, number, box, (corner, size), choose)
     imgui.set_cursor_screen_pos(after)
     imgui.dummy((0, 0))

@@ -1,4 +1,4 @@
-"""The eraser of photo detail on the object, seen from the photo's camera."""
+"""The tool that erases photo detail by strokes, seen from the photo's camera."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -7,20 +7,20 @@ from viewer.context import PanelContext
 from viewer.screen.theme import packed
 from viewer.widgets.comparison import photo_place
 
-_LEAST = 0.01  # fraction of the photo's side between two points of a stroke
-_BRUSH = 0.005, 0.04, 0.2  # least, first and largest radius, fractions of the photo's longer side
-_WHEEL = 1.2  # factor per click of the wheel
+_LEAST = 0.01  # distance between points of a stroke, as a fraction of the photo's side
+_BRUSH = 0.005, 0.04, 0.2  # least, initial and largest radius, as fractions of the photo's longer side
+_WHEEL = 1.2  # factor of the radius per click of the wheel
 
 
 class Eraser:
-    """The stroke being drawn; finished ones are in the detail."""
+    """The stroke being drawn; a finished stroke joins the object's photo detail."""
 
     def __init__(self) -> None:
         self._points: list[tuple[float, float]] = []
         self._radius = _BRUSH[1]
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw stroke and brush over the view, which is imgui's last item; return whether it takes the mouse."""
+        """Draw stroke and brush over the view, imgui's last item; return whether the tool takes the mouse."""
         found, detail = photo_place(context, corner, size), context.session.editor.scene.codes.detail
         if found is None or detail is None:
             self._points = []

@@ -1,4 +1,4 @@
-"""The numbers of a fit: settings of the next one, results of the last one, and its curve."""
+"""The numbers of fits: the next fit's settings, and the last fit's result and curve."""
 
 from collections.abc import Sequence
 
@@ -10,14 +10,14 @@ from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.context import PanelContext
 from viewer.widgets.controls import button, choose, flow, tooltip
 
-_HEIGHT = 5.5  # em
-_FOCAL = "Find focal length"  # fits the panel at the largest texts
+_HEIGHT = 5.5  # em, of the curve
+_FOCAL = "Find focal length"  # short enough for the panel at the largest text size
 _PRESET_HELP = """How much work the next search is: draft less than half of normal, fine twice as much.
 Except in a draft, a camera in doubt is searched for once more."""
 
 
 def draw_fit_numbers(context: PanelContext) -> None:
-    """Draw the numbers, on a page for experts; call once a frame."""
+    """Draw settings, result and curve; call once a frame."""
     fitting = context.session.fitting
     presets = {name: name for name in WINDOW_PRESETS}
     fitting.options.preset = choose("preset", fitting.options.preset, presets, _PRESET_HELP)

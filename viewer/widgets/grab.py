@@ -1,4 +1,4 @@
-"""A ring over the object while G is held: it names the direction that a drag there pulls along."""
+"""The tool that pulls the shape while G is held; a ring names the direction of change under the mouse."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -6,17 +6,17 @@ from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
 
 _KEY = imgui.Key.g
-_RING = 0.05  # of the view's shorter side: the radius in which a pull looks
+_RING = 0.05  # radius of the ring as a fraction of the view's shorter side
 
 
 class Grab:
     """The pull in progress."""
 
     def __init__(self) -> None:
-        self._start: ImVec2 | None = None  # of the drag; None between drags
+        self._start: ImVec2 | None = None  # where the drag began, px on screen; None between drags
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw the ring over the view, which is imgui's last item; return whether it takes the mouse."""
+        """Draw the ring over the view, imgui's last item; return whether the tool takes the mouse."""
         grabbing, mouse = context.session.grabbing, imgui.get_mouse_pos()
         if self._start is not None:
             if imgui.is_item_active():
@@ -38,7 +38,7 @@ class Grab:
 
 
 def _draw_ring(context: PanelContext, mouse: ImVec2, radius: float) -> None:
-    """Draw the ring, the motion of the surface, and the direction's word."""
+    """Draw the ring, a line along the surface's motion, and the direction's word."""
     pull, em, draw = context.session.grabbing.pull, hello_imgui.em_size(), imgui.get_window_draw_list()
     colour = packed(context.palette.accent if pull else context.palette.quiet)
     draw.add_circle(mouse, radius, colour, thickness=2.0)

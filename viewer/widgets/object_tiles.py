@@ -1,4 +1,4 @@
-"""Tiles of objects: thumbnail, coloured frame, a letter in the corner."""
+"""Parts of object tiles: thumbnail, border, a letter in the corner, drag and drop."""
 
 from pathlib import Path
 
@@ -10,9 +10,9 @@ from viewer.screen.theme import Colour, on, packed
 from viewer.services.messages import Button, MessageKind
 from viewer.values.part import Part
 
-THUMBNAIL = 4.5  # em, of most thumbnails: 72 px at the usual size of text
-DIMMED = 0.55  # hidden fraction of stale tiles
-DRAGGED = "object"  # the kind of payload that is dragged onto B
+THUMBNAIL = 4.5  # em, side of most thumbnails: 72 px at the default text size
+DIMMED = 0.55  # opacity of the shade over stale tiles
+DRAGGED = "object"  # type of imgui's payload for an object dragged onto B
 ICONS: dict[Part, str] = {
     "shape": icons_fontawesome_4.ICON_FA_CUBE,
     "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,
@@ -20,12 +20,12 @@ ICONS: dict[Part, str] = {
 
 
 def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """Draw an object's thumbnail, or an empty square until it is rendered."""
+    """Draw an object's thumbnail in a square of ``side`` px, empty until it is rendered."""
     paint_frame(context, context.session.thumbnails.of_object(context.session.editor.objects[name].codes), corner, side)
 
 
 def paint_frame(context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float) -> None:
-    """Draw a small frame with round corners; None is an empty square."""
+    """Draw a rendered frame, or an empty square for None, with round corners."""
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
     if thumbnail is None or context.images is None:
         draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
@@ -37,12 +37,12 @@ def paint_frame(context: PanelContext, thumbnail: Frame | None, corner: ImVec2, 
 
 
 def tile_button(name: str, size: tuple[float, float] | ImVec2) -> bool:
-    """Take clicks and the keyboard's focus at the cursor, without drawing; return True if pressed."""
+    """Add an invisible button that the keyboard can focus; return True if pressed."""
     return imgui.invisible_button(name, size, imgui.ButtonFlags_.enable_nav)
 
 
 def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) -> None:
-    """Draw a photo, or an empty square until it is read."""
+    """Draw a photo file in a square of ``side`` px, empty until it is read."""
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
     if (pixels := context.session.photo_thumbnails.get(path)) is None or context.images is None:
         draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
@@ -52,13 +52,13 @@ def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) 
 
 
 def outline(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:
-    """Draw a border, ``inset`` px within the square."""
+    """Draw the border of a square, ``inset`` px inside."""
     low, high = corner + ImVec2(inset, inset), corner + ImVec2(side - inset, side - inset)
     imgui.get_window_draw_list().add_rect(low, high, packed(colour), rounding(), thickness=2.0)
 
 
 def mark(corner: ImVec2, label: str, colour: Colour) -> None:
-    """Draw a letter or an icon on a coloured square."""
+    """Draw a letter or an icon on a small coloured square."""
     draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
     draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
     place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
@@ -66,7 +66,10 @@ def mark(corner: ImVec2, label: str, colour: Colour) -> None:
 
 
 def dropped(context: PanelContext) -> str:
-    """Return the object dropped on the last item, if it can be mixed with the shown one; else report why not."""
+    """Return the object dropped on imgui's last item; "" for none.
+
+    An object that cannot be mixed with the shown one is reported, not returned.
+    """
     if not imgui.begin_drag_drop_target():
         return ""
     payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
@@ -80,7 +83,7 @@ def dropped(context: PanelContext) -> str:
 
 
 def unmixable(context: PanelContext, name: str) -> str:
-    """Return why an object cannot be mixed with the shown one."""
+    """Return the message that an object cannot be mixed with the shown one."""
     editor = context.session.editor
     return (
         f"A {editor.models.of(editor.objects[name].codes).noun} cannot be mixed with a {editor.model.noun}: "

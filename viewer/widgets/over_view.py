@@ -1,4 +1,4 @@
-"""Tools for the mouse over the view: wipe, erase, take a colour, pull the shape."""
+"""Tools of the mouse over the view: wipe, erase, pick a colour, pull the shape."""
 
 from typing import Protocol
 
@@ -15,18 +15,23 @@ class Tool(Protocol):
     """A tool that draws over the view."""
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw over the view, which is imgui's last item; return whether the tool takes the mouse."""
+        """Draw over the view, imgui's last item; return whether the tool takes the mouse.
+
+        Args:
+            corner: upper left corner of the view, px on screen.
+            size: size of the view, px.
+        """
 
 
 class OverView:
-    """The tools by their names in :attr:`viewer.context.PanelContext.tool`, and the one of a held key."""
+    """All tools: those of :attr:`viewer.context.PanelContext.tool`, and the one of the key G."""
 
     def __init__(self) -> None:
         self._tools: dict[str, Tool] = {"wipe": Comparison(), "erase": Eraser(), "pick": Eyedropper()}
         self._grab = Grab()
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Draw the tool in use over the view, which is imgui's last item; return whether it takes the mouse."""
+        """Draw the current tool over the view, imgui's last item; return whether it takes the mouse."""
         if self._grab.draw(context, corner, size):
             return True
         if imgui.is_key_pressed(imgui.Key.escape):

@@ -1,4 +1,4 @@
-"""Controls for the object's paint: a colour, also picked from photo or view, and the way back."""
+"""Controls of the object's paint: its colour, an eyedropper, and the original paint."""
 
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
@@ -13,7 +13,7 @@ _FLAGS = imgui.ColorEditFlags_.no_inputs | imgui.ColorEditFlags_.picker_hue_whee
 
 
 def draw_paint(context: PanelContext) -> None:
-    """Draw a line of controls: the part, its colour, the eyedropper, the original."""
+    """Draw a line of controls: part, colour, eyedropper, original paint."""
     painting = context.session.painting
     imgui.align_text_to_frame_padding()
     imgui.text("Paint")
@@ -39,10 +39,10 @@ def draw_paint(context: PanelContext) -> None:
 
 
 class Eyedropper:
-    """Takes a colour from the view."""
+    """The tool that paints with a colour of the view."""
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Show the colour under the mouse over the view, imgui's last item; return whether it takes the mouse."""
+        """Show the colour under the mouse over the view, imgui's last item; always take the mouse."""
         if frame := context.session.viewport.frame:
             pick(context, frame.image, corner, size)
         return True
@@ -51,7 +51,10 @@ class Eyedropper:
 def pick(
     context: PanelContext, pixels: UInt8[np.ndarray, "height width channels"], corner: ImVec2, size: ImVec2
 ) -> None:
-    """Paint with the colour of a clicked image, which is imgui's last item."""
+    """Show the colour under the mouse over an image, imgui's last item; on a click, paint with it.
+
+    Nothing happens unless the eyedropper is the current tool.
+    """
     if context.tool != "pick" or not imgui.is_item_hovered():
         return
     share, (height, width) = imgui.get_mouse_pos() - corner, pixels.shape[:2]

@@ -1,4 +1,4 @@
-"""The levels of type: headings, text, and captions, which are smaller and quieter."""
+"""Text in two styles beside the usual one: headings, and small, quiet captions."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -23,12 +23,16 @@ def caption(context: PanelContext, words: str) -> None:
 
 
 def push_small() -> None:
-    """Make the next text small, until imgui's ``pop_font``."""
+    """Make text small until imgui's ``pop_font``."""
     imgui.push_font(None, SMALL * imgui.get_style().font_size_base)
 
 
 def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: float, across: float = 0.5) -> None:
-    """Draw small, quiet text, shortened to ``width`` px; ``across`` aligns it from left (0) to right (1)."""
+    """Draw a caption at a corner on screen, shortened to ``width`` px, without an imgui item.
+
+    Args:
+        across: alignment within the width, from left (0) to right (1).
+    """
     push_small()
     if imgui.calc_text_size(words).x > width:
         while words and imgui.calc_text_size(f"{words}…").x > width:
@@ -40,5 +44,5 @@ def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: floa
 
 
 def small_height() -> float:
-    """Return the height of a line of captions in px."""
+    """Return the height of a caption's line in px."""
     return SMALL * imgui.get_text_line_height()

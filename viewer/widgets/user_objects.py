@@ -1,4 +1,4 @@
-"""Actions on a fitted or opened object: its dot, and its part of the menu."""
+"""Added objects: the dots on their tiles, and their menu entries."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -12,11 +12,12 @@ from viewer.values.printable import file_name
 from viewer.widgets.controls import NameField
 
 COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
+"""Colours of confidences, by :func:`core.fitting.confidence.in_words`."""
 _UNKNOWN: Colour = (0.6, 0.63, 0.66)
 
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """Draw a dot in the colour of a fitted object's confidence, and another if it was never shown."""
+    """Draw a dot in the colour of a fitted object's confidence, and another on a result that was not shown yet."""
     found, em, draw = context.session.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
     if name in context.session.fitting.results.unseen:
         centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
@@ -28,7 +29,7 @@ def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> N
 
 
 def colour_of(found: EditableObject) -> Colour:
-    """Return the colour of the confidence: green is sure, yellow likely, orange doubtful, grey unknown."""
+    """Return the colour of an object's confidence: green sure, yellow likely, orange doubtful, grey unknown."""
     return _UNKNOWN if found.confidence is None else COLOURS[in_words(found.confidence)]
 
 
@@ -41,14 +42,14 @@ def about(found: EditableObject) -> str:
 
 
 class UserObjectMenu:
-    """Menu entries: rename, remove, export."""
+    """The menu entries of an added object: rename, export, remove."""
 
     def __init__(self) -> None:
         self._field = NameField()
-        self._renamed: tuple[str, str] | None = None  # an object, and its new name
+        self._renamed: tuple[str, str] | None = None  # an object's name and its new name
 
     def draw(self, context: PanelContext, name: str) -> None:
-        """Draw the entries in the menu of an object that is not the model's own."""
+        """Draw the entries in an added object's menu."""
         imgui.separator()
         self._draw_rename(name)
         if imgui.menu_item_simple("Export…###export object"):
@@ -59,7 +60,7 @@ class UserObjectMenu:
             imgui.end_menu()
 
     def apply(self, context: PanelContext) -> None:
-        """Rename after all objects are drawn, as some of them use the old name."""
+        """Rename the object; call after all tiles are drawn, as they use the old name."""
         if self._renamed:
             context.session.rename(*self._renamed)
             self._renamed = None
@@ -72,7 +73,7 @@ class UserObjectMenu:
 
 
 def _export(context: PanelContext, name: str) -> None:
-    """Export as a scene, which is opened by dropping it."""
+    """Ask for a file and write the object as a scene."""
     editor = context.session.editor
     scene = Scene(editor.objects[name].codes, editor.scene.camera)
     context.files.ask(

@@ -1,4 +1,4 @@
-"""Tiles of photos that are not fitted yet, among one's own objects."""
+"""Tiles of photos that are not fitted yet, among the added objects."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -9,11 +9,14 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
 _CLOCK, _QUESTION = icons_fontawesome_4.ICON_FA_CLOCK, icons_fontawesome_4.ICON_FA_QUESTION
-_DIMMED = 0.45  # hidden fraction of the photo
+_DIMMED = 0.45  # opacity of the shade over the photo
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:
-    """Draw the photo with a bar, a clock, or a question mark; a click shows the fit or the question."""
+    """Draw a request's photo with a bar (running), a question mark (asked) or a clock (queued).
+
+    A click shows the fit or the question.
+    """
     side, fitting, source = size.x, context.session.fitting, waits.history.sources[0]
     name, sources = f"waits {source.name}", waits.history.sources
     running = fitting.running and sources is fitting.history.sources

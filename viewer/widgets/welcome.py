@@ -1,4 +1,4 @@
-"""The welcome card: a large button to open a photo, one sentence, and sample photos."""
+"""The welcome card: a sentence, a large button to open a photo, and sample photos."""
 
 import math
 
@@ -9,10 +9,10 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption
 
-_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6  # em, of the card, around it and within it
-_SMALL, _SAMPLE = 11.0, 3.0  # em: the card once the object has been turned, and the thumbnail of a sample photo
-_LOW = 18.0  # em: in a lower view the whole card would hide the object
-_GAP, _LEAST = 0.6, 7.0  # em, between photos, and of the button beside them
+_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6  # em: width of the card, space around and within it
+_SMALL, _SAMPLE = 11.0, 3.0  # em: width of the small card, and side of a sample photo
+_LOW = 18.0  # em: in a lower view the large card would hide the object
+_GAP, _LEAST = 0.6, 7.0  # em: gap between photos, and least width of the button beside them
 _OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
 
 
@@ -20,18 +20,21 @@ class Welcome:
     """A card at the bottom of the view until something is made."""
 
     def __init__(self) -> None:
-        self.covered = 0.0  # px, from the card's upper edge to the rectangle's lower one, in the last frame
+        self.covered = 0.0  # px of the view's lower edge that the card took in the last frame
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
-        """Return whether nothing is made, edited or begun yet; turning the object is no edit."""
+        """Return whether nothing was made, edited or begun yet; turning the object is no edit."""
         editor, fitting = context.session.editor, context.session.fitting
         first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
         edited = timeline.keys or any(state.scene.codes is not first for state in editor.history.states)
         return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Draw at the bottom of a rectangle (px); smaller, at its right, if that is low or the object was turned."""
+        """Draw the card at the bottom of a rectangle, px on screen.
+
+        The small card, at the right, is drawn in a low rectangle and once the object was turned.
+        """
         em = hello_imgui.em_size()
         small = bool(context.session.editor.history.past) or size.y < _LOW * em
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
@@ -51,7 +54,7 @@ class Welcome:
         imgui.pop_style_color()
 
     def _draw_open(self, context: PanelContext, small: bool) -> None:
-        """Draw the sentence, and the button left of the photos: a low card, which hides no legs."""
+        """Draw the sentence, and the button left of the photos, so that the card is low."""
         if small:
             action_button(context, "fit_image", _OPEN, -1, context.palette.accent)
             return
@@ -68,12 +71,16 @@ class Welcome:
 
 
 def nouns(context: PanelContext) -> str:
-    """Return the nouns of the categories of all open models."""
+    """Return the nouns of all open models in words: "a chair or a car"."""
     return " or ".join(dict.fromkeys(f"a {model.noun or 'thing'}" for model in context.session.models))
 
 
 def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
-    """Photos to try, small, in a line or two, each so many px wide at the most; a click fits one."""
+    """Draw the sample photos in one or two lines; a click fits a photo.
+
+    Args:
+        largest: limit of a photo's side, px.
+    """
     em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
     paths, room = context.session.samples, imgui.get_content_region_avail().x
     if not paths:
