@@ -6,7 +6,7 @@ from jaxtyping import Float
 Rgb = tuple[int, int, int]  # 0..255
 Gradient = tuple[Rgb, Rgb]  # at the upper and the lower edge
 Background = Rgb | Gradient
-_BEGINS = 0.25  # fraction of the height, from above, at which a gradient begins
+_BEGINS = 0.25  # fraction of the height above which a gradient stays at its upper colour
 GLSL = f"""
 uniform vec3 top, bottom;
 vec3 background(float down) {{ return mix(top, bottom, smoothstep({_BEGINS}, 1.0, down)); }}
@@ -14,7 +14,7 @@ vec3 background(float down) {{ return mix(top, bottom, smoothstep({_BEGINS}, 1.0
 
 
 def edges(background: Background) -> Gradient:
-    """Return the colours at the upper and the lower edge."""
+    """Return a background as a gradient: the colours at the upper and the lower edge."""
     return background if isinstance(background[0], tuple) else (background, background)
 
 

@@ -1,7 +1,7 @@
 """An object's field as a 3D texture, drawn by OpenGL (:mod:`core.rendering.baked_shader`).
 
-The texture stores logits of density (before softplus and contrast): their linear interpolation is 3 to 6 dB better than
-that of density, and edges stay crisp on coarse grids. :mod:`core.rendering.baking` fills the texture.
+The texture stores logits (before softplus and contrast). Interpolating logits linearly is 3 to 6 dB better than
+interpolating density, and edges stay crisp on coarse grids. :mod:`core.rendering.baking` fills the texture.
 """
 
 import math
@@ -23,11 +23,11 @@ from core.rendering.ground_shadow import GroundShadow
 from core.rendering.occupancy import CELLS
 from core.rendering.reference import Rendered
 
-LOGITS = -8.0, 24.0  # logits of 0 and 255; the least is a density of 0.01 per scene unit
+LOGITS = -8.0, 24.0  # logits that bytes 0 and 255 stand for; -8 is a density of 0.01 per scene unit
 STEPS_PER_TEXEL = 1.5
 MAX_STEPS = 128  # along the longest side of the box; more makes no visible difference in motion
-MIN_LIGHT = 0.005  # a ray ends when less light is left, which counts as absorbed
-_MAX_DISTANCE = 8  # cells skipped at a time, at most
+MIN_LIGHT = 0.005  # fraction of its light below which a ray ends; the rest counts as absorbed
+_MAX_DISTANCE = 8  # largest distance stored, so the most cells that a ray skips at a time
 _CHUNK_RAYS = 4096
 
 
@@ -36,17 +36,17 @@ class BakedField:
     """Colour and density at the corners of a grid, and its occupied cells. Not modified after creation."""
 
     texels: UInt8[np.ndarray, "x y z 4"]
-    """rgb, and the logit of density scaled by :data:`LOGITS`; only the occupied part of the grid"""
+    """rgb, and the logit of density as a byte (:data:`LOGITS`); only the occupied part of the grid"""
     distance: UInt8[np.ndarray, "cells cells cells"]
-    """cells to the nearest occupied one in the maximum norm; 0: occupied"""
+    """for each occupancy cell, the distance from :func:`cell_distances`; 0: the cell is occupied"""
     extent: tuple[float, float, float]  # half the size of the scene's box, scene units
     config: FieldConfig  # of the field: how density follows from logits
     pixel_offset: float  # px, shift of rays to the left and up of pixel centres
-    cells: int  # of the grid, along each axis of the box; the outermost corners lie on the box's faces
+    cells: int  # cells of the texel grid along each axis of the box; the outermost corners lie on the box's faces
     first: tuple[int, int, int] = (0, 0, 0)  # grid corner of the first texel
     detail: DetailMaps | None = None  # photo detail, evaluated per pixel since it is far finer than texels
-    shadow: GroundShadow | None = None  # of the object on the ground, to be drawn over a background
-    steps: int | None = None  # along the longest side of the box; None: enough for interactive use
+    shadow: GroundShadow | None = None  # the object's shadow on the ground, to be drawn over a background
+    steps: int | None = None  # samples along the longest side of the box; None: enough for interactive use
 
     @property
     def step(self) -> float:
@@ -55,18 +55,18 @@ class BakedField:
 
 
 def colour_texels(colour: Float[Tensor, "*corners 3"]) -> UInt8[Tensor, "*corners 3"]:
-    """Convert colours in 0..1 to texels."""
+    """Convert colours to bytes, clamped to 0..1."""
     return (255 * colour.clamp(0, 1) + 0.5).to(torch.uint8)
 
 
 def logit_texels(logits: Float[Tensor, "*corners"]) -> UInt8[Tensor, "*corners"]:
-    """Convert logits to texels."""
+    """Convert logits to bytes, clamped to :data:`LOGITS`."""
     least, most = LOGITS
     return (255 * ((logits - least) / (most - least)).clamp(0, 1) + 0.5).to(torch.uint8)
 
 
 def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
-    """Return the distance from each cell to the nearest occupied one, in cells (maximum norm), limited."""
+    """Return the distance from each cell to the nearest occupied cell: cells in the maximum norm, at most 8."""
     distance, reached = torch.zeros_like(cells, dtype=torch.uint8), cells.clone()
     for _ in range(_MAX_DISTANCE):
         distance += ~reached
@@ -80,7 +80,7 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
 
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """Render OpenGL's image on the processor, on white, without its shadow: samples at equal steps along each ray."""
+    """Render a baked field like :mod:`core.rendering.baked_shader`, but on the processor, on white, without shadow."""
     extent = torch.tensor(baked.extent)
     rays = camera_rays(camera, extent, baked.pixel_offset)
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255

@@ -1,7 +1,7 @@
 """Ray marching of a baked field with OpenGL, on screen or off.
 
-Draws only tiles of the image with occupied cells behind, and limits their rays to these cells: software OpenGL also
-evaluates discarded fragments, where an empty pixel costs as much as several samples.
+Draws only the tiles of the image that show occupied cells, and limits their rays to the depths of these cells. Software
+OpenGL also evaluates discarded fragments, so an empty pixel would cost as much as several samples.
 """
 
 import math
@@ -22,7 +22,7 @@ from core.rendering.occupancy import CELLS, splat
 VERTEX = """
 #version 330
 uniform vec2 tiles;  // columns, rows
-in vec4 tile;        // column, row; nearest and farthest distance of what is behind it
+in vec4 tile;        // column, row; nearest and farthest distance of the cells behind it
 flat out vec2 reach;
 void main() {
     vec2 corner = tile.xy + vec2(gl_VertexID & 1, gl_VertexID >> 1);
@@ -35,7 +35,7 @@ FRAGMENT = """
 uniform sampler3D texels;     // rgb and logit; the axes are z, y, x
 uniform usampler3D distance;  // cells to the nearest occupied one
 uniform vec3 origin, right, up, backward, extent, first, sides;
-uniform vec2 middle;          // of the picture, px from the first pixel drawn
+uniform vec2 middle;          // of the camera's image, px from the first pixel drawn
 uniform vec2 logits;          // least, range; over the logarithm of 2, as all exponents here
 uniform float focal, spacing, cells, blocks, thickness, min_light;
 uniform vec2 contrast;       // softplus times this multiplies density, at most by the gain
@@ -92,7 +92,7 @@ _NO_CONTRAST = 1e9, 1.0  # makes the factor reach the gain of 1 for any density
 
 
 class BakedShader:
-    """The program and the textures of one baked field in one context, which must be current in every call."""
+    """The program and the textures of one baked field. Its GL context must be current in every call."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -103,7 +103,7 @@ class BakedShader:
         self._baked: BakedField | None = None
 
     def upload(self, baked: BakedField) -> None:
-        """Load a field, replacing the last one; equal sizes reuse the texture."""
+        """Upload a field to the graphics card; it replaces the previous field."""
         if baked is self._baked:
             return
         sides = baked.texels.shape[2::-1]
@@ -123,7 +123,7 @@ class BakedShader:
         self._baked = baked
 
     def _program(self, detailed: bool) -> moderngl.Program:
-        """Return the program, compiled once; without photo detail, software draws in two thirds of the time."""
+        """Return the compiled program. Two programs: without photo detail, software OpenGL takes a third less time."""
         if detailed not in self._programs:
             program = self._context.program(vertex_shader=VERTEX, fragment_shader=fragment_source(detailed))
             for unit, name in enumerate(("texels", "distance", *self._detail.names * detailed)):
@@ -132,11 +132,11 @@ class BakedShader:
         return self._programs[detailed]
 
     def draw(self, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)) -> None:
-        """Draw the field over the current framebuffer, first row topmost; colours are premultiplied.
+        """Draw the uploaded field over the current framebuffer, first row topmost, in premultiplied colours.
 
         Args:
-            size: px, of the framebuffer.
-            corner: px, left and top of the framebuffer in the camera's image.
+            size: width and height of the framebuffer, px.
+            corner: left and top of the framebuffer in the camera's image, px.
         """
         baked = self._baked
         assert baked is not None and self._texels is not None and self._distance is not None, "upload a field first"
@@ -206,7 +206,7 @@ def fragment_source(detailed: bool) -> str:
 
 
 def _occupied_centres(baked: BakedField) -> Float32[torch.Tensor, "occupied 3"]:
-    """Return world centres of occupied cells. Interior cells are omitted: every ray meets a boundary cell first."""
+    """Return the world centres of occupied cells, except interior ones: every ray meets a boundary cell first."""
     occupied = torch.from_numpy(baked.distance == 0)
     # All neighbours of an interior cell are occupied, including those before and after it on a ray.
     inner = -functional.max_pool3d(-functional.pad(occupied[None].float(), (1,) * 6), 3, 1)[0] > 0
@@ -221,7 +221,10 @@ def _tiles(
     size: tuple[int, int],
     middle: tuple[float, ...],
 ) -> tuple[Float32[np.ndarray, "tiles 4"], tuple[int, int]]:
-    """Return tiles with occupied cells (column, row, nearest and farthest distance), and the size of the tile grid."""
+    """Return the tiles that show occupied cells, and the size of the tile grid.
+
+    A tile is its column, its row, and the nearest and the farthest distance of its cells.
+    """
     local = camera.to_camera_axes(centres)
     points = project(local, camera.focal, (0, 0)) + torch.tensor(middle)
     reach = math.hypot(*(side / CELLS for side in baked.extent))

@@ -1,4 +1,4 @@
-"""Volume rendering (Eq. 3): densities between edges become weights; the transmittance goes to the background."""
+"""Volume rendering (Eq. 3): the weights of intervals, and the transmittance, which is the background's weight."""
 
 import torch
 from jaxtyping import Float
@@ -8,11 +8,11 @@ from torch import Tensor
 def compositing_weights(
     density: Float[Tensor, "*batch samples"], edges: Float[Tensor, "*batch samples_and_one"]
 ) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch"]]:
-    """Return the weight of each interval in its ray's colour, and the transmittance of the whole ray.
+    """Return the weight of each interval in its ray's colour, and the ray's transmittance.
 
     Eq. 3 with :math:`\\delta_i = t_{i+1} - t_i`: interval i weighs :math:`T_i (1 - e^{-\\sigma_i \\delta_i}) = T_i -
-    T_{i+1}` with :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`, accurate to 1e-7 in float32. One edge more than
-    densities avoids an invented last interval. Weights and transmittance sum to one.
+    T_{i+1}` with :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`, accurate to 1e-7 in float32. With one edge more
+    than densities, the last interval has a length too. Weights and transmittance sum to one.
 
     Args:
         density: per scene unit, not negative.

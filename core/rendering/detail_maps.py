@@ -1,10 +1,10 @@
 """Photo detail: colours of surface points looked up in photos of the object.
 
-A photo provides three maps over its camera's image: colours with weights, and distance and normal of the surface seen
-there. A point takes the colour of the pixel it projects into if it is the same surface (a soft depth test) seen from
-the same side; from the photo's own camera it takes it fully. Points that no camera saw take the colour of their mirror
-image (-x, y, z) if that was seen. Other points take the model's colour matched to the photos, so that no edge shows
-where a photo ends. Opacity and depth do not change.
+A photo provides three maps over its camera's image: its colours with weights, soft detail for the mirrored side, and
+the surface (:class:`PhotoMaps`). A point takes the colour of the pixel into which it projects if the photo shows the
+same surface (a soft depth test) from the same side; near the photo's own camera it takes the colour fully. Points that
+no camera saw take the colour of their mirror image (-x, y, z) if a camera saw that. Other points take the model's
+colour matched to the photos, so that no edge shows where a photo ends. Opacity and depth do not change.
 """
 
 import math
@@ -22,36 +22,39 @@ from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
 
 DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
-"""scene units along the photo's ray between a point and the surface seen: the same surface below, another above"""
-FACING = 0.25  # cosine of viewing ray and surface from which a point counts as seen from the photo's side
+"""Depth test: scene units along the photo's ray between a point and the surface in the photo.
+
+A point nearer than the first lies on that surface, a point beyond the second does not."""
+FACING = 0.25  # cosine of viewing ray and surface normal above which the viewer sees the side that the photo shows
 FLAT, STEEP = math.cos(math.radians(83)), math.cos(math.radians(70))
-"""cosines of photo ray and surface: no colour is taken below the first, all above the second"""
+"""Cosines of photo ray and surface normal: the photo gives no colour below the first, its full colour above the second.
+"""
 BESIDE = math.cos(math.radians(25)), math.cos(math.radians(8))
-"""cosines of photo ray and viewing ray: beside the photo's camera, colours are right at any surface angle"""
+"""Cosines of photo ray and viewing ray: beside the photo's camera, its colours are right at any surface angle."""
 NEAR = math.cos(math.radians(6)), math.cos(math.radians(2))
-"""the same cosines: at the photo's own camera the object looks as in the photo, up to its outline"""
-NEAR_FIRST = 20.0  # weight of the photo whose camera views the object; other photos have at most 1
-NEAR_DEPTHS = 0.2, 0.1  # scene units of the depth test for that; pixels at an outline have a depth between
-MIN_OPACITY = 0.02  # of pixels that take photo detail
+"""The same cosines for a viewer at the photo's own camera: the object looks as in the photo, up to its outline."""
+NEAR_FIRST = 20.0  # weight of a photo whose own camera is the viewer; other photos weigh at most 1
+NEAR_DEPTHS = 0.2, 0.1  # depth test for NEAR, scene units: at an outline, depth lies between object and background
+MIN_OPACITY = 0.02  # pixels of less opacity take no photo detail
 
 
 class ColourMatch(NamedTuple):
-    """An affine map of each colour channel: from the model's colours to those of the photos."""
+    """An affine map of each colour channel, from the model's colours to those of the photos."""
 
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def change(self, colours: Float[Tensor, "*places 3"]) -> Float[Tensor, "*places 3"]:
-        """Return matched colours minus colours."""
+        """Return the change of colours (0..1) by the match: matched colours minus colours."""
         gain, offset = (torch.tensor(part, device=colours.device) for part in self)
         return colours * (gain - 1) + offset
 
 
 class Shares(NamedTuple):
-    """Sources of colours, 0..1; the rest is the model's."""
+    """Fractions of colours by their source, 0..1; the rest is the model's."""
 
     photo: Float[Tensor, "*places"]
-    mirrored: Float[Tensor, "*places"]  # from the mirror image
+    mirrored: Float[Tensor, "*places"]  # from a photo of the mirror image
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class PhotoMaps:
         return sum(part.nbytes for part in (*self.fine, self.mirrored, self.surface))
 
     def level(self, camera: Camera) -> int:
-        """Return the level of the fine map whose pixels match a camera's on the object."""
+        """Return the level of the fine map whose pixels are as large on the object as a camera's."""
         own = self.camera.focal * self.fine[0].shape[1] / self.camera.height / self.camera.distance
         ratio = own * camera.distance / camera.focal
         return max(0, min(len(self.fine) - 1, round(math.log2(max(ratio, 1e-6)))))
@@ -79,7 +82,14 @@ class PhotoMaps:
     def look_up(
         self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], map: Float[Tensor, "4 _ _"]
     ) -> tuple[Float[Tensor, "points 4"], Float[Tensor, "points"], Float[Tensor, "points"]]:
-        """Sample a map at points; return values, visibility from the photo's camera, and closeness to its ray, 0..1."""
+        """Sample a map where points project; return its values and two weights, 0..1.
+
+        The first weight tells if the photo shows the point from the viewer's side, the second if the viewer is at the
+        photo's own camera.
+
+        Args:
+            directions: unit viewing directions.
+        """
         rotation, origin = self.camera.world_to_camera(points.device)
         away = points - origin
         local = away @ rotation.T
@@ -99,15 +109,15 @@ class PhotoMaps:
 
 @dataclass(frozen=True, eq=False)
 class DetailMaps:
-    """The maps of all photos of an object, and how they are shown."""
+    """The maps of all photos of an object, with the settings for showing them."""
 
     photos: tuple[PhotoMaps, ...]
     strength: float = 1.0  # factor on all detail
     other_side: OtherSide = "mirrored"
-    match: ColourMatch = field(default_factory=ColourMatch)  # of the model's colours outside all photos
+    match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
-        """Add photo detail to a render; return it with its sources of colours. Opacity and depth stay the same."""
+        """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change."""
         index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
         (rotation, origin), size = camera.world_to_camera(index.device), (camera.width, camera.height)
         pixels = torch.stack((index % camera.width, index // camera.width), -1) + 0.5
@@ -135,7 +145,7 @@ class DetailMaps:
         Args:
             directions: unit viewing directions; for a mesh the inverted outward normals.
             colours: the model's, 0..1.
-            camera: whose pixels are coloured; None: at full resolution.
+            camera: sets the resolution of the photos: that of its pixels; None: full resolution.
         """
         fine = [photo.fine[photo.level(camera) if camera else 0] for photo in self.photos]
         colour, direct = self._blended(points, directions, fine, own=True)
@@ -168,8 +178,8 @@ class DetailMaps:
 
         Args:
             maps: one of each photo.
-            own: True: a photo also shows every surface seen from beside its camera.
-            soft: True: maps hold plain weights, not packed ones.
+            own: a photo also colours every surface that a viewer at its own camera sees.
+            soft: maps hold plain weights instead of packed ones.
         """
         colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
         for photo, map in zip(self.photos, maps, strict=True):
@@ -206,6 +216,6 @@ def _sampled(map: Float[Tensor, "channels h w"], place: Float[Tensor, "points 2"
 
 
 def smooth_step(value: Float[Tensor, "*any"], zero: float, one: float) -> Float[Tensor, "*any"]:
-    """Return a smooth transition from 0 at one bound to 1 at the other."""
+    """Return a smooth transition from 0 at value ``zero`` to 1 at value ``one``, which may be smaller."""
     share = ((value - zero) / (one - zero)).clamp(0, 1)
     return share * share * (3 - 2 * share)

@@ -52,7 +52,7 @@ float smooth_step(float zero, float one, float value) {{
     float share = clamp((value - zero) / (one - zero), 0.0, 1.0);
     return share * share * (3.0 - 2.0 * share);
 }}
-// How far a photo's camera saw a point, where in its image, and how near to its ray the point is seen.
+// DetailMaps' two weights of a photo for a point, and the point's place in the photo.
 float seen_by_photo(sampler2D surface, int photo, vec3 point, vec3 along, out vec2 place, out float near) {{
     vec3 away = point - photo_origin[photo], local = photo_axes[photo] * away;
     place = 0.5 + vec2(local.x, -local.y) * photo_focal[photo] / max(-local.z, 1e-6);
@@ -79,7 +79,7 @@ vec3 detail(vec3 point, vec3 along, vec3 model) {{
 
 
 class DetailTextures:
-    """The maps as textures of one context, uploaded only after a change."""
+    """Photo detail maps as textures of one GL context, uploaded only after a change."""
 
     names = tuple(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
 
@@ -89,7 +89,7 @@ class DetailTextures:
         self._textures: list[moderngl.Texture] = []
 
     def upload(self, maps: DetailMaps | None) -> None:
-        """Upload maps, replacing the last ones; None keeps these."""
+        """Upload maps, which replace the previous ones; None keeps the previous ones."""
         if maps is None or maps.photos == self._of:
             return
         self.release()
@@ -121,7 +121,7 @@ class DetailTextures:
 
 
 def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
-    """Return the uniforms of the GLSL for a camera's image."""
+    """Return the uniforms of :data:`GLSL` for a camera's image, without strength and samplers."""
     origins, axes, focals, levels = [], [], [], []
     for at in range(MAX_PHOTOS):  # arrays must be written whole
         photo = maps.photos[min(at, len(maps.photos) - 1)]

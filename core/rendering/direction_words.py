@@ -1,7 +1,8 @@
-"""Words for the principal directions of a model's codes, such as *taller* or *redder*, from measured effects.
+"""Words for the principal directions of a model's codes, such as *taller* or *redder*.
 
-The mean object is moved to both sides along a direction. The differences of its surface and colours, in units of equal
-visibility, decide the word. No word is used twice; a direction without a visible effect gets none.
+The mean object is moved to both sides along a direction. The differences of its surface and colours decide the word,
+each measured in units of the least visible change. No word is used twice; a direction without a visible effect gets
+none.
 """
 
 import math
@@ -20,10 +21,10 @@ from core.rendering.surface import surface_points
 Kind = Literal["shape", "texture"]
 Words = dict[Kind, tuple[str, ...]]
 _REACH = 1.5  # standard deviations to either side of the mean
-_EDGE = 0.01  # fraction of the points that may lie outside an object's extent: specks
-_CORNER = 0.2  # corner size relative to a silhouette's width and height
-_LEAST_POINTS = 50
-_LEAST = 0.5  # of the visibility unit: smaller changes give no name
+_EDGE = 0.01  # fraction of the points at either end of an axis that count as specks outside the object
+_CORNER = 0.2  # size of a silhouette's corner relative to its width and height
+_LEAST_POINTS = 50  # on a surface worth measuring
+_LEAST = 0.5  # units of visibility: smaller changes give no word
 _SHAPE: dict[str, tuple[str, str, float]] = {
     "width": ("wider", "narrower", 0.05),
     "depth": ("longer", "shorter", 0.05),
@@ -33,7 +34,7 @@ _SHAPE: dict[str, tuple[str, str, float]] = {
     "front": ("fuller front", "fuller back", 0.04),
     "upper width": ("wider top", "narrower top", 0.08),
     "upper depth": ("longer top", "shorter top", 0.08),
-}  # measure: words for an increase and a decrease, and the change that becomes visible
+}  # by measure: words for an increase and a decrease, and the least visible change (the unit of visibility)
 _TEXTURE: dict[str, tuple[str, str, float]] = {
     "lightness": ("lighter", "darker", 8.0),
     "red": ("redder", "greener", 7.0),
@@ -50,13 +51,13 @@ OPPOSITES = {
     for table in _TABLES.values()
     for more, less, _ in table.values()
     for one, other in ((more, less), (less, more))
-}  # of every word
+}  # the opposite of every word
 
 
 def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
-    """Find words for the first directions of shape and texture, describing their effect on the mean object.
+    """Find words for the first ``count`` directions of shape and of texture.
 
-    Yields None after each direction, and at the end for each kind ``count`` words, empty for unnamed directions.
+    Yields None after each direction. The last item has the words of each kind, one per direction, "" if unnamed.
 
     Example:
         >>> from core.models.library import load_model
@@ -77,10 +78,11 @@ def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
 
 
 def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) -> Codes:
-    """Move codes along a named direction by standard deviations; the opposite word moves backwards.
+    """Move codes along a named direction; the opposite word moves backwards.
 
     Args:
         words: from :func:`direction_words`.
+        amount: standard deviations.
 
     Raises ``ValueError`` for an unknown name.
     """
@@ -96,7 +98,7 @@ def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) ->
 
 
 def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:
-    """Assign words to changes of measures, clearest change first; each word is used once.
+    """Return a word for each direction's changes of measures, "" if none is clear; the clearest change chooses first.
 
     Example:
         >>> table = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
@@ -123,13 +125,13 @@ def _moved(codes: Codes, kind: Kind, by: Tensor) -> Codes:
 
 
 def _measured(model: Model, codes: Codes) -> dict[str, float]:
-    """Return all measures of an object; none if it hardly has a surface."""
+    """Return all measures of an object; empty if it has nearly no surface."""
     points, colours = (part.cpu() for part in surface_points(model, codes))
     return {**_of_shape(points), **_of_colours(points, colours)} if len(points) >= _LEAST_POINTS else {}
 
 
 def _of_shape(points: Float[Tensor, "points 3"]) -> dict[str, float]:
-    """Measure sizes by standard deviations, which are finer than extents for points on a grid."""
+    """Measure a shape; sizes by standard deviations, which are finer than extents for points on a grid."""
     low, high = _ends(points)
     place = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
     upper = points[place[:, 2] > 0.5]

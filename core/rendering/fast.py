@@ -1,7 +1,8 @@
 """The fast renderer: evaluates occupied cells only, front to back, and colours visible intervals only.
 
-It has two passes, like the field. What a camera sees of a shape (:class:`Chunk`) is independent of the texture and
-cached: a new texture runs only the second pass. A new view reuses the occupied cells.
+It has two passes, like the field. The first finds the visible intervals of a shape (:class:`Chunk`), which do not
+depend on the texture and are cached: a new texture runs only the second pass, which colours them. A new view reuses
+the occupied cells.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -41,7 +42,7 @@ def render_steps(
     """Render like :func:`core.rendering.reference.render_exact`, many times faster.
 
     Yields None after every chunk of rays and returns the render. A model whose network paints the background is
-    rendered on plain white here.
+    rendered on plain white. Raises ``ValueError`` for M1 and M2 (:mod:`core.models.architecture_variants`).
 
     Args:
         samples: intervals along the longest side of the scene's box; a ray has as many as fit between the first and
@@ -107,7 +108,7 @@ class Chunk:
 
 
 class VisibilityKey(NamedTuple):
-    """Everything that visible intervals depend on: their cache key."""
+    """The cache key of a view's visible intervals: everything that they depend on."""
 
     model: Model
     shape: tuple[float, ...]
@@ -127,34 +128,34 @@ class VisibilityKey(NamedTuple):
         complete: bool,
         cutoff: Tolerances | None = None,
     ) -> "VisibilityKey":
-        """The key of an object's view."""
+        """Return the key of an object seen from a camera."""
         return cls(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff, outline(model, codes))
 
 
 def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
-    """True if this shape's visible intervals from this camera are cached, so that only colours are evaluated."""
+    """True if the visible intervals of the view are cached: a render with these arguments only evaluates colours."""
     return CACHE.get(CacheKind.VIEW, VisibilityKey.of(model, codes, camera, samples, complete)) is not None
 
 
 @lru_cache(maxsize=4)
 def _folded_field(model: Model, codes: Codes) -> FoldedField:
-    """Return the folded field of recent codes, which a new view reuses."""
+    """Return the folded field of an object, cached because new views reuse it."""
     return FoldedField(model, codes)
 
 
 def clear_views() -> None:
-    """Clear cached views: the next render costs as much as a new view."""
+    """Clear the cached visible intervals: the next render costs as much as a new view."""
     CACHE.clear(CacheKind.VIEW)
 
 
 def clear_cache() -> None:
-    """Clear cached shapes: the next render costs as much as a new shape."""
+    """Clear cached views, shapes and folded fields: the next render costs as much as a new shape."""
     CACHE.clear(CacheKind.VIEW, CacheKind.SHAPE)
     _folded_field.cache_clear()
 
 
 def _visibility(folded: FoldedField, view: VisibilityKey) -> tuple[Callable[[slice], Chunk], list[slice]]:
-    """Return a function that finds visible intervals of rays, independent of the texture, and the rays to pass."""
+    """Return a function that finds the visible intervals of some rays, and the slices of rays to call it with."""
     with torch.inference_mode():
         occupancy = shape_occupancy(view.model, view.shape, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
@@ -197,7 +198,7 @@ def _chunk(
     tolerances: Tolerances,
     share: float,
 ) -> Chunk:
-    """Trace rays (a fraction ``share`` of all) to the end; drops rays that meet no occupied cell."""
+    """Trace rays (a fraction ``share`` of the view's) to the end; drop rays that meet no occupied cell."""
     occupied = occupancy.intersect(rays, step, tolerances.termination)
     some, ray, counts = torch.unique_consecutive(occupied.ray, return_inverse=True, return_counts=True)
     pixel, rays = pixel.index_select(0, some), rays[some]

@@ -1,11 +1,11 @@
-"""A field with one pair of codes folded in, for rendering without gradients: the same function, fewer and wider steps.
+"""A field with one pair of codes folded in, for rendering without gradients: the same function in fewer operations.
 
-Two foldings are exact. A code's contribution to a block is a bias (see :class:`core.models.field.Field`), so the cost
-per point is independent of the codes. The feature layer is linear and directly followed by two layers, so it is
-multiplied into both.
+Three simplifications:
 
-A third one is nearly exact. An encoding treats each axis separately and a layer is linear in it, so a layer's output
-for a point or direction is a function of x, plus one of y, plus one of z. These are lookup tables.
+* A code's contribution to a block is a bias (see :class:`core.models.field.Field`), computed once per code.
+* The feature layer is linear and followed by two other layers, so it is multiplied into both.
+* The positional encoding treats each axis separately, and the first layer is linear in it. So the layer's output is a
+  function of x, plus one of y, plus one of z: three lookup tables. Only this one is not exact.
 """
 
 from collections.abc import Sequence
@@ -30,17 +30,17 @@ from core.runtime.precision import matmul_dtype
 _CHUNK_POINTS = 4096
 """Points that a thread evaluates at a time: with fewer, threads wait for Python's lock; more leave the cache."""
 _RESOLUTION = 8192  # entries along each axis
-_MARGIN = 1.1  # half sizes of the scene's box covered by the position table: samples may lie slightly outside
+_MARGIN = 1.1  # size of the position table relative to the scene's box: samples may lie slightly outside the box
 
 
 class AxisLookup(NamedTuple):
-    """A tabulated linear layer of a positional encoding: a function of x, plus one of y, plus one of z."""
+    """A linear layer on a positional encoding, as a table: a function of x, plus one of y, plus one of z."""
 
-    scale: Float[Tensor, "3"]  # entries per unit of each axis
-    origin_index: Float[Tensor, "3"]  # index of the origin on each axis
-    first: Float[Tensor, "3"]
-    last: Float[Tensor, "3"]  # first and last index of each axis
-    entries: Float[Tensor, "entries outputs"]  # of x, then y, then z; those of x include the bias
+    scale: Float[Tensor, "3"]  # entries per unit along each axis
+    origin_index: Float[Tensor, "3"]  # index of value 0 on each axis
+    first: Float[Tensor, "3"]  # first index of each axis
+    last: Float[Tensor, "3"]  # last index of each axis
+    entries: Float[Tensor, "entries outputs"]  # for x, then y, then z; those for x include the bias
     frequencies: int
     layer: tuple[Tensor, Tensor]  # weight and bias, for encoded values
 
@@ -48,7 +48,7 @@ class AxisLookup(NamedTuple):
     def from_layer(
         cls, frequencies: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype
     ) -> "AxisLookup":
-        """Tabulate a layer over [-reach, reach]; entries are exact at their centre."""
+        """Tabulate a layer over [-reach, reach] of each axis; an entry is exact at the middle of its interval."""
         positions = ((torch.arange(_RESOLUTION, device=reach.device) + 0.5) * (2 / _RESOLUTION) - 1)[:, None] * reach
         origin = encode(torch.zeros_like(reach), frequencies)
         along = encode(torch.diag_embed(positions).movedim(1, 0), frequencies) - origin  # axes, entries, encoded
@@ -59,19 +59,19 @@ class AxisLookup(NamedTuple):
         return cls(*where, outputs.flatten(0, 1).to(dtype), frequencies, (weight.to(dtype), bias.to(dtype)))
 
     def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
-        """Return the layer's output from the table."""
+        """Look up the layer's output; values outside the table get its nearest entry."""
         entry = torch.addcmul(self.origin_index, values, self.scale).nan_to_num_(0.0)
         entry = entry.clamp_(self.first, self.last).int()
         return functional.embedding_bag(entry, self.entries, mode="sum")
 
     def evaluate(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
-        """Return the layer's output computed exactly, also outside the table."""
+        """Compute the layer's output exactly, also outside the table."""
         weight, bias = self.layer
         return functional.linear(encode(values, self.frequencies).to(weight.dtype), weight, bias)
 
 
 class FieldWeights(NamedTuple):
-    """The weights that no code changes, in the number format that this machine multiplies fastest."""
+    """The weights, which no code changes, in the number format that this machine multiplies fastest."""
 
     position: AxisLookup
     shape_blocks: tuple[Tensor, ...]
@@ -84,7 +84,10 @@ class FieldWeights(NamedTuple):
 
 
 class FoldedField:
-    """Density and colour of one object, evaluated in two steps so that only visible points are coloured."""
+    """Density and colour of one object in two steps, so that only visible points are coloured.
+
+    Raises ``ValueError`` for M1 and M2 (:mod:`core.models.architecture_variants`).
+    """
 
     def __init__(self, model: Model, codes: Codes) -> None:
         self.field, self.device, self.dtype = model.field, model.device, matmul_dtype(model.device.type)
@@ -100,14 +103,14 @@ class FoldedField:
     def density(
         self, points: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
-        """Return density per scene unit within the outline of photos, and the features for the texture part."""
+        """Return density per scene unit, bounded by the outline of photos, and features for :meth:`colour`."""
         density, features = self.unbounded_density(self.first_layer(points))
         return density if self._outline is None else density * self._outline.share(points), features
 
     def unbounded_density(
         self, first: Float[Tensor, "points width"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
-        """Return density without the outline, and features, from :meth:`first_layer`'s activations."""
+        """Return density and features like :meth:`density`, without the outline, from :meth:`first_layer`'s output."""
         return _density(self.field, self._weights, first, self._shape)
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
@@ -117,7 +120,7 @@ class FoldedField:
     def colour(
         self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
     ) -> Float[Tensor, "points 3"]:
-        """Return rgb from :meth:`density`'s features, seen along each point's ray."""
+        """Return rgb from :meth:`density`'s features ``y`` and the bias of each point's viewing direction."""
         return _colour(self.field, self._weights, y, direction_bias, self._texture)
 
 
@@ -131,7 +134,7 @@ def batch_density(
     """Return the density per scene unit of many objects, each at its own points; not differentiable.
 
     Args:
-        cells: density outside these (:mod:`core.models.occupied_cells`) counts as 0.
+        cells: occupied cells (:mod:`core.models.occupied_cells`), outside which the density is 0; None: everywhere.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     biases = shape_bias.to(weights.features.dtype)
@@ -204,7 +207,7 @@ def _colour(
 
 
 def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
-    """Return the layers of a model's field, the feature layer multiplied into the next ones. Cached."""
+    """Return the weights of a model's field, cached. Raises ``ValueError`` for M1 and M2."""
     return _field_weights(model.soft, dtype)  # contrast changes no weights
 
 

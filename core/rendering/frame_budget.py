@@ -1,26 +1,32 @@
-"""The frame budget: the resolution of the first frame that keeps up with input on this machine."""
+"""The frame budget: the highest resolution of first frames that keeps up with input on this machine."""
 
 import math
 
 _DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)  # divisors of the image size for the first frame
-_HEADROOM = 0.7  # fraction of the ray time below which a finer first frame is possible
+_HEADROOM = 0.7  # fraction of the time left for rays below which a frame has headroom for a finer one
 _MIN_HEIGHT = 64  # px of a first frame: smaller ones are hardly faster, and useless
-_MAX_DROP = 2  # levels per step, so that one disturbance does not spoil the image
+_MAX_DROP = 2  # levels per frame, so that one disturbance does not spoil the image
 _FRAMES_BEFORE_FINER, _MAX_FRAMES_BEFORE_FINER = 3, 96
-"""Frames in a row with headroom before a finer one is tried; doubled after each failed attempt, unless a finer frame
-fits even if its whole variable time grows with the size. So the image recovers soon after other work ends."""
-_FIXED_COST_EXPIRES = 60  # frames after which a smaller frame estimates the fixed cost anew
+"""Frames in a row with headroom before a finer one is tried; the number doubles after each failed attempt.
+
+The first number always applies if a finer frame is predicted to have headroom too. So the image recovers soon after
+other work ends."""
+_FIXED_COST_EXPIRES = 60  # frames for which an estimate of the fixed cost is valid
 _OUTDATED = 0.7
-"""factor on the fixed cost, or on a coarser frame's time: faster frames show that the estimate is outdated"""
+"""A frame faster than this fraction of the fixed cost, or of a coarser frame's time, makes the estimate invalid."""
 
 
 class FrameBudget:
     """The size of the first frame, from a model of its time: fixed + rays * cost.
 
     The fixed cost is mainly a new shape's occupied cells. Both costs are estimated from two consecutive frames of
-    different sizes; if no coarser one is allowed, a finer one is tried for this. The largest size within the budget is
-    chosen: coarser immediately, finer by one level at a time with exponential back-off. If the fixed cost takes most of
-    the budget, rays may exceed it by half. First frames are at least 64 px high, if the image is.
+    different sizes; above the budget at the coarsest size, a finer frame is tried for the estimate. The size approaches
+    the largest within the :attr:`limit`: coarser immediately, finer by one level at a time with exponential back-off.
+    First frames are at least 64 px high, if the image is.
+
+    Args:
+        budget: time of a first frame during motion, s.
+        divisor: of the image size for the first of all frames.
     """
 
     def __init__(self, budget: float = 1 / 30, divisor: int = 8) -> None:
@@ -39,11 +45,14 @@ class FrameBudget:
 
     @property
     def limit(self) -> float:
-        """Allowed time of a first frame, s: the budget, or more if the fixed cost takes most of it."""
+        """Longest time of a first frame, s: the budget, or more if the fixed cost takes most of it."""
         return max(self.budget, 1.5 * self._fixed - 0.4 * self.budget)
 
     def divisors(self, height: int) -> tuple[int, ...]:
-        """Return divisors for an image height (px): the first frame's, 1/4, 1/2, full size, and full size again."""
+        """Return the divisors of all stages for an image height (px).
+
+        The first frame's, then those of 4, 2 and 1 that are smaller, then 1 again for the final number of samples.
+        """
         high_enough = (height >= _MIN_HEIGHT * divisor or divisor == 1 for divisor in _DIVISORS)
         self._floor = list(high_enough).index(True)
         if height != self._height:
@@ -54,13 +63,13 @@ class FrameBudget:
         return (self.divisor, *(divisor for divisor in (4, 2, 1) if divisor < self.divisor), 1)
 
     def _level_for(self, height: int) -> int:
-        """Return the level whose first frame has about as many pixels as the learnt one."""
+        """Return the level at which a first frame has about as many pixels as at the last learnt size."""
         divisor, learnt_height = self._learnt
         wanted = divisor * height / learnt_height
         return min(range(len(_DIVISORS)), key=lambda level: abs(math.log(_DIVISORS[level] / wanted)))
 
     def observe(self, divisor: int, seconds: float) -> None:
-        """Update the estimates with the time of a first frame with this divisor."""
+        """Update the estimates with the time of a first frame, s; frames with an earlier divisor are ignored."""
         if divisor != self.divisor:
             return
         self._find_fixed(divisor, seconds)
@@ -76,13 +85,13 @@ class FrameBudget:
 
     @property
     def _comfortable(self) -> float:
-        """Time of a first frame that leaves room for a finer one, s."""
+        """Time up to which a first frame has headroom for a finer one, s."""
         return self._fixed + _HEADROOM * (self.limit - self._fixed)
 
     def _find_fixed(self, divisor: int, seconds: float) -> None:
-        """Estimate the fixed cost from frames of two sizes; at most the time of either.
+        """Estimate the fixed cost from the last two frames if their sizes differ; at most the time of either.
 
-        The estimate is discarded if the finer frame was faster, or a frame is faster than it allows.
+        An estimate becomes 0 when it expires or is outdated (:data:`_OUTDATED`).
         """
         (rays_before, before), (rays, now) = (self._last[0] ** -2, self._last[1]), (divisor**-2, seconds)
         if rays_before != rays:
@@ -95,7 +104,7 @@ class FrameBudget:
         self._last = divisor, seconds
 
     def _predicted(self, seconds: float, divisor: int, level: int) -> float:
-        """Predict the time of a frame at a level, s, from a frame with this divisor."""
+        """Predict the time of a frame at a level, s, from the time of a frame with a divisor."""
         return self._fixed + (seconds - self._fixed) * (divisor / _DIVISORS[level]) ** 2
 
     def _patience_for(self, seconds: float) -> int:

@@ -1,4 +1,4 @@
-"""Effects of shape directions on a pixel: change of its appearance, and motion.
+"""Effects of shape directions around a pixel: the change of its appearance, and the motion of the surface.
 
 A few rays around the pixel are differentiated along the first shape directions. A moving image changes by minus its
 gradient times the motion; the motion is the least-squares solution over rays and channels (B. Lucas and T. Kanade, "An
@@ -19,19 +19,19 @@ from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
 _ACROSS = 9  # rays along each side of a square around the pixel
 _REACH = 0.05  # half the side of that square, relative to the image's height
-_SAMPLES, _KEPT = 96, 24  # of a ray, and how many of them are differentiated
-_RIDGE = 1e-4  # squared gradient per px that counts as none: a plain surface shows no motion
+_SAMPLES, _KEPT = 96, 24  # samples of a ray, and the number of them that are differentiated
+_RIDGE = 1e-4  # squared gradient per px far below which there is no motion, as on a plain surface
 
 
 class Pull(NamedTuple):
-    """Effect of a shape direction at a pixel."""
+    """Effect of a shape direction around a pixel."""
 
     direction: int  # index into :attr:`core.models.codes.CodeSpace.basis`
     effect: float  # root mean square change of colours and opacity (0..1) per standard deviation
     motion: tuple[float, float]  # px per standard deviation, right and down
 
     def amount(self, drag: tuple[float, float]) -> float:
-        """Return the standard deviations that best move the surface by a drag (px right, px down).
+        """Return the standard deviations that best follow a drag (px right, px down); 0 without motion.
 
         Example:
             >>> Pull(0, 0.3, (0.0, -20.0)).amount((5.0, -10.0))
@@ -43,13 +43,13 @@ class Pull(NamedTuple):
 
 @torch.no_grad()
 def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, float], count: int = 6) -> list[Pull]:
-    """Return the effects of the first shape directions at an image point, the largest first.
+    """Return the effects of the first shape directions around an image point, the largest first.
 
     Args:
-        point: px from the image's top left corner.
-        count: directions compared.
+        point: px right and down from the image's top left corner.
+        count: number of directions.
 
-    Empty if the point shows no object.
+    Empty if the square around the point (a tenth of the image's height) shows no object.
     """
     basis = model.codes.shape_space.basis[:count].to(model.device)
     step = 2 * _REACH * camera.height / (_ACROSS - 1)
@@ -79,7 +79,8 @@ def image_motion(
     """Return the motions (px right, px down) that best explain changes of an image.
 
     Args:
-        step: px between neighbours.
+        changes: of the image per unit of each number, such as a coordinate of a code.
+        step: px between neighbouring rows and columns.
     """
     down, right = torch.gradient(image, spacing=step, dim=(0, 1))
     slopes = torch.stack((right, down), -1).flatten(0, 2)

@@ -30,7 +30,7 @@ void main() { colour = vec4(0.0, 0.0, 0.0, texture(darkness, place).r); }
 
 
 class GroundShader:
-    """The program and the map of one shadow in one context, which must be current in every call."""
+    """The program and the map of one shadow. Its GL context must be current in every call."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -42,11 +42,11 @@ class GroundShader:
     def draw(
         self, shadow: GroundShadow, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)
     ) -> None:
-        """Darken the current framebuffer, first row topmost, where the camera sees the ground.
+        """Darken the current framebuffer, first row topmost, where the camera sees the shadow.
 
         Args:
-            size: px of the image that the framebuffer shows.
-            corner: px, left and top of the framebuffer in the camera's image.
+            size: width and height of the framebuffer, px.
+            corner: left and top of the framebuffer in the camera's image, px.
         """
         pose = camera.pose().numpy()
         if pose[2, 3] <= shadow.height:

@@ -1,7 +1,7 @@
-"""The soft shadow under an object: how much of the sky, brightest overhead, it hides from the ground.
+"""The soft shadow under an object: the fraction of the sky, brightest overhead, that it hides from the ground.
 
-The shadow is part of images, never of the object: from above, the ground lies behind the whole object, so an image with
-opacity is composited over the shadow like over any background. From below there is no ground.
+The shadow belongs to the background. Seen from above, the ground lies behind the whole object, so an image with opacity
+is composited over the shadow like over any background. Seen from below, there is no ground.
 """
 
 import math
@@ -19,11 +19,11 @@ from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 
 _STRENGTH = 0.7  # fraction of the ground's light lost where no sky is visible
-_OVERHEAD = 3  # 1: a uniform sky; more: brightest overhead, so that shadows lie below the object
+_OVERHEAD = 3  # 1: a uniform sky; more: brighter overhead, so that the shadow lies below the object
 _COARSE = 2  # grid corners along each side of a ground texel
 _SLABS = (0, 1, 2, 4, 8, 16, 32, 64)
-"""Boundaries of slabs, in layers above the ground: the height matters less further up."""
-_MIN_CORNERS = 4  # solid corners in the layer on the ground; fewer are a speck
+"""Boundaries of slabs, in layers above the ground; thicker further up, where the height matters less."""
+_MIN_CORNERS = 4  # a layer with at most this many solid corners is a speck, not the object's lowest layer
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class GroundShadow:
     height: float  # z of the ground
 
     def seen_by(self, camera: Camera, pixel_offset: float = 0.0) -> Float[Tensor, "height width"]:
-        """Return the fraction of the ground's light (0..1) lost in each pixel; 0 where no ground is visible."""
+        """Return the fraction (0..1) of the ground's light that each pixel loses; 0 where no ground is visible."""
         rays = camera_rays(camera, torch.ones(3), pixel_offset)
         along = (self.height - rays.origins[..., 2]) / rays.directions[..., 2]
         place = (rays.origins + along[..., None] * rays.directions)[..., :2] / torch.tensor(self.reach)
@@ -45,11 +45,11 @@ class GroundShadow:
 
 
 def cast_shadow(solid: Bool[Tensor, "x y z"], extent: tuple[float, float, float]) -> GroundShadow | None:
-    """Compute the shadow on the lowest layer of solid corners; None if there is none.
+    """Compute the shadow on the ground, which is just below the lowest solid layer; None if no layer is solid.
 
     Args:
-        solid: of the corners of the scene's grid.
-        extent: half the size of the scene's box.
+        solid: corners inside the object, of a grid over the scene's box.
+        extent: half the size of the scene's box, scene units.
     """
     layers = solid.sum((0, 1)) > _MIN_CORNERS
     if not bool(layers.any()):
@@ -68,7 +68,7 @@ def cast_shadow(solid: Bool[Tensor, "x y z"], extent: tuple[float, float, float]
 
 @lru_cache(maxsize=2)
 def _kernels(extent: tuple[float, float, float], cells: int) -> Complex[Tensor, "slabs x y"]:
-    """Return for each slab the spectrum of the sky fraction that a corner hides from ground texels."""
+    """Return, for each slab, the Fourier transform of the sky fraction that a corner hides from ground texels."""
     x, y, z = (2 * side / cells for side in extent)
     steps = torch.arange(3 * cells)
     # From a grid corner to a texel's middle; steps beyond the map wrap around.

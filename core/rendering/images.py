@@ -1,6 +1,6 @@
-"""The choice of the renderer: images, videos, photo detail and exports all ask here.
+"""The choice of the renderer for images, videos, photo detail and exports: the fast renderer.
 
-It is the fast renderer. Single images of architectures that it does not support are exact.
+Single images that it does not support are rendered exactly.
 """
 
 from collections.abc import Generator
@@ -18,23 +18,23 @@ _EXACT_SAMPLES = 64  # the paper's
 
 
 class Renderer(Protocol):
-    """A renderer in steps: yields None, as often as it can be interrupted, and returns the render."""
+    """A renderer in steps: yields None wherever it can be abandoned, and returns the render."""
 
     def __call__(
         self, model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True
     ) -> Generator[None, None, Rendered]:
-        """Render with ``samples`` intervals; not ``complete``: a preview of a changing shape, which may be coarser."""
+        """Render with ``samples`` intervals; without ``complete``, a preview of a changing shape may miss parts."""
 
 
 render_steps: Renderer = fast.render_steps
-is_cached = fast.is_cached  # tells, for the same arguments, if a render takes the time of colours only
+is_cached = fast.is_cached  # True if a render with the same arguments only evaluates colours
 
 
 def render_image(model: Model, codes: Codes, camera: Camera, samples: int | None = None) -> Rendered:
-    """Render in one call; the authors' checkpoints and the entangled ablations exactly.
+    """Render in one call; exactly for the authors' checkpoints and for M1 and M2.
 
     Args:
-        samples: intervals; None: those of a finished image, or of the paper.
+        samples: intervals; None: :data:`SAMPLES`, or the paper's 64 if exact.
     """
     if model.white_from_network or model.is_ablation:
         return render_exact(model, codes, camera, samples or _EXACT_SAMPLES)

@@ -16,16 +16,17 @@ from core.rendering.reference import sample_intervals
 
 MIN_WEIGHT = 1e-3  # fraction of a ray's light: most samples weigh less and are neither coloured nor differentiated
 _STEP = 256
-"""Numbers of chosen samples are rounded up to multiples of this. oneDNN compiles a kernel for every row count, which
-takes longer than to run it and keeps up to half a megabyte."""
+"""The number of chosen samples is rounded up to a multiple of this: oneDNN compiles a kernel for every number of rows,
+which takes longer than running it and keeps up to half a megabyte."""
 
 
 def largest_weights(
     weights: Float[Tensor, "objects views rays samples"], kept: int, least: float
 ) -> Int[Tensor, "objects some"]:
-    """Return the samples of largest weight of each object, ``kept`` per ray on average, or all.
+    """Return the indices of each object's samples of largest weight: ``kept`` per ray on average, or all.
 
-    Fewer are returned if no object has so many above ``least``; the number is rounded up for oneDNN's kernels.
+    Indices are into the flattened (views, rays, samples). Fewer samples are returned if no object has so many whose
+    weight (fraction of a ray's light) exceeds ``least``; then the number is rounded up to a multiple of 256.
     """
     flat = weights.flatten(1)
     count = min(kept, weights.shape[-1]) * weights[0, ..., 0].numel()
@@ -44,14 +45,18 @@ def render_top_samples(
     texture_bias: Float[Tensor, "objects more_blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> Float[Tensor, "objects views rays 5"]:
-    """Render red, green, blue, opacity and depth of rays (objects, views, rays), each object with its own codes.
+    """Render rays of (objects, views, rays): red, green, blue, opacity and depth.
 
-    The depth is the weighted sum of sample depths (scene units along the ray): 0 for empty rays.
+    The depth is the weighted sum of sample depths (scene units along the ray), 0 for empty rays.
 
-    Differentiable in rays and biases through ``kept`` samples a ray on average: those of largest weight among all
-    samples of an object. Other samples keep their density, and take the mean colour of their ray, or white. With
-    ``kept`` = ``samples`` this is :func:`core.rendering.reference.render_rays`, but for the depth. Without gradients,
-    colours come from the folded field like densities, with its precision.
+    Only the samples of largest weight are coloured and differentiated in rays and biases: ``kept`` per ray on average
+    over an object. The other samples keep their density and take the mean colour of their ray, white if it has none.
+    With ``kept`` = ``samples``, all but the depth equals :func:`core.rendering.reference.render_rays`. Without
+    gradients, colours have the precision of the folded field, as densities always do.
+
+    Args:
+        samples: intervals of each ray.
+        cells: see :func:`core.rendering.folded_field.batch_density`.
     """
     differentiable = torch.is_grad_enabled()
     depths, edges = sample_intervals(model, rays, samples)

@@ -1,8 +1,8 @@
-"""The jacobian of rendered rays: the derivatives of every pixel with respect to every parameter of a hypothesis.
+"""The jacobian of rendered rays: the derivatives of every channel with respect to ray and codes.
 
-Rays are independent, so one backward pass through the field differentiates one channel of all rays. Red, green, blue,
-opacity and depth go back together, are summed over each ray, and then mapped to the estimated parameters.
-Autograd would need separate passes.
+Rays are independent, so one backward pass through the field differentiates one channel of all rays. Here the gradients
+of all channels (red, green, blue, opacity, depth) propagate together; autograd would need a pass for each. They are
+summed over each ray, then mapped from the field's biases to the estimated coordinates of the codes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,11 +25,11 @@ from core.rendering.reference import sample_intervals
 from core.runtime.layers import linear_relu, relu_, relu_backward_
 from core.runtime.precision import matmul_dtype
 
-CHUNK_POINTS = 4096  # points differentiated at a time: with fewer, call overhead exceeds the cost of leaving the cache
+CHUNK_POINTS = 4096  # points differentiated at a time: fewer cost more in calls than they save by staying in cache
 
 
 class BiasJacobians(NamedTuple):
-    """Derivatives of the field's biases with respect to the estimated parameters."""
+    """Derivatives of the field's biases with respect to the estimated numbers (coordinates) of the codes."""
 
     shape: Float[Tensor, "objects blocks width shape_numbers"]
     texture: Float[Tensor, "objects more_blocks width texture_numbers"]
@@ -41,9 +41,8 @@ class RenderedJacobian(NamedTuple):
     channels: Float[Tensor, "objects views rays channels"]
     origin: Float[Tensor, "objects views rays channels 3"]  # with respect to the ray's origin
     direction: Float[Tensor, "objects views rays channels 3"]
-    """with respect to the ray's direction, by way of sample positions and viewing direction"""
-    codes: Float[Tensor, "objects views rays channels numbers"]
-    """with respect to the parameters of shape, then of texture"""
+    """with respect to the ray's direction, which moves the samples and is the viewing direction"""
+    codes: Float[Tensor, "objects views rays channels numbers"]  # with respect to the numbers of shape, then of texture
 
 
 @torch.no_grad()
@@ -60,7 +59,7 @@ def render_with_jacobian(
 ) -> RenderedJacobian:
     """Render rays like :func:`core.rendering.importance.render_top_samples`, with the jacobian.
 
-    Rays are (objects, views, rays). Depth is included on request, as it costs another channel in the backward pass.
+    Rays are (objects, views, rays). Depth is a fifth channel only if ``with_depth``: it makes the backward pass slower.
     """
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths).flatten(1, 3)
@@ -99,15 +98,15 @@ def render_with_jacobian(
 
 
 class _RayGradients(NamedTuple):
-    """Derivatives of channels: of each sample's ray, or summed over the samples of each ray.
+    """Derivatives of channels by way of single samples, or summed over the samples of each ray.
 
     A bias is shared by all samples of a ray, so gradients are summed before they are mapped to the codes.
     """
 
     origin: Float[Tensor, "*batch channels 3"]
     direction: Float[Tensor, "*batch channels 3"]
-    shape: tuple[Float[Tensor, "*batch channels width"], ...]  # by the bias of each block
-    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture does not change opacity and depth
+    shape: tuple[Float[Tensor, "*batch channels width"], ...]  # with respect to the bias of each block
+    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture changes neither opacity nor depth
 
     @property
     def all(self) -> tuple[Tensor, ...]:
@@ -130,7 +129,7 @@ class _RayGradients(NamedTuple):
 def _along_codes(
     summed: _RayGradients, bias_jacobians: BiasJacobians, objects: int
 ) -> Float[Tensor, "objects rays channels numbers"]:
-    """Map from the biases of each object's blocks to the parameters of shape and texture."""
+    """Map derivatives by the biases of each object's blocks to derivatives by the numbers of its codes."""
 
     def taken(gradients: tuple[Tensor, ...], entries: Float[Tensor, "objects blocks width numbers"]) -> Tensor:
         products = [
@@ -144,7 +143,7 @@ def _along_codes(
 
 
 class _Composited(NamedTuple):
-    """Composited rays, and their derivatives by colours and optical depths of the chosen samples."""
+    """Composited rays, and their derivatives with respect to colours and optical depths of the chosen samples."""
 
     channels: Float[Tensor, "objects views rays channels"]
     by_colour: Float[Tensor, "objects kept 3"]
@@ -187,7 +186,7 @@ def _with_depth(
     depths: Float[Tensor, "objects views rays samples"],
     top: Int[Tensor, "objects kept"],
 ) -> _Composited:
-    """Add the depth as a channel: it depends on the optical depths of samples like a colour."""
+    """Add the depth as a channel: like a colour, it is a weighted sum over the samples."""
     given = (sample_weights * depths).cumsum(-1)
     behind = (given[..., -1:] - given).flatten(1).gather(1, top)
     passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)
@@ -200,8 +199,8 @@ class _Activations(NamedTuple):
     """Values of the forward pass that the backward pass needs."""
 
     position_derivative: Float[Tensor, "objects samples encoded"]
-    """derivative of the encoded position along the axes, in the order of :func:`core.models.field.encode`"""
-    direction_derivative: Float[Tensor, "objects samples more_encoded"]  # likewise of the direction
+    """derivative of each number of :func:`core.models.field.encode` along its axis"""
+    direction_derivative: Float[Tensor, "objects samples more_encoded"]  # likewise for the direction
     shape: tuple[Float[Tensor, "objects samples width"], ...]  # after each layer of the shape part
     texture: tuple[Float[Tensor, "objects samples _"], ...]  # after each layer of the texture part
     rgb_derivative: Float[Tensor, "objects samples 3"]  # of rgb with respect to the last layer's output
@@ -257,11 +256,12 @@ def _backward(
     by_logit: Float[Tensor, "objects samples"],
     depth: Float[Tensor, "objects samples"],
 ) -> _RayGradients:
-    """Return derivatives of the channels of each sample's ray with respect to origin, direction and biases.
+    """Return derivatives of each ray's channels, by way of single samples, with respect to ray and biases.
 
     Args:
-        by_colour: of a channel by the sample's colour.
-        by_logit: of the density by its logit.
+        by_colour: derivative of a colour channel with respect to the same channel of the sample.
+        by_density: derivative of each channel with respect to the sample's density.
+        by_logit: derivative of the density with respect to its logit.
         depth: scene units from the ray's origin.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
@@ -287,7 +287,7 @@ def _backward_blocks(
 ) -> tuple[
     Float[Tensor, "objects samples channels width"], tuple[Float[Tensor, "objects samples channels width"], ...]
 ]:
-    """Propagate gradients through blocks and the ReLU before them; return these, and those of the blocks' biases."""
+    """Propagate gradients back through blocks and the ReLU before them; return them with those of the biases."""
     along_biases = []
     for y, weight in zip(activations[:0:-1], reversed(blocks), strict=True):
         gradient = relu_backward_(gradient, y[:, :, None])
@@ -299,13 +299,13 @@ def _backward_blocks(
 def _along_axes(
     gradient: Float[Tensor, "objects samples channels encoded"], encoded: Float[Tensor, "objects samples encoded"]
 ) -> Float[Tensor, "objects samples channels 3"]:
-    """Map from the encoded values to the three axes."""
+    """Map derivatives with respect to encoded values to derivatives with respect to the three axes."""
     axes = torch.eye(3, device=gradient.device).repeat(gradient.shape[-1] // 3, 1)
     return (gradient.float() * encoded[:, :, None]) @ axes
 
 
 def _chunks(objects: int, count: int) -> Iterator[tuple[slice, slice]]:
-    """Yield slices of objects and samples."""
+    """Yield slices of objects and of samples with at most :data:`CHUNK_POINTS` points in all."""
     group = max(1, CHUNK_POINTS // count)
     for first in range(0, objects, group):
         for start in range(0, count, CHUNK_POINTS):

@@ -1,9 +1,9 @@
 """Occupancy grid: the cells of the scene's box that may contain part of the object.
 
-Densities are evaluated at corners, and a cell is occupied if one of its eight corners is, so that no part as thick as a
-cell is lost. First-layer activations at the corners depend on no code and are cached per model: a new shape costs a few
-small layers. Outside the cells of training objects, every second corner is evaluated first, and the others only if
-something is found.
+Densities are evaluated at corners, and a cell is occupied if one of its eight corners is: no part as thick as a cell is
+missed. First-layer activations at the corners depend on no code and are cached per model, so a new shape costs only a
+few small layers. Outside the cells of training objects, every second corner is evaluated first, and the others only if
+one of these is occupied.
 """
 
 import math
@@ -28,26 +28,29 @@ from core.runtime.layers import pad_rows
 from core.runtime.pool import map_pieces
 
 CELLS = 64  # along each axis of the box
-_MIN_OPACITY = 0.001  # a corner whose cell would absorb less of the light is empty
-_SOLID = 0.7  # optical depth of a cell (half of the light) from which its corner is inside the object
+_MIN_OPACITY = 0.001  # of a cell with a corner's density, below which the corner is empty
+_SOLID = 0.7  # optical depth of such a cell (absorbs half of the light) above which the corner is inside the object
 _FINE_TOLERANCE = 0.002  # fraction of a ray's light that may be neglected with _FINE_SAMPLES intervals
 _FINE_SAMPLES = 192
 _MAX_TOLERANCE = 0.03  # fraction of the light, with few intervals
-_COARSE_FACTOR = 2  # cells along each axis of a coarse cell, for the outline
+_COARSE_FACTOR = 2  # cells along each axis of a coarse cell, the unit of depth ranges
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
 _BLOCK = 4096  # corners that a thread evaluates at a time
 
 
 class Tolerances(NamedTuple):
-    """Limits below which parts of a ray are neglected: early ray termination and intervals too faint to colour."""
+    """Limits for skipping parts of a ray: early termination, and intervals too faint to colour."""
 
     termination: float  # optical depth beyond which intervals are not evaluated
     min_weight: float  # fraction of the object's light in a ray below which intervals are not coloured
 
 
 def tolerances(samples: int) -> Tolerances:
-    """Return tolerances for ``samples`` intervals, growing with the square of their length like the sum's error."""
+    """Return tolerances for ``samples`` intervals along the longest side of the scene's box.
+
+    They grow with the square of the interval's length, as does the error of Eq. 3's sum.
+    """
     tolerance = min(_MAX_TOLERANCE, _FINE_TOLERANCE * (_FINE_SAMPLES / samples) ** 2)
     return Tolerances(termination=-math.log(tolerance), min_weight=tolerance / 3)
 
@@ -55,18 +58,18 @@ def tolerances(samples: int) -> Tolerances:
 class OccupiedIntervals(NamedTuple):
     """Intervals of rays in occupied cells, ray by ray, from near to far."""
 
-    ray: Int[Tensor, "crossed"]
-    interval: Int[Tensor, "crossed"]
+    ray: Int[Tensor, "crossed"]  # index of the ray
+    interval: Int[Tensor, "crossed"]  # number of the interval along the ray, 0 at `near`
     occluded: Bool[Tensor, "crossed"]  # the minimum densities of the cells in front already absorb all relevant light
 
 
 class Occupancy:
-    """The occupied cells of one shape.
+    """The occupied cells of one shape (``cells``, 64 along each axis), and its shadow on the ground (``shadow``).
 
     Args:
-        previous: the occupancy of a similar shape. Evaluates corners around it, and elsewhere only every second one, or
-            every fourth outside the cells of training objects: a few times faster, for a changing shape. Misses thin
-            parts far from it.
+        previous: the occupancy of a similar shape, to find that of a changing shape a few times faster. Corners around
+            its cells are evaluated; elsewhere every second one, or every fourth outside the cells of training objects.
+            This misses thin parts that lie apart, so the result is not ``complete``.
     """
 
     def __init__(self, model: Model, folded: FoldedField, previous: "Occupancy | None" = None) -> None:
@@ -83,7 +86,7 @@ class Occupancy:
         self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
         solid = (corners > _SOLID / float(self.cell.amin())).cpu()
         self.shadow = None if model.white_from_network else cast_shadow(solid, model.extent)
-        """of the shape on the ground below; None if empty, and for a network that paints the background"""
+        """The shape's shadow on the ground; None if it is empty or the network paints the background."""
         self._flat = self.cells.flatten()
         self._min_density = -max_of_corners(-corners).flatten().bfloat16()  # rounded by 0.4 % at most, below tolerances
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
@@ -99,13 +102,15 @@ class Occupancy:
         return corners_of(with_neighbours(self.cells)).flatten()
 
     def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
-        """Tell which points of the box lie in an occupied cell."""
+        """Mark the points of the box that lie in an occupied cell."""
         return contains(self.cells[None], points.reshape(1, -1, 3), self.extent).reshape(points.shape[:-1])
 
     def intersect(self, rays: Rays, step: float, termination: float) -> OccupiedIntervals:
-        """Find intervals of each ray, ``step`` long from ``near``, whose middle lies in an occupied cell.
+        """Find the intervals of rays whose middle lies in an occupied cell.
 
-        ``termination`` is :attr:`Tolerances.termination`.
+        Args:
+            step: length of the intervals, the first of which begins at ``rays.near``; scene units.
+            termination: see :class:`Tolerances`.
         """
         cell, inside = self._cells_along(rays, step)
         occupied = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
@@ -117,7 +122,7 @@ class Occupancy:
         return OccupiedIntervals(ray, interval, occluded)
 
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
-        """Return the cell at the middle of each interval, ray by ray, and whether the ray reaches it."""
+        """Return the cell at the middle of each interval, ray by ray, and True if that lies before ``rays.far``."""
         length = (rays.far - rays.near) / step
         along = torch.arange(max(1, math.ceil(float(length.amax()))), device=length.device) + 0.5
         step_cells = rays.directions * step / self.cell
@@ -132,10 +137,12 @@ class Occupancy:
     def depth_range(
         self, camera: Camera, pixel_offset: float = 0.0
     ) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
-        """Return the nearest and farthest distance of the occupied cells behind every pixel; near > far: none.
+        """Return the nearest and the farthest distance of occupied cells behind every pixel; near > far: none.
 
-        Coarse cells are splatted (:func:`splat`), so a pixel may get a cell too much. ``pixel_offset`` is that of
-        :func:`core.geometry.rays.camera_rays`.
+        Coarse cells are splatted (:func:`splat`), so a range may be too long, never too short.
+
+        Args:
+            pixel_offset: see :func:`core.geometry.rays.camera_rays`.
         """
         local = camera.to_camera_axes(self._centres)
         points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
@@ -153,7 +160,8 @@ def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = Tru
     """Return a shape's occupied cells, cached because they depend on neither view nor texture.
 
     Args:
-        complete: False searches a shape similar to the last one only near that; for continuously changing shapes.
+        complete: False: if the shape is similar to the last one, evaluate mainly the corners around that; for
+            continuously changing shapes.
     """
     key = model, shape
     known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
@@ -166,7 +174,7 @@ def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = Tru
 
 
 def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
-    """Return the occupied cells of the last rendered shape if it is similar."""
+    """Return the occupied cells of the model's last rendered shape if ``code`` is similar to it."""
     for (other, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
         if other is model:
             away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
@@ -177,13 +185,13 @@ def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy
 def splat(
     local: Float[Tensor, "cells 3"], points: Float[Tensor, "cells 2"], reach: float, focal: float, size: tuple[int, int]
 ) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
-    """Return the nearest and farthest distance of the cells behind each tile of an image; near > far: none.
+    """Return the nearest and the farthest distance of the cells behind each tile of an image; near > far: none.
 
-    A tile is at least as large as half a projected cell, and each cell covers the 3x3 tiles around its centre, so none
-    is missed.
+    A tile is at least as large as half of the nearest projected cell, and each cell covers the 3x3 tiles around its
+    centre, so no cell is missed.
 
     Args:
-        local: centres of cells in camera axes.
+        local: centres of cells in camera axes, scene units.
         points: projected centres, px.
         reach: scene units, half of a cell's diagonal.
         size: px, width and height of the image.
@@ -210,24 +218,27 @@ def splat(
 def _cumulative_per_ray(
     values: Float[Tensor, "crossed"], first: Int[Tensor, "rays"], ray: Int[Tensor, "crossed"]
 ) -> Float[Tensor, "crossed"]:
-    """Return inclusive cumulative sums along each ray; intervals are ordered by ray, each starting at ``first``."""
+    """Return inclusive cumulative sums along each ray, whose intervals begin at index ``first``."""
     whole = values.cumsum(0, dtype=torch.double)
     before = functional.pad(whole, (1, 0)).index_select(0, first)
     return (whole - before.index_select(0, ray)).float()
 
 
 class _Corners(NamedTuple):
-    """The corners of a model's grid, in the order of evaluation."""
+    """The corners of a model's grid in the order of evaluation: likely ones, every second one elsewhere, the rest."""
 
     corner: Int[Tensor, "all"]  # index in the grid, row by row
-    activations: Float[Tensor, "all width"]  # of the first layer, in this order
+    activations: Float[Tensor, "all width"]  # of the first layer, in the order of evaluation
     likely: int  # number of corners in the cells of training objects
-    always: int  # number of corners evaluated for every shape: those, and every second one elsewhere
-    sparse: Bool[Tensor, "all"]  # in grid order: corners always evaluated for a changing shape
+    always: int  # number of corners evaluated for every shape: likely ones, and every second one elsewhere
+    sparse: Bool[Tensor, "all"]  # row by row: corners evaluated for every preview of a changing shape
 
 
 def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> Float[Tensor, "corners corners corners"]:
-    """Return densities at all corners, 0 where neither training objects nor this shape have anything."""
+    """Return densities at all corners.
+
+    0 where not evaluated: beyond ``known.always`` unless a corner outside the likely cells is occupied.
+    """
     found = torch.zeros(len(known.corner), device=known.corner.device)
 
     def evaluate(rows: slice) -> Float[Tensor, "rows"]:
@@ -244,7 +255,7 @@ def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> F
 def _densities_around(
     folded: FoldedField, known: _Corners, rows: Int[Tensor, "some"]
 ) -> Float[Tensor, "corners corners corners"]:
-    """Return densities at some rows of ``known.corner``; 0 at the others."""
+    """Return densities at the corners ``known.corner[rows]``; 0 at the others."""
     found = torch.zeros(len(known.corner), device=rows.device)
 
     def evaluate(part: Int[Tensor, "rows"]) -> Float[Tensor, "rows"]:
@@ -256,7 +267,7 @@ def _densities_around(
 
 @lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
 def _corners(model: Model, dtype: torch.dtype) -> _Corners:
-    """Return a model's corners and their activations; cached, as they take 53 MB and a fraction of a second."""
+    """Return a model's corners and their activations in a number format."""
     likely = _likely_corners(model)
     second, fourth = torch.zeros_like(likely), torch.zeros_like(likely)
     second[::2, ::2, ::2] = fourth[::4, ::4, ::4] = True
@@ -272,7 +283,7 @@ def _corners(model: Model, dtype: torch.dtype) -> _Corners:
 
 
 def _likely_corners(model: Model) -> Bool[Tensor, "corners corners corners"]:
-    """Return the corners of the cells of training objects; all if the model's file lacks these cells."""
+    """Mark the corners of the cells of training objects; all if the model's file has no such cells."""
     if model.stored_cells is None:
         return torch.ones((CELLS + 1,) * 3, dtype=torch.bool, device=model.device)
     return corners_of(divide(model.stored_cells.to(model.device), CELLS // STORED_CELLS))

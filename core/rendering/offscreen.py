@@ -1,4 +1,4 @@
-"""Off-screen images of a baked field, in a separate OpenGL context (EGL), on a background."""
+"""Off-screen images of baked fields by OpenGL, in a context of their own (EGL)."""
 
 from types import TracebackType
 
@@ -37,7 +37,12 @@ void main() {
 
 
 class OffscreenRenderer:
-    """Draws baked fields into arrays of one size. Use as a context manager, on one thread.
+    """Draws baked fields into square images. Use it as a context manager, on one thread.
+
+    Args:
+        size: px along each side.
+        supersampling: samples of a pixel along each axis.
+        background: None: images are transparent.
 
     Raises ``RuntimeError`` if the machine has no OpenGL.
     """
@@ -69,8 +74,11 @@ class OffscreenRenderer:
         self._context.release()
 
     def draw(self, baked: BakedField, camera: Camera) -> UInt8[np.ndarray, "size size channels"]:
-        """Draw the camera's image, with the field's shadow if any: RGB on the background, or RGB and straight alpha."""
-        # Entering makes this context current: the program's window, or another one, may have been.
+        """Draw the camera's image, with the field's shadow if it has one.
+
+        RGB on the background; without a background, RGB and straight alpha.
+        """
+        # Entering makes this context current; until now it may have been that of the program's window.
         with self._context as context:
             self._shader.upload(baked)
             self._fine.use()

@@ -1,8 +1,9 @@
 """The outline of photos bounds the object: there is no density where a photo's camera saw background.
 
-Fog around and between thin parts is the field's doubt about edges, which the mask of a photo settles for its own view.
-A density is multiplied by its point's share of every mask, seen from the photo's camera with a soft margin; where the
-photo paints the other side too, also by the share of the mirrored point (-x, y, z). Fits never see it.
+The field leaves fog around and between thin parts, where it is uncertain about edges; the mask of a photo shows where
+they are. A point's density is multiplied by its share in every mask: 1 inside, falling to 0 over a soft margin. If the
+photo also colours the other side, and the mask is symmetric, the share of the mirrored point (-x, y, z) is a further
+factor. Only renders are bounded, never the field during a fit.
 """
 
 from dataclasses import replace
@@ -21,18 +22,19 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, PhotoView
 
-FADED = 1.5  # standard deviations of shape edits at which the detail has vanished
-_UNSURE, _SURE = 0.5, 0.7  # confidence in the camera below which no detail is shown, and from which all is
-_HEIGHT = 512  # px of a map of distances
-_AROUND = _HEIGHT // 8  # px of background around the photo
-_AGREEING = 0.97  # share of the mask's rays that cross the mirrored mask, from which on the object is symmetric
-_CHECKED = 64  # px across, and samples of a ray, for that
+FADED = 1.5  # distance of an edited shape, in standard deviations, at which the detail has vanished
+_UNSURE, _SURE = 0.5, 0.7  # confidence of the cameras below which no detail is shown, and above which all of it is
+_HEIGHT = 512  # px of the photo in a map of distances
+_AROUND = _HEIGHT // 8  # px of background added around the photo
+_AGREEING = 0.97  # least coherence of a symmetric object
+_CHECKED = 64  # height of the image in px, and samples of a ray, for the coherence
 
 
 def shown_share(model: Model, codes: Codes) -> float:
-    """Return the strength of the photo detail, 0..1: lower for a doubtful camera, fading as the shape is edited.
+    """Return the effective strength of an object's photo detail, 0..1.
 
-    A texture repaints the detail and does not fade it.
+    Lower for doubtful cameras; fades as the shape is edited, but not with the texture, which repaints the detail. 0 for
+    the authors' checkpoints and for M1 and M2.
     """
     detail = codes.detail
     if detail is None or model.white_from_network or model.is_ablation:
@@ -49,7 +51,7 @@ class Silhouette(NamedTuple):
     margin: float  # focal lengths
 
     def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-        """Return 1 for points whose images lie within half the margin of the mask, 0 beyond the margin."""
+        """Return 1 for points that project within half the margin of the mask, 0 beyond the margin, linear between."""
         camera, distances = _distances(self.view)
         local = camera.to_camera_axes(points)
         scale = 2 * camera.focal / (-local[..., 2]).clamp_min(1e-6)
@@ -64,10 +66,10 @@ class Outline(NamedTuple):
     """The masks that bound an object."""
 
     silhouettes: tuple[Silhouette, ...]
-    mirrored: tuple[bool, ...]  # which bound the other side too
+    mirrored: tuple[bool, ...]  # True: the silhouette also bounds mirrored points
 
     def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-        """Return the share of density that points keep, 0..1."""
+        """Return the factor on the density of points, 0..1."""
         kept = torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
             kept = kept * silhouette.share(points)
@@ -77,9 +79,9 @@ class Outline(NamedTuple):
 
 
 def outline(model: Model, codes: Codes) -> Outline | None:
-    """Return the outline that bounds codes; None where none does.
+    """Return the outline that bounds an object; None without photo detail, or if no photo bounds it.
 
-    Margins widen without bound as photo detail fades, so the outline goes with it.
+    Margins widen without limit as photo detail fades, so the outline vanishes with it.
     """
     share, detail = shown_share(model, codes), codes.detail
     if not share or detail is None:
@@ -91,9 +93,9 @@ def outline(model: Model, codes: Codes) -> Outline | None:
 
 
 def coherence(silhouette: Silhouette, extent: tuple[float, float, float]) -> float:
-    """Return the share of the mask whose rays cross the mirrored mask within the scene's box.
+    """Return the fraction of the mask whose rays cross the mirrored mask within the scene's box.
 
-    All do where the object is symmetric and the camera is right.
+    1 for a symmetric object and the right camera.
     """
     camera, _ = _distances(silhouette.view)
     wide = max(1, round(_CHECKED * camera.width / camera.height))
@@ -111,7 +113,7 @@ def _is_symmetric(silhouette: Silhouette, extent: tuple[float, float, float]) ->
 
 @lru_cache(maxsize=16)
 def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns"]]:
-    """Return the camera of a map, and the map: focal lengths from each pixel to a photo's mask, 0 on the mask."""
+    """Return the camera and the values of a map: focal lengths from each pixel to a photo's mask, 0 on the mask."""
     from scipy.ndimage import distance_transform_edt
 
     height, width = _HEIGHT, max(1, round(_HEIGHT * view.camera.width / view.camera.height))

@@ -1,4 +1,4 @@
-"""The progressive stream of frames for a viewer: coarse at once, fine when the input rests."""
+"""A progressive stream of frames for a viewer: coarse at once, fine while nothing changes."""
 
 import time
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from core.rendering.occupancy import shape_occupancy
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """Speed against accuracy of a render."""
+    """The trade-off of a render between speed and accuracy. Raises ``ValueError`` for unusable values."""
 
     samples: int = SAMPLES  # intervals along the longest side of the scene's box in the last stage
     divisors: tuple[int, ...] = (8, 4, 2, 1)  # of the image size, stage by stage
@@ -39,13 +39,13 @@ class RenderJob:
     codes: Codes
     camera: Camera
     settings: RenderSettings = field(default_factory=RenderSettings)
-    detail: DetailMaps | None = None  # photo detail; core.detail.rendering finds it by the codes
+    detail: DetailMaps | None = None  # photo detail to add
     shadow: bool = False  # request :attr:`Frame.shadow`
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """An image at some stage of refinement. Its arrays are not modified after creation."""
+    """An image at one stage of refinement. Its arrays are not modified after creation."""
 
     image: UInt8[np.ndarray, "height width 3"]
     depth: Float32[np.ndarray, "height width"]  # scene units; 0 on the background
@@ -58,23 +58,23 @@ class Frame:
     sources: Float32[np.ndarray, "height width 2"] | None = None
     """fractions of each pixel's colour from a photo and from a mirrored photo, 0..1; None: all from the model"""
     shadow: GroundShadow | None = None
-    """of the object on the ground, to be drawn over a background; not part of the image"""
+    """the object's shadow on the ground, to be drawn over a background; not part of the image"""
 
     @property
     def resolution(self) -> tuple[int, int]:
-        """(width, height) in px."""
+        """Width and height of the image, px."""
         return self.image.shape[1], self.image.shape[0]
 
     @property
     def final(self) -> bool:
-        """True if nothing finer follows."""
+        """True for the last stage."""
         return self.stage == self.stage_count - 1
 
 
 def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-    """Render from coarse to fine: yield a Frame after every stage, None after every chunk between.
+    """Render from coarse to fine: yield a Frame after every stage, and None after every chunk of rays.
 
-    So a newer job waits for one chunk at most. To stop, abandon the iterator.
+    To stop, abandon the iterator: a newer job waits for one chunk at most.
     """
     began = time.perf_counter()
     stages = _stages(job)

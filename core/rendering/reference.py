@@ -22,19 +22,19 @@ class Rendered:
     """Colours, opacities and depths of a bundle of rays."""
 
     colour: Float[Tensor, "*batch 3"]  # on white; within [0, 1] unless the model's colours are unbounded
-    depth: Float[Tensor, "*batch"]
-    """scene units along the ray, mean over the light that the object contributes; 0 if it contributes none"""
+    depth: Float[Tensor, "*batch"]  # scene units along the ray, mean over the samples by weight; 0 for empty rays
     opacity: Float[Tensor, "*batch"]  # 0..1, one minus the transmittance
-    evaluations: Int[Tensor, "*batch"] | None = None  # samples with evaluated density, if this differs between rays
+    evaluations: Int[Tensor, "*batch"] | None = None  # samples with evaluated density; None: the same for all rays
 
 
 def sample_intervals(
     model: Model, rays: Rays, samples: int
 ) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch samples_and_one"]]:
-    """Return the depths of a ray's samples and the edges of their intervals; scene units along the ray.
+    """Return the depths of each ray's samples and the edges of their intervals; scene units along the ray.
 
-    If the network paints the background (``white_from_network``), these are the authors': samples at both ends, and a
-    last interval without end.
+    Samples are at the middle of equal intervals. If the network paints the background (``white_from_network``), they
+    are the authors': equally spaced with one at either end of the ray, each at the near edge of its interval, and the
+    last interval has no end (1e10).
     """
     if model.white_from_network:
         depths = uniform_edges(rays, samples - 1)
@@ -54,8 +54,8 @@ def render_rays(
     """Evaluate Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
-        shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
-        bound: the outline of photos; None: there is none.
+        shape_bias, texture_bias: from the field; broadcast against (*batch, samples, blocks, width).
+        bound: outline that bounds the density.
     """
     depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
@@ -70,10 +70,10 @@ def render_rays(
 
 
 def exact_rays(model: Model, camera: Camera) -> Rays:
-    """Return the reference's rays, shaped (height, width).
+    """Return the rays of a camera's pixels, shaped (height, width).
 
-    If the network paints the background, these are the authors': through pixel corners, from 0.5 before the origin to
-    0.5 behind it at every pixel.
+    If the network paints the background, these are the authors': through pixel corners, and from depth
+    ``camera.distance`` - 0.5 to + 0.5 at every pixel. Otherwise rays go through pixel centres, clipped to the box.
     """
     if not model.white_from_network:
         return camera_rays(camera, model.extent_tensor)

@@ -1,4 +1,7 @@
-"""Occupancy grids of single shapes, computed once where many rays follow."""
+"""Occupied cells of single shapes, on the grid of :mod:`core.models.occupied_cells`.
+
+Fits compute them for shapes that many rays will sample.
+"""
 
 from functools import lru_cache
 
@@ -16,9 +19,9 @@ from core.rendering.folded_field import batch_density
 def shape_cells(
     model: Model, shape_bias: Float[Tensor, "objects blocks width"]
 ) -> Bool[Tensor, "objects x y z"] | None:
-    """Return the cells that each shape may occupy, with a margin of one cell; None without ``model.occupied_cells``.
+    """Return the cells that each shape may occupy, with a margin of one cell.
 
-    Evaluates the corners of ``model.occupied_cells`` only.
+    They are a subset of ``model.occupied_cells``; None if the model has none.
     """
     if model.occupied_cells is None:
         return None
@@ -31,7 +34,7 @@ def shape_cells(
 
 @lru_cache(maxsize=2)
 def _corners(model: Model) -> tuple[Int[Tensor, "some"], Float[Tensor, "some 3"]]:
-    """Return indices and positions of the corners of cells that training objects occupy."""
+    """Return the indices (row-major) and positions of the corners of ``model.occupied_cells``."""
     assert model.occupied_cells is not None
     index = corners_of(model.occupied_cells).flatten().nonzero()[:, 0].to(model.device)
     return index, corner_points(model.extent_tensor, CELLS)[index]

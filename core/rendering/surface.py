@@ -15,9 +15,9 @@ from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.runtime.layers import pad_rows
 
-_CELLS = 40  # along the longest side of the model's box
-_MIN_THICKNESS = 0.05  # optical depth of a block's middle over a cell; more may be the fringe of something
-_INSIDE = 0.5  # optical depth over a cell from which its middle is inside
+_CELLS = 40  # along the longest side of the scene's box
+_MIN_THICKNESS = 0.05  # optical depth of a cell with the density at a block's centre, above which the block is near
+_INSIDE = 0.5  # optical depth of a cell with the density at its centre, above which it is inside the object
 _CHUNK = 8192  # points evaluated at a time
 
 
@@ -27,12 +27,16 @@ class _Grid(NamedTuple):
     cell: float  # scene units
     points: Float[Tensor, "x y z 3"]  # centres of the cells
     activations: Float[Tensor, "cells width"]
-    blocks: Bool[Tensor, "bx by bz"]  # two cells a side; any object of the model may occupy them
+    blocks: Bool[Tensor, "bx by bz"]  # blocks of 2x2x2 cells that any object of the model may occupy
     block_activations: Float[Tensor, "some width"]  # at these blocks' centres
 
 
 def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
-    """Return points on an object's surface, on a grid, and their colours (0..1) seen from outside."""
+    """Return points on an object's surface (scene units) and their colours (0..1).
+
+    The points are centres of grid cells inside the object with a neighbour outside. Each is seen along its ray to the
+    scene's origin. Empty for an empty object.
+    """
     grid, field = _grid(model), FoldedField(model, codes)
     with torch.no_grad():
         # Cells of empty blocks with empty neighbours are not evaluated.
@@ -64,7 +68,7 @@ def _grid(model: Model) -> _Grid:
 
 
 def _centres(counts: list[int], step: float, device: torch.device) -> Float[Tensor, "x y z 3"]:
-    """Return centres of cells around the origin."""
+    """Return the centres of cells of side ``step``, in a grid centred at the origin."""
     axes = [(torch.arange(count, device=device) + 0.5 - count / 2) * step for count in counts]
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
 
