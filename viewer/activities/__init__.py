@@ -1,1 +1,1 @@
-"""Activities beside editing: rendering, playing, fitting, segmenting, exporting. Each takes jobs and an editor."""
+"""Activities beside editing: rendering, playing, fitting, segmenting, painting, exporting."""

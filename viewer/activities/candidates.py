@@ -1,4 +1,4 @@
-"""The candidates of a fit: a tile with a thumbnail for every hypothesis of its search."""
+"""The candidates of a fit: a tile with a thumbnail per hypothesis of its search."""
 
 import math
 from collections.abc import Container, Iterator, Sequence
@@ -18,23 +18,26 @@ from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.worker import Job
 from viewer.values.project import SavedTile
 
-_MAX_STEP = 45.0  # degrees: no step turns a camera so far; a farther one is another hypothesis of the same origin
-_SIZE, _SAMPLES = 32, 16  # px, and along a ray
-_CLOSER = 1.5  # photos are cropped with a margin around the object, tiles without
+_MAX_STEP = 45.0  # degrees that no step turns a camera; beyond, it is another hypothesis of the same origin
+_SIZE, _SAMPLES = 32, 16  # px of a thumbnail's side, and samples along a ray
+_CLOSER = 1.5  # zoom of thumbnails, as photos have a margin around the object
 
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """A hypothesis in the window."""
+    """A hypothesis as a tile, followed through the steps of a fit."""
 
     number: int  # in the order of appearance
-    hypothesis: Hypothesis  # of the last step that had it
+    hypothesis: Hypothesis  # as of the last step that had it
     eliminated_at: float | None = None  # s of the fit when it was dropped; None while active
-    frame: Frame | None = None
+    frame: Frame | None = None  # thumbnail; None until it is rendered
 
 
 def update_tiles(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
-    """Return the tiles after a step: active ones by loss, then eliminated ones, the latest first."""
+    """Return the tiles after a step: active ones by loss, then eliminated ones, the last eliminated first.
+
+    Hypotheses have no identity: each is matched to the tile of the same origin with the nearest cameras.
+    """
     left = [tile for tile in tiles if tile.eliminated_at is None]
     active, fresh = list[Tile](), count(len(tiles))
     for hypothesis in step.hypotheses:
@@ -49,7 +52,7 @@ def update_tiles(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
 
 
 def _angle(tile: Tile, hypothesis: Hypothesis) -> float:
-    """Return the largest motion of a camera in degrees; infinite for hypotheses of different origins or photos."""
+    """Return the largest turn of a camera in degrees; infinite for another origin or number of photos."""
     before, now = tile.hypothesis, hypothesis
     if before.origin != now.origin or len(before.cameras) != len(now.cameras):
         return math.inf
@@ -57,7 +60,7 @@ def _angle(tile: Tile, hypothesis: Hypothesis) -> float:
 
 
 def _angle_between(first: Camera, second: Camera) -> float:
-    """Return degrees between the directions of two cameras; cheap, as it is called many times a frame."""
+    """Return the degrees between two cameras' directions. Fast, as it is called many times a frame."""
     cosine = math.sin(first.elevation) * math.sin(second.elevation) + math.cos(first.elevation) * math.cos(
         second.elevation
     ) * math.cos(first.azimuth - second.azimuth)
@@ -70,33 +73,33 @@ class Candidates:
     def __init__(self, jobs: Jobs) -> None:
         self._jobs = jobs
         self.tiles: tuple[Tile, ...] = ()
-        self._over = True
+        self._over = True  # no fit is running
 
     def close(self) -> None:
         """Stop rendering."""
         self._jobs.cancel("candidates")
 
     def reset(self, tiles: tuple[Tile, ...] = ()) -> None:
-        """Show the tiles of another fit."""
+        """Replace the tiles, for another fit."""
         self.close()
         self.tiles = tiles
 
     def saved(self) -> tuple[SavedTile, ...]:
-        """The tiles without their thumbnails."""
+        """Return the tiles without their thumbnails."""
         return tuple(SavedTile(tile.number, tile.hypothesis, tile.eliminated_at) for tile in self.tiles)
 
     def restore(self, saved: tuple[SavedTile, ...]) -> None:
-        """Restore saved tiles; their thumbnails are rendered again."""
+        """Show saved tiles; their thumbnails are rendered again."""
         self.reset(tuple(Tile(*tile) for tile in saved))
         self.finish()
 
     def update(self, step: FitStep) -> None:
-        """Take a step of the fit."""
+        """Update the tiles by a step of the running fit."""
         self.tiles, self._over = update_tiles(self.tiles, step), False
         self._start()
 
     def finish(self) -> None:
-        """Keep the tiles after the fit, and render those that were eliminated without a thumbnail."""
+        """End the updates after the fit; render the tiles that have no thumbnail yet."""
         self._over = True
         self._start()
 
@@ -106,7 +109,10 @@ class Candidates:
             self._jobs.submit(Job("candidates", self._render, self._keep, ended, share=BACKGROUND_SHARE))
 
     def _render(self) -> Iterator[tuple[int, Frame]]:
-        """Render the best candidate every other time, else the least recent one; after the fit, missing ones."""
+        """Yield thumbnails by number: alternately the best tile and the least recent one.
+
+        After the fit only missing thumbnails are rendered.
+        """
         turns, rendered = count(), dict[int, int]()
         while waiting := [tile for tile in self.tiles if self._is_due(tile, rendered)]:
             turn = next(turns)
@@ -125,7 +131,7 @@ class Candidates:
 
 
 def _thumbnail(model: Model, hypothesis: Hypothesis) -> Frame:
-    """Render a hypothesis coarsely. Its shape is new, so the reference renderer takes half the time of the fast one."""
+    """Render a hypothesis coarsely, by the reference renderer: for a new shape it takes half the fast one's time."""
     camera = hypothesis.cameras[0].resized(_SIZE, _SIZE)
     with torch.inference_mode(), autocast(model.device):
         rendered = render_exact(model, hypothesis.codes, replace(camera, focal=_CLOSER * camera.focal), _SAMPLES)

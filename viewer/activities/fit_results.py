@@ -1,4 +1,4 @@
-"""Results of fits: each joins the objects, and becomes current if the view followed its fit."""
+"""Results of fits, which join the objects; a result is shown at once if the view followed its fit."""
 
 import re
 
@@ -11,20 +11,20 @@ from viewer.values.objects import EditableObject
 
 
 class FitResults:
-    """Keeps results out of the view while a person edits something else, until they are shown."""
+    """Adds results to the objects, and shows them unless a person is editing something else."""
 
     def __init__(self, editor: Editor, viewport: Viewport) -> None:
         self._editor, self._viewport = editor, viewport
-        self.checking: Ready | None = None  # result of the current fit that is still being checked
-        self.unseen: dict[str, Camera] = {}  # cameras of the photos of objects not shown yet, by name
+        self.checking: Ready | None = None  # preliminary result of the current fit, checked by a second search
+        self.unseen: dict[str, Camera] = {}  # photos' cameras of results that were not shown yet, by name
         editor.scene_changed.connect(self._forget_seen)
 
     def add(self, found: EditableObject, camera: Camera, restored: bool = False) -> Ready:
-        """Add a result.
+        """Add a result to the objects and return its name and camera.
 
         Args:
-            camera: of its photo, at the size of the model's images.
-            restored: replaces an object of the same photo, made by a run that crashed.
+            camera: camera of its photo, at the size of the model's images.
+            restored: replace an object of the same photo, which a crashed run may have added.
         """
         if self._viewport.following:
             turned, own = self._viewport.turned, self._editor.scene.camera
@@ -40,7 +40,7 @@ class FitResults:
         return Ready(name, camera)
 
     def improve(self, handed: Ready, better: EditableObject, camera: Camera) -> bool:
-        """Replace the preliminary result by the final one; return whether they differ."""
+        """Replace the preliminary result ``handed`` by the final one; return whether they differ."""
         name = handed.name
         differs = better.codes != self._editor.objects[name].codes
         own = self._editor.scene.camera
@@ -53,13 +53,13 @@ class FitResults:
         return differs
 
     def show(self, name: str) -> None:
-        """Make a waiting result current."""
+        """Show a result that was not shown yet."""
         if camera := self.unseen.pop(name, None):
             self._editor.show_added(name, camera)
             self._viewport.frame_result()
 
     def rename(self, name: str, to: str) -> None:
-        """Rename a result."""
+        """Follow the renaming of a result."""
         if name in self.unseen:
             self.unseen[to] = self.unseen.pop(name)
         if self.checking and self.checking.name == name:
@@ -72,5 +72,5 @@ class FitResults:
 
 
 def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
-    """Return whether both were fitted to one photo of one name; a second object of it carries a number."""
+    """Return whether both objects were fitted to the same photo, apart from a number that made a name unique."""
     return one.photo == other.photo != "" and re.sub(r" \(\d+\)$", "", one.name) == other.name

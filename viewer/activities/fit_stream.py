@@ -1,4 +1,4 @@
-"""Requests for fits, and the stream of their steps, which runs on the worker."""
+"""The options of a fit, and the stream of its photos and steps, which runs on the worker."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -18,19 +18,19 @@ from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
 from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white
 
 WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
-"""presets to choose from; the paper's own recipe is a baseline for the command line"""
-_RESUMED_SHARE = 3  # a resumed fit has the preset's steps over this: there is no search
+"""Presets of the window. The paper's recipe is only a baseline for the command line."""
+_RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
 
 
 class Remark(str):
-    """A message about a photo that is fitted anyway."""
+    """A message about a photo; the fit goes on."""
 
 
 class Doubt(NamedTuple):
-    """A question about the next photo, which ends the stream: a person answers first."""
+    """A question about the next photo, which ends the stream until a person answers."""
 
     words: str
-    model: Model  # would fit the photo
+    model: Model  # model that would fit the photo
     cut: CutOut | None  # None if no object was found
     seen: SeenCutOut
 
@@ -51,11 +51,13 @@ class FitOptions:
 def fit_stream(
     jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, known: Mapping[PhotoSource, CutOut]
 ) -> Iterator[Model | Remark | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
-    """Yield the photos not read before, the model unless the request names one, then the steps.
+    """Yield each new photo's cut-out and photo, the model unless the request names one, then the steps.
+
+    Remarks come in between, and a :class:`Doubt` ends the stream. None only marks progress.
 
     Args:
-        here: the model on screen, taken if several models are equally likely.
-        known: cut-outs of photos that were asked about.
+        here: the model on screen, taken if the photo's category is unknown.
+        known: cut-outs that a person has confirmed, by source.
     """
     backend, models, history = jobs.backend, jobs.models, request.history
     model = models[history.model] if history.model else None
@@ -80,7 +82,7 @@ def fit_stream(
         if model is None:
             model = chosen
             yield model
-        bank = yield from jobs.banks.wait(model)  # photos are cropped, and cameras ranked by it
+        bank = yield from jobs.banks.wait(model)  # crops photos and ranks cameras
         photos.append(backend.frame_photo(cut, model, bank, source))
         yield FittedPhoto.of(source, photos[-1], seen)
     assert model is not None, "no photo"
@@ -91,14 +93,14 @@ def fit_stream(
 
 
 def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
-    """Return the probability of each category, ignoring a doubtful mask."""
+    """Return the probability of each category; with a doubtful mask, by the detection alone."""
     if is_doubtful(cut):
         return cut.detections[0].probabilities if cut.detections else {}
     return backend.guess_category(cut)
 
 
 def _doubt(cut: CutOut, about_category: str) -> str:
-    """Return the question for a person; empty if the cut-out can be fitted at once."""
+    """Return the question about a cut-out; "" if it can be fitted at once."""
     if has_rival(cut):
         return "Which one? Click on it"
     if is_doubtful(cut):

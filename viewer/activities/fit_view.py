@@ -1,4 +1,4 @@
-"""The view of the current or last fit: its steps, photos and cameras."""
+"""The shown fit, running or finished: its steps, its selected photo and its cameras."""
 
 import time
 from dataclasses import replace
@@ -13,22 +13,22 @@ from viewer.editor import Editor
 from viewer.values.fit_history import FitHistory
 from viewer.values.seen_cut_out import SeenCutOut
 
-_RENDER_EVERY = 0.3  # s between renders of the fit, which take its processor time
-_RENDER_STEPS = 4  # least steps between renders, for machines on which they are slow
+_RENDER_EVERY = 0.3  # least s between renders of a running fit, as they delay it
+_RENDER_STEPS = 4  # least steps between renders, for slow machines
 
 
 class FitView:
-    """Shows the steps of a fit while the view follows it."""
+    """The history of the shown fit; its steps are rendered while the view follows it."""
 
     def __init__(self, editor: Editor, viewport: Viewport, models: OpenModels) -> None:
         self._editor, self._viewport, self._models = editor, viewport, models
         self.history = FitHistory()
-        self.seen: SeenCutOut | None = None  # cut-out of the photo read last
-        self.from_runner_up = False  # shown from the runner-up's camera
-        self._rendered_at, self._steps_since = 0.0, 0  # time (s) of the last render, and steps since
+        self.seen: SeenCutOut | None = None  # cut-out of the photo that was read last
+        self.from_runner_up = False  # the runner-up's camera is shown
+        self._rendered_at, self._steps_since = 0.0, 0  # s on the monotonic clock of the last render, and steps since
 
     def show(self, history: FitHistory) -> None:
-        """Show another fit, which is about to begin or over."""
+        """Show another fit, which is finished or about to begin."""
         self.history, self.seen, self.from_runner_up = history, None, False
         self._rendered_at, self._steps_since = 0.0, 0
 
@@ -38,34 +38,37 @@ class FitView:
 
     @property
     def model(self) -> Model:
-        """The model of the fit; raises until it is known."""
+        """The model of the fit. Raises ``ValueError`` until it is known."""
         return self._models[self.history.model]
 
     @property
     def camera(self) -> Camera:
-        """The photo's camera in the newest step and shown viewpoint, at the model's image size; needs a step."""
+        """The selected photo's camera: the newest step's or, if shown, the runner-up's.
+
+        It has the size of the model's images. There must be a step.
+        """
         step = self.history.last
         assert step is not None, "nothing found yet"
         return self.camera_of(step.runner_up if self.from_runner_up and step.runner_up else step)
 
     def show_viewpoint(self, runner_up: bool) -> None:
-        """Turn the view to the fitted camera, or to the runner-up's, which is mostly on the opposite side."""
+        """Turn the view to the runner-up's camera, mostly on the opposite side, or back to the fitted one."""
         if self.history.last:
             self.from_runner_up = runner_up
             self._editor.set_camera(self.camera)
 
     def camera_of(self, found: FitStep | RunnerUp) -> Camera:
-        """Return the camera of the shown photo, at the model's image size."""
+        """Return the selected photo's camera in a step or runner-up, at the size of the model's images."""
         size = self.model.image_size
         return found.cameras[self.history.photo_index].resized(size, size)
 
     def show_photo(self, index: int) -> None:
-        """Show another photo."""
+        """Select another photo."""
         if 0 <= index < len(self.history.photos):
             self.history = replace(self.history, photo_index=index)
 
     def add_step(self, step: FitStep) -> None:
-        """Add a step of the current fit; render it if the last render is old enough."""
+        """Add a step of the running fit; render it if the last render is old enough."""
         self.history = self.history.with_step(step)
         self._viewport.update_live(View(step.codes, self.camera_of(step)))
         self._steps_since += 1

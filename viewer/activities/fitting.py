@@ -1,4 +1,4 @@
-"""The current fit and the queue of the next ones."""
+"""The running fit, the queue of fits, and the questions about photos."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,15 +23,15 @@ from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.seen_cut_out import SeenCutOut
 
-_FITS = 8  # number of fits that are kept
+_FITS = 8  # finished fits whose histories are kept
 _NAMED = 3  # files that a message names
-_NONE: Mapping[PhotoSource, CutOut] = {}
+_NONE: Mapping[PhotoSource, CutOut] = {}  # no confirmed cut-outs
 
 
 class Fitting:
-    """Runs one fit at a time and queues the others; ``view`` shows it, ``results`` has its results.
+    """Runs one fit at a time and queues the others.
 
-    A photo with a doubtful cut-out waits in ``questions`` while the next fit begins.
+    A request about whose photo a person must decide waits in ``questions`` while the next fit begins.
     """
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions) -> None:
@@ -39,15 +39,15 @@ class Fitting:
         self.candidates = Candidates(jobs)
         self.view = FitView(editor, viewport, jobs.models)
         self.results = FitResults(editor, viewport)
-        self.request: FitRequest | None = None  # the current one
-        self.queue: tuple[FitRequest, ...] = ()  # waiting
-        self.questions: tuple[Question, ...] = ()  # photos to be looked at by a person first, the oldest first
-        self._shown_fit, self._fits = "", dict[str, FitHistory]()  # object whose fit is shown; fits by name
-        self._before = self.history, self.candidates.tiles  # those before the last fit began
+        self.request: FitRequest | None = None  # the running fit's
+        self.queue: tuple[FitRequest, ...] = ()  # the next first
+        self.questions: tuple[Question, ...] = ()  # the oldest first
+        self._shown_fit, self._fits = "", dict[str, FitHistory]()  # name of the shown fit's object; fits by name
+        self._before = self.history, self.candidates.tiles  # fit and tiles shown before the last fit began
 
     @property
     def history(self) -> FitHistory:
-        """The fit under way, or the last one."""
+        """The running fit, or the one shown last."""
         return self.view.history
 
     @property
@@ -61,29 +61,29 @@ class Fitting:
 
     @property
     def running(self) -> bool:
-        """A fit is running."""
+        """True while a fit is running."""
         return self.request is not None
 
     @property
     def pending(self) -> tuple[FitRequest, ...]:
-        """Unfinished requests: the current fit, unless its result is there, and the queue."""
+        """Unfinished requests: the running fit, unless its preliminary result is there, queue and questions."""
         return (*self._unfinished, *self.queue, *(question.request for question in self.questions))
 
     @property
     def _unfinished(self) -> tuple[FitRequest, ...]:
-        """Return the current fit, to be restarted; nothing if its result is there."""
+        """The running fit as a request to restart it; empty if its preliminary result is there."""
         if self.request is None or self.results.checking:
             return ()
         history = replace(self.request.history, photos=self.history.photos, model=self.history.model)
         return (self.request._replace(history=history),)
 
     def close(self) -> None:
-        """Cancel the current fit and the queue."""
+        """Cancel the running fit, the queue and the questions."""
         self.queue, self.questions = (), ()
         self._drop()
 
     def tick(self) -> None:
-        """Return to the fit of the object in the view, if it was made in this run; call once a frame."""
+        """Show the fit of the object in the view, if it was made in this run; call once a frame."""
         name = self._editor.state.mix.a.shape
         if self.running or name == self._shown_fit or name not in self._fits:
             return
@@ -92,7 +92,7 @@ class Fitting:
         self.candidates.reset()
 
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Restore the last fit, unless there is one already, and continue unfinished requests."""
+        """Show a saved fit, unless a fit is shown, and continue unfinished requests."""
         if not self.history.sources:
             self.view.show(history)
             found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
@@ -104,7 +104,7 @@ class Fitting:
     # What is fitted
 
     def start(self, *paths: Path) -> None:
-        """Fit the object in images; pose files (.txt) belong to the images of the same name."""
+        """Fit one object to image files; pose files (.txt) belong to the images of the same name."""
         try:
             sources, others = match_poses(paths)
         except ValueError as error:
@@ -117,14 +117,14 @@ class Fitting:
         self.fit(*sources)
 
     def ask_first(self, request: FitRequest) -> None:
-        """Move the question about a request to the front."""
+        """Move a request's question to the front."""
         self.questions = tuple(sorted(self.questions, key=lambda one: one.request is not request))
 
     def fit(self, *sources: PhotoSource, model: str = "") -> bool:
-        """Queue a fit of photos, which answers a question about them; return False without photos.
+        """Begin or queue a fit of photos, dropping questions about them; return False without photos.
 
         Args:
-            model: fingerprint; empty chooses by the category of the first photo.
+            model: the model's fingerprint; empty chooses by the category of the first photo.
         """
         paths = {source.path for source in sources}
         self.questions = tuple(one for one in self.questions if one.source.path not in paths)
@@ -133,7 +133,7 @@ class Fitting:
         return bool(sources)
 
     def add_photo(self, history: FitHistory, path: Path) -> None:
-        """Fit again with another photo of the object."""
+        """Fit an object again with another photo."""
         self.fit(*history.sources, PhotoSource(path), model=history.model)
 
     def refit(self, model: Model | None = None) -> None:
@@ -155,10 +155,10 @@ class Fitting:
     # Photos that a person looks at first
 
     def answer(self, question: Question, model: str = "") -> None:
-        """Fit a photo as it is cut out.
+        """Fit a photo in question with its cut-out.
 
         Args:
-            model: fingerprint of the model to fit; empty takes the question's.
+            model: the model's fingerprint; empty takes the question's.
         """
         history, model = question.request.history, model or question.model
         photos = history.photos if model == history.model else ()
@@ -167,13 +167,13 @@ class Fitting:
         self._begin(request, {question.source: question.cut} if question.cut else {})
 
     def resume(self, hypothesis: Hypothesis | None = None) -> None:
-        """Continue from a hypothesis, or from the best one of the newest step."""
+        """Continue the shown fit from a hypothesis, by default the best one of the newest step."""
         initial = hypothesis or self.resume_point
         if initial is not None:
             self._run(FitRequest(self.history, initial))
 
     def resume_from_view(self) -> None:
-        """Continue from the codes in the view, and for the photo shown from the camera of the view."""
+        """Continue the shown fit from the codes in the view and, for the selected photo, the view's direction."""
         if initial := self.resume_point:
             scene, cameras, index = self._editor.scene, list(initial.cameras), self.history.photo_index
             seen = scene.camera  # the object's size in the view is not its size in the photo
@@ -188,11 +188,11 @@ class Fitting:
         return best if best and self.can_resume(best) else None
 
     def can_resume(self, hypothesis: Hypothesis) -> bool:
-        """Return whether a fit of all photos can continue from a hypothesis; not from one of fewer photos."""
+        """Return whether a hypothesis has a camera for every photo, so that the fit can continue from it."""
         return len(hypothesis.cameras) == len(self.history.photos)
 
     def stop(self) -> None:
-        """End the current fit, keep its result and begin the next."""
+        """End the running fit with its newest step as the result, and begin the next."""
         if self.running:
             self._jobs.cancel("fit")
             if self.history.steps:
@@ -208,17 +208,17 @@ class Fitting:
         self.candidates.reset(tiles)
 
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
-        """Remove photos from the queue."""
+        """Remove the request of these photos from queue and questions."""
         self.queue = tuple(one for one in self.queue if one.history.sources is not sources)
         self.questions = tuple(one for one in self.questions if one.request.history.sources is not sources)
 
     def follow(self) -> None:
-        """Follow the fit from the photo's camera; its result becomes current."""
+        """Let the view follow the running fit from the photo's camera, so that its result is shown."""
         if self.running and not self.results.checking and self.history.last:
             self._viewport.follow()
 
     def rename(self, name: str, to: str) -> None:
-        """Rename a result."""
+        """Follow the renaming of a result."""
         self.results.rename(name, to)
         self._fits = {to if one == name else one: fit for one, fit in self._fits.items()}
         self._shown_fit = to if self._shown_fit == name else self._shown_fit
@@ -231,7 +231,7 @@ class Fitting:
     # Progress
 
     def _begin(self, request: FitRequest, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
-        """Run a request now, or after the waiting ones; ``known`` is that of :func:`fit_stream`."""
+        """Run a request now, or queue it; ``known`` is an argument of :func:`fit_stream`."""
         if not self.running:
             self._run(request, known=known)
             return
@@ -239,13 +239,13 @@ class Fitting:
         self._jobs.messages.notify(f"{request.history.name} waits for the photo before it", MessageKind.NOTE)
 
     def _next(self) -> None:
-        """Begin the next request without following it: a person may be editing the result before."""
+        """Run the next request without following it: a person may be editing the last result."""
         if self.queue and not self.running:
             request, self.queue = self.queue[0], self.queue[1:]
             self._run(request, follow=False)
 
     def _drop(self) -> None:
-        """End the fit under way and keep nothing of it."""
+        """Cancel the running fit without a result."""
         self._jobs.cancel("fit")
         self.candidates.close()
         self.view.close()
@@ -292,7 +292,7 @@ class Fitting:
             self.view.add_step(value)
 
     def _ask(self, doubt: Doubt) -> None:
-        """Put a request aside until a person has answered, and begin the next."""
+        """Turn the running request into a question, and run the next."""
         assert self.request is not None
         history = replace(self.request.history, photos=self.history.photos, model=self.history.model)
         request = self.request._replace(history=history)
@@ -328,7 +328,7 @@ class Fitting:
         self._viewport.unfollow()
 
     def _hand_over(self, first: FitStep) -> None:
-        """Show the first search's result while the second one checks it."""
+        """Add the first search's result while a second search checks it."""
         found = self.results.checking = self._add(first)
         self._keep_fit(found.name)
         self._viewport.unfollow()
@@ -344,7 +344,7 @@ class Fitting:
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
 
     def _with_detail(self, step: FitStep) -> FitStep:
-        """Add the photo detail, which only the last step of a fit has."""
+        """Return a stopped fit's step with photo detail, which only the last step of a full fit has."""
         if step.codes.detail or not step.hypotheses or not self.can_resume(step.hypotheses[0]):
             return step
         return with_photo_detail(self.view.model, [fitted.photo for fitted in self.history.photos], step)

@@ -1,4 +1,4 @@
-"""The object's size in the view: three quarters of it after a fit and after a choice."""
+"""The object's size in the view: three quarters of it after a fit or a choice."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -8,25 +8,25 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-SHARE = 0.75  # of the view's width or height, the smaller one
+SHARE = 0.75  # largest extent of the object as a fraction of the view's width and height
 
 
 class Framing:
-    """Moves the camera nearer or farther, as part of the last edit, unless the scene was touched since."""
+    """Changes the camera's distance as part of the last edit, unless the scene was edited since."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
-        self._last, self._zoomed = editor.scene, False  # last scene, and whether a person zoomed
-        self._panel = (0, 0)  # px, the view of the newest request
+        self._last, self._zoomed = editor.scene, False  # last scene; whether a person has zoomed since the last framing
+        self._panel = (0, 0)  # px, size of the view in the newest request
         editor.scene_changed.connect(self._look)
 
     def keep_size(self, panel: tuple[int, int]) -> None:
-        """Frame another object; keep the distance if a person has zoomed."""
+        """Frame the object unless a person has zoomed."""
         if not self._zoomed:
             self.frame(panel)
 
     def frame(self, panel: tuple[int, int]) -> None:
-        """Frame the object of the scene soon, in a view of ``panel`` px."""
+        """Begin to frame the scene's object in a view of ``panel`` px."""
         editor, scene, self._zoomed = self._editor, self._editor.scene, False
         model, self._panel = editor.model, panel
         seen = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera

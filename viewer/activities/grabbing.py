@@ -1,4 +1,4 @@
-"""Pulls of the shape by the mouse: the direction with the largest effect there, and its motion."""
+"""Pulls of the shape by the mouse, along the principal direction that moves the surface there most."""
 
 from core.rendering.grab import Pull
 from viewer.activities.viewport import Viewport
@@ -8,27 +8,27 @@ from viewer.services.worker import Job
 from viewer.values.direction import Direction
 
 _DETAIL = 256  # px of the view's shorter side when measuring pulls
-_REACH = 3.0  # standard deviations to either side of the mean, as far as sliders go
+_REACH = 3.0  # standard deviations to either side of the mean, as for sliders
 
 Place = tuple[float, float]  # fractions of the view's width and height
 
 
 class Grabbing:
-    """Finds and follows pulls; each is one step of undo."""
+    """Finds and applies pulls; a pull is one step of undo."""
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
-        self.pull: Pull | None = None  # under the mouse; None until it is known, and off the object
+        self.pull: Pull | None = None  # pull under the mouse; None until it is known, and off the object
         self._at: tuple[object, ...] = ()  # codes, camera and place of the newest search
-        self._held: tuple[Direction, float] | None = None  # the pulled direction and its strength at first
+        self._held: tuple[Direction, float] | None = None  # pulled direction, and its strength when the pull began
 
     @property
     def scale(self) -> float:
-        """px of the view per px of a pull's motion."""
+        """The px of the view per px of a pull's motion."""
         return min(self._viewport.settings.panel) / _DETAIL
 
     def look(self, place: Place) -> None:
-        """Find the direction that a pull at a place of the view moves."""
+        """Begin to find the pull at a place of the view."""
         request = self._viewport.request
         if (at := (request.codes, request.camera, place)) == self._at:
             return
@@ -43,7 +43,7 @@ class Grabbing:
         self._jobs.submit(Job("pull", lambda: (pulls(model, codes, crop.camera, point),), keep, ended, urgent=True))
 
     def drag(self, drag: tuple[float, float]) -> None:
-        """Move the surface by ``drag`` px of the view (right, down) from the place of the grab."""
+        """Move the surface by ``drag`` px of the view (right, down) from where the pull began."""
         if self.pull is None or (self._held is None and self._jobs.busy("pull")):
             return
         if self._held is None:

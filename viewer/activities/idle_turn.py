@@ -1,4 +1,4 @@
-"""A slow turn of a fitted object, until something is touched."""
+"""A slow turn of a fitted object until something is touched."""
 
 import math
 import time
@@ -12,35 +12,38 @@ from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.values import orbit
 
-_REST = 2.0  # s for which the finished image is shown first
+_REST = 2.0  # s that the finished image is shown before the turn
 _SPEED = 2 * math.pi / 40  # rad/s
 
 
 class IdleTurn:
-    """Turns the view from the scene's camera, which is no edit; only if OpenGL draws the baked object."""
+    """Turns the view of a new result, starting from the scene's camera, if OpenGL draws the baked object.
+
+    The turn is no edit; :meth:`stop` keeps its last camera.
+    """
 
     def __init__(
         self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
         self._of: Scene | None = None  # scene to turn; another scene ends the turn
-        self._began: float | None = None  # s on the clock when the turn begins
-        self._shown: Camera | None = None  # of the turned view
+        self._began: float | None = None  # s on the clock when the turn begins; None until that is known
+        self._shown: Camera | None = None  # camera of the turned view
         viewport.result_shown.connect(self._prepare)
 
     @property
     def due(self) -> bool:
-        """It turns, or will once the finished image is there."""
+        """True while the view turns, or will turn once the finished image is shown."""
         return self._of is not None
 
     @property
     def turning(self) -> bool:
-        """It turns."""
+        """True while the view turns."""
         return self._began is not None and self._clock() >= self._began
 
     @property
     def _edited(self) -> bool:
-        """The scene differs from the one to be turned."""
+        """True if the scene differs from the one to turn."""
         scene, of = self._editor.scene, self._of
         return of is None or scene.codes is not of.codes or not orbit.same_direction(scene.camera, of.camera)
 
@@ -64,7 +67,7 @@ class IdleTurn:
             self._jobs.worker.wake()
 
     def stop(self) -> None:
-        """Stop at the current camera, as part of the last edit."""
+        """Stop; the scene's camera becomes that of the turned view, as part of the last edit."""
         turns = self.turning and not self._edited and self._viewport.source == "scene"
         scene, shown = self._editor.scene, self._shown if turns else None
         self._of = self._began = self._shown = None

@@ -1,4 +1,4 @@
-"""The mixes between two objects as one image: B's shape increases to the right, its texture upwards."""
+"""Mixes of objects A and B as one image: the amount of B's shape grows to the right, of its texture upwards."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,7 +16,7 @@ STEPS = 5  # mixes along each side
 
 
 def mixes(a: Codes, b: Codes) -> dict[tuple[int, int], Codes]:
-    """Return the mixes by column and row, from A's corner at the lower left; the corners come first."""
+    """Return the mixes by column and row, counted from A in the lower left corner; the corners come first."""
     order = sorted(range(STEPS), key=lambda step: -abs(step - STEPS // 2))
     last = STEPS - 1
     return {(column, row): a.mixed(b, column / last, row / last) for row in order for column in order}
@@ -28,14 +28,15 @@ def write_mixes(
     camera: Camera,
     path: Path,
 ) -> Iterator[float]:
-    """Write all mixes as one image on white.
+    """Write all mixes as one image on white; yield the finished fraction.
 
-    Yield the fraction done. To cancel, close the generator: no partial file stays. Raise ``ValueError`` for another
-    format or a path that cannot be written.
+    To cancel, close the generator: no partial file stays. Raises ``ValueError`` for another format or a path that
+    cannot be written.
 
     Args:
-        cells: from :func:`mixes`.
-        camera: of every cell, at the size of a cell.
+        render: renders a job, as :meth:`Jobs.frames`.
+        cells: mixes by column and row (:func:`mixes`).
+        camera: camera of every cell, at a cell's size.
     """
     if path.suffix.lower() not in IMAGE_FORMATS:
         raise ValueError(f"{path.name}: the name of an image ends in {', '.join(IMAGE_FORMATS)}")

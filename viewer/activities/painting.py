@@ -1,4 +1,4 @@
-"""The paint of the object in the view: the colour of a part, measured and changed on the worker."""
+"""The paint of the object in the view: colours of its parts, measured and changed on the worker."""
 
 from collections.abc import Iterator
 
@@ -12,24 +12,24 @@ from viewer.services.worker import Job
 
 
 class Painting:
-    """Paints parts; a drag over colours is one step of undo, and its newest colour wins."""
+    """Paints a part. A drag over colours is one step of undo, of which the newest colour counts."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
-        self._part = ""
-        self._begun = self._shown = editor.scene.codes  # before the current drag, and after its newest colour
-        self._wanted: Rgb | None = None  # the colour of the current drag
-        self._known: tuple[Codes, str, Rgb | None] | None = None  # codes, part, and its colour once known
-        self._released = True
+        self._part = ""  # chosen part
+        self._begun = self._shown = editor.scene.codes  # codes before the current drag, and after its newest colour
+        self._wanted: Rgb | None = None  # newest colour of the last drag
+        self._known: tuple[Codes, str, Rgb | None] | None = None  # codes, part, and the part's colour once measured
+        self._released = True  # no drag is in progress
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The parts of the object that take paint, the usual one first."""
+        """The parts that can be painted, the usual one first."""
         return paint_parts(self._editor.model)
 
     @property
     def part(self) -> str:
-        """The painted part."""
+        """The part to paint; "" if the object has none."""
         return self._part if self._part in self.parts else next(iter(self.parts), "")
 
     @part.setter
@@ -38,7 +38,10 @@ class Painting:
 
     @property
     def colour(self) -> Rgb | None:
-        """The colour of that part, sRGB 0..1; None until it is known."""
+        """The part's colour, sRGB 0..1, measured in the background.
+
+        Until it is measured, the last known colour; None if there is none.
+        """
         codes, part = self._editor.scene.codes, self.part
         if self._wanted is not None and codes is self._shown:
             return self._wanted
@@ -62,7 +65,7 @@ class Painting:
 
     @property
     def is_original(self) -> bool:
-        """The object has the paint of its photo, or of the object it was made from."""
+        """True if the object has its original paint: its photo's or, without a photo, object A's."""
         return bool((self._editor.code("texture") == self._original).all())
 
     @property
@@ -71,11 +74,11 @@ class Painting:
         return codes.detail.texture if codes.detail else self._editor.pair(mix.a).texture
 
     def restore(self) -> None:
-        """Restore the object's original paint."""
+        """Restore the original paint."""
         self._editor.set_texture(self._original)
 
     def paint(self, colour: Rgb) -> None:
-        """Give the part a colour once it is found; the same drag until :meth:`release`."""
+        """Begin to give the part a colour, sRGB 0..1; until :meth:`release`, further colours join the step."""
         if self._released or self._editor.scene.codes is not self._shown:
             self._begun = self._shown = self._editor.scene.codes
             self._editor.end_gesture()
@@ -86,7 +89,7 @@ class Painting:
             yield (yield from self._jobs.backend.paint(model, begun, wanted))
 
         def keep(found: Codes) -> None:
-            if self._editor.scene.codes is self._shown:  # otherwise the person has gone on to something else
+            if self._editor.scene.codes is self._shown:  # else another edit came in between
                 self._editor.set_texture(found.texture, gesture="paint")
                 self._shown = self._editor.scene.codes
 

@@ -1,4 +1,4 @@
-"""Editing and playing of the timeline: keyframes and playhead."""
+"""The timeline's editing and playing: keyframes and playhead."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -13,44 +13,44 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-_GESTURE = "play"  # of playing and scrubbing, so that either is one step of undo
-_RATE = 12.0  # frames per second while playing: about as many as two cores render of changing shapes
-_DETAIL = 128  # px along the shorter side
+_GESTURE = "play"  # gesture of playing and scrubbing, so that either is one step of undo
+_RATE = 12.0  # frames per second while playing, as many as two cores render of changing shapes
+_DETAIL = 128  # px along a frame's shorter side
 _SETTINGS = RenderSettings(samples=96, divisors=(1,))
 _STEP = 1.0  # s from the last keyframe to an appended one
-_MAX_FRAMES = 720  # kept: a minute
+_MAX_FRAMES = 720  # frames kept: a minute
 
 
 class Player:
-    """Edits the timeline, and shows its frame at the playhead.
+    """Edits the timeline and shows its frame at the playhead.
 
-    While it plays, frames are rendered ahead and kept, so that the second round is smooth.
+    Frames are rendered ahead of the playhead and kept, so that the second round is smooth.
     """
 
     def __init__(
         self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
-        self.seconds = 0.0  # of the playhead
-        self._began: float | None = None  # s on the clock at which the playhead was at 0, while playing
-        self._last_scene: Scene | None = None
+        self.seconds = 0.0  # time of the playhead
+        self._began: float | None = None  # s on the clock when the playhead was at 0; None unless playing
+        self._last_scene: Scene | None = None  # scene of the last tick; another one is an edit
         self._last_timeline: Timeline | None = None  # timeline of the last tick; another one is an edit
-        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # by number, of :attr:`_rendered_of`
-        self._rendered_of: tuple[Timeline, object] | None = None
+        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # frames of ``_rendered_of``, by number
+        self._rendered_of: tuple[Timeline, object] | None = None  # timeline and layout of the kept frames
 
     @property
     def timeline(self) -> Timeline:
-        """The edited timeline."""
+        """The timeline of the editor's state."""
         return self._editor.state.timeline
 
     @property
     def playing(self) -> bool:
-        """The playhead moves."""
+        """True while the playhead moves."""
         return self._began is not None
 
     @property
     def key(self) -> int | None:
-        """The keyframe at the playhead, if any."""
+        """The index of the keyframe at the playhead, if any."""
         return self.timeline.nearest(self.seconds)
 
     def close(self) -> None:
@@ -63,7 +63,7 @@ class Player:
         self.pause() if self.playing else self.play()
 
     def play(self) -> None:
-        """Play from the playhead; from the beginning if it is at the end."""
+        """Play from the playhead, or from the beginning if the playhead is at the end."""
         if not self.timeline.keys:
             return
         if not self.timeline.loop and self.seconds >= self.timeline.length - 1e-3:
@@ -88,7 +88,7 @@ class Player:
             self._show()
 
     def tick(self) -> None:
-        """Advance while playing; any other edit stops it. Call once a frame."""
+        """Advance the playhead while playing; any edit stops it. Call once a frame."""
         if self._began is None:
             return
         if self._editor.scene is not self._last_scene or self.timeline is not self._last_timeline:
@@ -111,7 +111,7 @@ class Player:
     # Edits of the timeline
 
     def add_key(self) -> None:
-        """Make the view a keyframe at the playhead; if there is one, a second after the last one."""
+        """Make the view a keyframe at the playhead or, if one is there, a second after the last keyframe."""
         self.pause()
         timeline = self.timeline
         gap = MIN_GAP if timeline.loop else 0.0
@@ -154,7 +154,7 @@ class Player:
             self.go_to_key(min(ahead) if by > 0 else max(ahead))
 
     def stretch(self, length: float) -> None:
-        """Change the timeline's length in seconds; :meth:`Editor.end_gesture` ends the drag."""
+        """Scale the timeline to another length in seconds; :meth:`Editor.end_gesture` ends the drag."""
         share = self.seconds / self.timeline.length
         stretched = self.timeline.stretched(length)
         self._stop()
@@ -162,7 +162,7 @@ class Player:
         self._editor.set_timeline(stretched, "timeline length")
 
     def loop(self, loop: bool) -> None:
-        """Let the first keyframe follow the last one, or not."""
+        """Set whether the timeline continues from its last keyframe to its first."""
         self.pause()
         self._editor.set_timeline(self.timeline.looped(loop))
 
@@ -178,7 +178,7 @@ class Player:
         return next((self._frames[index] for index in range(now, -1, -1) if index in self._frames), None)
 
     def _render_ahead(self) -> None:
-        """Render the missing frames once round from the playhead; none if OpenGL draws the object."""
+        """Render the missing frames from the playhead, once round; none if OpenGL draws the objects."""
         if all(self._viewport.is_baked(key.view.codes) for key in self.timeline.keys):
             return
         timeline, layout = self.timeline, self._layout
@@ -186,7 +186,7 @@ class Player:
             self._rendered_of = timeline, layout
             self._frames.clear()
         count, now = timeline.frame_count(_RATE), int(self.seconds * _RATE)
-        if count > _MAX_FRAMES:  # too long to keep all: only the next ones
+        if count > _MAX_FRAMES:  # too many to keep: only the next ones are rendered
             self._frames.clear()
         order = [index for index in (*range(now, count), *range(now)) if index not in self._frames][:_MAX_FRAMES]
 
@@ -207,7 +207,7 @@ class Player:
 
     @property
     def _layout(self) -> tuple[int, int, int, tuple[float, float]]:
-        """Return the placement of frames in the view, the arguments of :func:`~viewer.values.orbit.fit_to_panel`."""
+        """The placement of frames in the view: arguments of :func:`~viewer.values.orbit.fit_to_panel`."""
         settings = self._viewport.settings
         return *settings.panel, _DETAIL, settings.offset
 

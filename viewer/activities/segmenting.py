@@ -1,4 +1,4 @@
-"""Segmentation of a photo by a person's clicks, box and strokes, updated while they change."""
+"""The segmentation of a photo by a person's clicks, box and strokes, updated while they change."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,26 +15,26 @@ from viewer.services.worker import Job
 from viewer.values.fit_history import PhotoSource
 from viewer.values.seen_cut_out import on_white
 
-_SHOWN = 640  # px: longer side of the shown image
-_SMALL = 160  # px: longer side of the other masks
-_DIMMED = 0.25  # remaining light of the background
+_SHOWN = 640  # px of the shown photo's longer side
+_SMALL = 160  # px of the longer side of the other masks
+_DIMMED = 0.25  # remaining brightness of the background, 0..1
 
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """The result of hints."""
+    """The cut-out that hints give, and its images."""
 
     hints: Hints
     found: CutOut
-    shown: UInt8[np.ndarray, "height width 3"]  # the photo with darkened background
-    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # the next masks, small, shown in the same way
+    shown: UInt8[np.ndarray, "height width 3"]  # the photo with a darkened background
+    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # small images of the other masks, the next best first
 
 
 class Segmenting:
-    """Segments at most one photo at a time. The newest segmentation wins, and every started one is shown."""
+    """Segments one photo at a time. A running segmentation is shown before the newest hints are segmented."""
 
     def __init__(self, jobs: Jobs, fit: Callable[..., bool]) -> None:
-        """``fit`` takes photo sources and returns whether their fit has begun."""
+        """Fit segmented photos by ``fit``, which is :meth:`Fitting.fit`."""
         self._jobs, self._fit = jobs, fit
         self.close()
 
@@ -46,16 +46,16 @@ class Segmenting:
         self.index = 0
         self.plain: np.ndarray | None = None  # the photo on white; None until it is read
         self.hints = Hints()
-        self.past: tuple[Hints, ...] = ()  # states for :meth:`undo`
-        self.result: Segmentation | None = None  # the newest, if any
+        self.past: tuple[Hints, ...] = ()  # earlier hints, for :meth:`undo`
+        self.result: Segmentation | None = None  # the newest segmentation, if any
         self.problem = ""  # reason for a missing result
-        self._image: Image.Image | None = None
+        self._image: Image.Image | None = None  # RGBA; None until it is read
 
     def open(self, sources: tuple[PhotoSource, ...], index: int, model: str = "") -> None:
         """Open one of the photos of an object, with its hints.
 
         Args:
-            model: fingerprint of the model to fit; empty chooses by the photo's category.
+            model: fingerprint of the model to fit; empty chooses by the first photo's category.
         """
         self.close()
         self._model, source = model, sources[index]
@@ -75,28 +75,28 @@ class Segmenting:
 
     @property
     def settled(self) -> bool:
-        """The result belongs to the current hints."""
+        """True if the result belongs to the current hints."""
         return self.result is not None and self.result.hints == self.hints
 
     def begin_change(self) -> None:
-        """Begin a step for :meth:`undo`, which lasts until the next call."""
+        """Begin a step of :meth:`undo`, which the following :meth:`set_hints` join."""
         if not self.past or self.past[-1] != self.hints:
             self.past = (*self.past, self.hints)
 
     def set_hints(self, hints: Hints) -> None:
-        """Point out the object."""
+        """Change the hints and segment the photo again."""
         if hints != self.hints:
             self.hints = hints
             self._start()
 
     def choose(self, number: int) -> None:
-        """Choose one of the other masks, of which 0 is the best."""
+        """Choose one of the other masks by its index; strokes are dropped."""
         chosen = self.hints.choice
         self.begin_change()
         self.set_hints(replace(self.hints, choice=number if number < chosen else number + 1, strokes=()))
 
     def undo(self) -> None:
-        """Undo the last change of the hints."""
+        """Return to the hints before the last step."""
         while self.past:
             before, self.past = self.past[-1], self.past[:-1]
             if before != self.hints:
@@ -104,7 +104,7 @@ class Segmenting:
                 return
 
     def fit(self) -> None:
-        """Fit the photos with this segmentation, after the running fit if any, and close."""
+        """Fit the photos with the current hints, after a running fit, and close."""
         source = self.sources[self.index]._replace(hints=self.hints)
         if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._model):
             self.close()
@@ -136,6 +136,6 @@ def _segment(image: Image.Image, hints: Hints) -> Segmentation:
 def _dimmed(
     shown: UInt8[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "height width 3"]:
-    """Darken the background."""
+    """Return the image with the background darkened; the mask may have another size."""
     inside = np.asarray(Image.fromarray(mask).resize(shown.shape[1::-1]))
     return (shown * np.where(inside[..., None], 1, _DIMMED)).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The queue of small renders of any codes from any camera, which are cached."""
+"""Thumbnails: small renders of any codes from any camera, queued and cached."""
 
 import hashlib
 from collections import OrderedDict
@@ -20,16 +20,16 @@ from viewer.services.kept_thumbnails import KeptThumbnails, Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-SIZE = 64  # px, of most thumbnails
+SIZE = 64  # px, side of most thumbnails
 _SAMPLES = 40  # intervals along the longest side of the scene's box
-_MAX_KEPT = 1000  # thumbnails; one of 64 px takes 28 kB
-_OF_SESSION = 300  # kept with the session
-_COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of placeholders
-_BATCH = 6  # thumbnails rendered before the queue is read again
+_MAX_KEPT = 1000  # cached thumbnails; one of 64 px takes 28 kB
+_OF_SESSION = 300  # thumbnails stored with the session
+_COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of coarse thumbnails
+_BATCH = 6  # thumbnails rendered before the requests are read again
 
 
 class _Key(NamedTuple):
-    """Codes by their model, numbers and photos, so that equal ones share a thumbnail."""
+    """The inputs of a thumbnail; codes by their numbers, so that equal codes share a thumbnail."""
 
     model: str
     shape: bytes
@@ -40,7 +40,7 @@ class _Key(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """Return a name for files."""
+        """A hash of all but the model, for file names."""
         text = f"{self.camera} {self.samples}".encode()
         detail = _detail_digest(self.detail) if self.detail else b""
         return hashlib.blake2b(self.shape + self.texture + text + detail, digest_size=16).hexdigest()
@@ -59,12 +59,12 @@ def _detail_digest(detail: PhotoDetail) -> bytes:
 
 
 def digest(codes: Codes, camera: Camera, samples: int = 0) -> str:
-    """Return a file name for an object's image."""
+    """Return a hash of an image's inputs, for file names."""
     return _key(codes, camera, samples).digest
 
 
 def _coarse(key: _Key) -> _Key:
-    """Return the key of the placeholder; the same key if it is as small."""
+    """Return the key of the coarse thumbnail; the same key if the thumbnail is as small."""
     camera = key.camera
     if min(camera.width, camera.height) <= _COARSE:
         return key
@@ -72,7 +72,7 @@ def _coarse(key: _Key) -> _Key:
 
 
 def frame_of(pixels: Pixels, samples: int = 0, stages: int = 1) -> Frame:
-    """Return stored pixels as a frame, the first of ``stages``."""
+    """Return stored pixels as a frame without depth, the first of ``stages``."""
     opacity = pixels[..., 3] / np.float32(255)
     return Frame(pixels[..., :3], _no_depth(opacity), opacity, 0, stages, samples, 0.0)
 
@@ -83,23 +83,23 @@ def pixels_of(frame: Frame) -> Pixels:
 
 
 def _no_depth(opacity: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "height width"]:
-    """Return a constant depth, which takes no memory: thumbnails need none."""
+    """Return a depth of 0 that takes no memory, as thumbnails need none."""
     return np.broadcast_to(np.float32(0), opacity.shape)
 
 
 class Thumbnails:
-    """Lets the worker render thumbnails that panels request in a frame; drops those not requested again."""
+    """Renders the thumbnails that panels request in every frame; a request that is not repeated is dropped."""
 
     def __init__(
         self, jobs: Jobs, kept: KeptThumbnails | None = None, of_session: Mapping[str, Pixels] | None = None
     ) -> None:
-        """``of_session``: images of the last session, by digest."""
+        """Begin with stored images: of models in ``kept``, and of the last session, by digest."""
         self._jobs, self._kept, self._of_session = jobs, kept or KeptThumbnails(), of_session or {}
-        self._on_disk = dict[str, dict[str, Pixels]]()  # stored images, by model and name
-        self._wanted = dict[_Key, str]()  # names of images to store: of objects from the first view
-        self._frames: OrderedDict[_Key, Frame] = OrderedDict()
-        self._queue: dict[_Key, Codes] = {}  # requested by panels, and the codes they show
-        self._failed: set[_Key] = set()  # not tried again
+        self._on_disk = dict[str, dict[str, Pixels]]()  # stored images of models, by fingerprint and digest
+        self._wanted = dict[_Key, str]()  # digests of thumbnails to store: objects from their model's first view
+        self._frames: OrderedDict[_Key, Frame] = OrderedDict()  # cached thumbnails, the least recently used first
+        self._queue: dict[_Key, Codes] = {}  # requests of this frame
+        self._failed: set[_Key] = set()  # keys whose rendering failed, not tried again
 
     @property
     def count(self) -> int:
@@ -107,7 +107,10 @@ class Thumbnails:
         return len(self._frames)
 
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
-        """Return an object from its model's first view, as :meth:`get`. The usual size is stored on disk."""
+        """Return the thumbnail of an object from its model's first view, as :meth:`get`.
+
+        Those of the usual size and without photo detail are stored on disk.
+        """
         model = self._jobs.models.of(codes)
         camera = orbit.home(model).resized(size, size)
         key = _key(codes, camera, samples)
@@ -120,13 +123,12 @@ class Thumbnails:
         return self._get(key, codes)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
-        """Return the thumbnail at the camera's size; a coarse one until it is rendered, None before.
+        """Return the thumbnail at the camera's size; until it is rendered, a coarse one or None.
 
-        Call in every frame that shows it. Coarse ones are rendered before all others, as they take a fraction of the
-        time.
+        Call in every frame that shows the thumbnail. Coarse thumbnails are rendered first, as they are fast.
 
         Args:
-            soon: before the others, as a person waits for it.
+            soon: render before other requests.
         """
         return self._get(_key(codes, camera, samples), codes, soon)
 
@@ -142,12 +144,12 @@ class Thumbnails:
 
     @property
     def newest(self) -> dict[str, Pixels]:
-        """Return images to store with the session, by digest; those of objects are stored with the model."""
+        """The newest images to store with the session, by digest, except those stored with models."""
         keys = [key for key in self._frames if key not in self._wanted][-_OF_SESSION:]
         return {key.digest: pixels_of(self._frames[key]) for key in keys}
 
     def _due(self) -> dict[_Key, RenderJob]:
-        """Return the next of the requested thumbnails to render, without those that exist."""
+        """Return the jobs of requested thumbnails that do not exist yet, each coarse before full."""
         due = dict[_Key, RenderJob]()
         for key, codes in self._queue.items():
             coarse = _coarse(key)
@@ -157,7 +159,7 @@ class Thumbnails:
         return due
 
     def tick(self) -> None:
-        """Start to render the requests since the last call; call once a frame."""
+        """Begin to render a batch of the requests since the last call; call once a frame."""
         if self._jobs.busy("thumbnails"):
             self._queue = {}
             return
@@ -176,7 +178,7 @@ class Thumbnails:
         self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=TILES_SHARE))
 
     def _save(self) -> None:
-        """Store the thumbnails of objects when all are rendered, if there are new ones."""
+        """Store new thumbnails of objects on disk, if any."""
         new = [
             (key, name)
             for key, name in self._wanted.items()

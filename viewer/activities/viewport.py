@@ -1,4 +1,4 @@
-"""The view: its content and camera, its rendering, and the frame on screen."""
+"""The view: its source, its camera, its rendering, and the frame on screen."""
 
 import time
 from collections.abc import Mapping
@@ -23,40 +23,42 @@ from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
 
 Source = Literal["none", "scene", "timeline", "fit"]
-LIVE = RenderSettings(samples=48, divisors=(2,))  # of a running fit
-_FULL_RESOLUTION_DELAY = 0.4  # s without a change until the image is rendered at the view's own resolution
-_EXACT_DELAY = 0.15  # s without a change until the exact image replaces the one drawn by OpenGL
+LIVE = RenderSettings(samples=48, divisors=(2,))  # for frames of a running fit
+_FULL_RESOLUTION_DELAY = 0.4  # s without a change before rendering every pixel of the view
+_EXACT_DELAY = 0.15  # s without a change before rendering the exact image in place of OpenGL's
 
 
 class Viewport:
-    """Shows the edited scene, or the frames of the timeline or a fit. Nothing here is an edit.
+    """Shows the edited scene, or frames of the timeline or of a running fit.
 
-    A fit is followed until codes are edited or the timeline plays; turning the view is no such edit.
+    The view follows a fit until codes are edited or the timeline plays; turning the view does not end that.
     """
 
     def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
         self._jobs, self._editor, self.settings = jobs, editor, settings
-        self.source: Source = "none"  # of the displayed frames; none until :meth:`begin`
-        self.frame: Frame | None = None  # the newest frame, as the panel shows it
-        self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # the whole frame, and its visible part
-        self.times: tuple[tuple[tuple[int, int], float], ...] = ()  # of each stage: px, s from the start
+        self.source: Source = "none"  # source of the displayed frames; none until :meth:`begin`
+        self.frame: Frame | None = None  # newest frame, cropped to the view
+        self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
+        self.times: tuple[
+            tuple[tuple[int, int], float], ...
+        ] = ()  # per stage: width and height in px, s from the start
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
-        self.baked: BakedField | None = None  # the object for OpenGL to draw
-        self.baked_frame: orbit.PanelCrop | None = None  # the view of :attr:`baked`; None: the frame is shown
-        self._baked_of: Codes | None = None  # baked, or being baked
-        self._last_orbit = 0.0  # s on the monotonic clock of the last turn of the baked object
-        self._last_render: float | None = None  # time (s) when the coarse image was finished
-        self._sharpens: tuple[float, float] = 0.0, 0.0  # begin (s) of the sharp image, its expected duration (s)
-        self._live: View | None = None  # the newest object of the fit, from the photo's camera at the model's size
-        self._followed_since: Scene | None = None  # scene when following began; None: nothing is followed
+        self.baked: BakedField | None = None  # object that OpenGL can draw
+        self.baked_frame: orbit.PanelCrop | None = None  # crop of :attr:`baked` on screen; None: the frame is on screen
+        self._baked_of: Codes | None = None  # codes that are baked or being baked
+        self._last_orbit = 0.0  # s on the monotonic clock of the last change of :attr:`baked_frame`
+        self._last_render: float | None = None  # s on the monotonic clock when a preview was finished
+        self._sharpens: tuple[float, float] = 0.0, 0.0  # start (s) and expected duration (s) of the sharp image
+        self._live: View | None = None  # newest object of the fit, from the photo's camera at the model's size
+        self._followed_since: Scene | None = None  # scene when following a fit began; None: no fit is followed
         editor.scene_changed.connect(self._refresh)
         self.framing = Framing(jobs, editor)
-        self.result_shown = Signal[[]]()  # emitted when the result of a fit is in the view
+        self.result_shown = Signal[[]]()  # emitted when a fit's result is shown
         editor.object_chosen.connect(self._show_chosen)
 
     def begin(self, pictures: Mapping[str, Pixels] | None = None) -> None:
-        """Begin to render the scene; show its stored image, if any, until then."""
+        """Begin to render the scene; until then show its stored image in ``pictures``, if any."""
         request = self.request
         if (found := (pictures or {}).get(_picture(request))) is not None:
             height, width = found.shape[:2]
@@ -67,7 +69,7 @@ class Viewport:
 
     @property
     def picture(self) -> dict[str, Pixels]:
-        """Return the finished image of the scene by its name, to be stored; else nothing."""
+        """The finished image of the scene by its name, to be stored; empty if unfinished."""
         finished = self.frame and self.frame.final and not (self.baked_frame or self._jobs.busy("view"))
         if not (finished and self.source == "scene" and self.settings.mode == "colour"):
             return {}
@@ -80,22 +82,22 @@ class Viewport:
 
     @property
     def camera(self) -> Camera:
-        """The camera of the view, from which orbit and zoom begin."""
+        """The camera of the view, which may be a followed fit's."""
         return self.request.camera
 
     @property
     def request(self) -> ViewRequest:
-        """The request for the current image: everything it depends on."""
+        """The inputs of the current image: the scene or the followed fit, and the settings."""
         scene, live = self._editor.scene, self._live if self.source == "fit" else None
         return self._request_live(live) if live else ViewRequest(scene.codes, scene.camera, self.settings)
 
     def _request_live(self, live: View) -> ViewRequest:
-        """Return the request for the fit, from the photo's camera until a person turns it."""
+        """Return the inputs of a fit's image, from the photo's camera until a person turns the view."""
         camera = self._editor.scene.camera if self.turned else live.camera
         return ViewRequest(live.codes, camera, self.settings)
 
     def change(self, **settings: Any) -> None:
-        """Change :class:`~viewer.values.view_request.ViewSettings` by name; render again if needed."""
+        """Change fields of :class:`~viewer.values.view_request.ViewSettings`; render again if needed."""
         before, self.settings = self.settings, replace(self.settings, **settings)
         as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
         if not as_before or (self.baked_frame and not self.settings.baked):
@@ -104,31 +106,31 @@ class Viewport:
             self.framing.keep_size(self.settings.panel)
 
     def pan_by(self, across: float, down: float) -> None:
-        """Move the object in the view."""
+        """Move the object right and down, by fractions of the view's shorter side."""
         self.change(pan=orbit.panned(self.settings.pan, across, down))
 
     def reset_view(self) -> None:
-        """Return to the model's first view."""
+        """Return to the model's first view, with the object centred and framed."""
         self.change(pan=(0.0, 0.0))
         self._editor.set_camera(orbit.home(self._editor.model))
         self.framing.frame(self.settings.panel)
 
     def frame_result(self) -> None:
-        """Show all of a fitted object, centred."""
+        """Show a fit's result centred and framed."""
         self.change(pan=(0.0, 0.0))
         self.framing.frame(self.settings.panel)
         self.result_shown.emit()
 
     @property
     def sharpened(self) -> float | None:
-        """The estimated progress (0..1) of the image of all pixels; None unless it is being rendered."""
+        """The estimated progress, 0..1, of the sharp image; None unless it is being rendered."""
         begun, seconds = self._sharpens
         if not begun or self.sharp or not self._jobs.busy("view"):
             return None
         return min(0.95, (time.monotonic() - begun) / max(0.1, seconds))
 
     def render(self) -> None:
-        """Render the scene instead of the current render, unless the timeline plays or a fit is followed."""
+        """Render the scene in place of the current render, unless timeline or fit are shown."""
         if self.source != "scene":
             return
         self._last_render, self.sharp, self._sharpens = None, False, (0.0, 0.0)
@@ -144,13 +146,13 @@ class Viewport:
         self._submit(request, request.preview, self.budget.divisors(request.preview), urgent=True)
 
     def tick(self) -> None:
-        """Render all pixels of the view, and bake, once the hand rests and no fit needs the time; call once a frame."""
+        """Bake the object and render the sharp image while nothing changes and no fit runs; call once a frame."""
         now, request = time.monotonic(), self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
                 self._bake(request.codes)
             if self.baked_frame and now - self._last_orbit >= _EXACT_DELAY:
-                # as large as the image that OpenGL draws meanwhile
+                # at full size, as OpenGL's image already is, unless a fit needs the time
                 self._submit(request, request.preview if self._jobs.busy("fit") else request.full)
         rests = self._last_render is not None and now - self._last_render >= _FULL_RESOLUTION_DELAY
         if rests and not self._jobs.busy("fit"):
@@ -162,20 +164,20 @@ class Viewport:
     # Baked by core, drawn by OpenGL
 
     def is_baked(self, codes: Codes) -> bool:
-        """Return whether OpenGL can draw this object now."""
+        """Return whether OpenGL can draw an object now."""
         return self.settings.baked and self.baked is not None and codes == self._baked_of
 
     def baked_copy(self, codes: Codes) -> BakedField | None:
-        """Return the baked copy of this object, if any."""
+        """Return an object's baked copy, if any."""
         return self.baked if codes == self._baked_of else None
 
     def show_baked(self, source: Source) -> None:
-        """Let OpenGL draw the scene's object instead of this source's frames; it :meth:`is_baked`."""
+        """Let OpenGL draw the scene's object, which :meth:`is_baked`, in place of a source's frames."""
         self.hold(source)
         self._show_baked(self.request)
 
     def show_turned(self, camera: Camera) -> None:
-        """Let OpenGL draw the scene's object from another camera; it :meth:`is_baked`."""
+        """Let OpenGL draw the scene's object, which :meth:`is_baked`, from another camera."""
         self._show_baked(replace(self.request, camera=camera))
 
     def _show_baked(self, request: ViewRequest) -> None:
@@ -183,7 +185,7 @@ class Viewport:
         self._last_orbit = time.monotonic()
 
     def _bake(self, codes: Codes) -> None:
-        """Bake an object, unless it is baked already."""
+        """Begin to bake an object, unless it is baked or being baked."""
         if codes == self._baked_of:
             return
         self._baked_of = codes
@@ -198,57 +200,57 @@ class Viewport:
     # Frames of the timeline, and of a fit
 
     def hold(self, source: Source) -> None:
-        """Stop rendering the scene until :meth:`release`: this source will display its own frames."""
+        """Stop rendering the scene until :meth:`release`, as a source will display its own frames."""
         self.source, self._last_render, self.baked_frame = source, None, None
         self._jobs.cancel("view")
 
     def display(self, frame: Frame, crop: orbit.PanelCrop, source: Source) -> None:
-        """Show a frame of the timeline or a fit, until the scene is edited or :meth:`release` is called."""
+        """Show a frame of a source, the timeline or a fit, until :meth:`release`."""
         self.hold(source)
         self._show(frame, crop)
 
     def release(self, source: Source) -> None:
-        """Return to the scene, if the view shows this source."""
+        """Return to the scene if the view shows a source."""
         if self.source == source:
             self.source = "scene"
             self.render()
 
     @property
     def following(self) -> bool:
-        """The view shows the fit: no codes were edited since following began, and the timeline rests."""
+        """True while a fit is followed: no codes were edited since it began, and the timeline rests."""
         since = self._followed_since
         return self.source != "timeline" and since is not None and self._editor.scene.codes is since.codes
 
     @property
     def turned(self) -> bool:
-        """A person sees the fit from a camera of their own."""
+        """True if a person has turned the view since following began."""
         since = self._followed_since
         return since is not None and self._editor.scene.camera != since.camera
 
     def follow(self) -> None:
-        """Follow the fit, from the photo's camera."""
+        """Begin to follow the running fit, from the photo's camera."""
         self._jobs.cancel("framing")
         self._followed_since = self._editor.scene
         self._editor.end_gesture()
         self._render_live()
 
     def unfollow(self) -> None:
-        """Return to the scene; the fit is over."""
+        """Stop following the fit and return to the scene."""
         self._followed_since = self._live = None
         self._jobs.cancel("fit view")
         self.release("fit")
 
     def update_live(self, newest: View) -> None:
-        """Take the fit's newest object, seen from the photo's camera at the model's size."""
+        """Store the fit's newest object, seen from the photo's camera at the model's image size."""
         self._live = newest
 
     def render_live(self) -> None:
-        """Show the fit's newest object, unless it is being rendered."""
+        """Render the fit's newest object, unless an earlier one is being rendered."""
         if not self._jobs.busy("fit view"):
             self._render_live()
 
     def _render_live(self) -> None:
-        """Show the newest object of the fit at once, if any."""
+        """Render the fit's newest object, if a fit is followed."""
         if not (self._live and self.following):
             return
         request = self._request_live(self._live)
@@ -263,13 +265,13 @@ class Viewport:
         self._jobs.submit(Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent=True))
 
     def _show_chosen(self) -> None:
-        """Show an object chosen by a person, even if it is the one from before the fit."""
+        """Show an object that a person chose: stop following a fit, and frame the object."""
         if self.following:
             self.unfollow()
         self.framing.keep_size(self.settings.panel)
 
     def _refresh(self) -> None:
-        """Show the current scene or fit. An edit of codes ends following a fit."""
+        """Render the current scene or followed fit. An edit of codes returns the view to the scene."""
         if self.following:
             self._render_live()
         elif self.source == "fit":
@@ -286,10 +288,12 @@ class Viewport:
         urgent: bool = False,
         continues: bool = False,
     ) -> None:
-        """Render ``detail`` px along the view's shorter side.
+        """Submit a render with ``detail`` px along the view's shorter side.
 
         Args:
-            continues: it is one more stage of the image on screen.
+            stages: divisors of the resolution, one per stage.
+            urgent: a preview, before all other jobs.
+            continues: a further stage of the image on screen.
         """
         crop, before = request.crop(detail), self.times if continues else ()
         render = RenderSettings(request.settings.quality.samples, stages)
