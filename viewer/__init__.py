@@ -1,1 +1,1 @@
-"""An interactive latent-editing viewer in a window."""
+"""The interactive window: a viewer that edits latent codes."""

@@ -1,4 +1,4 @@
-"""``python -m viewer``: opens the window, or renders it into an image without a display."""
+"""``python -m viewer``: the window, or an image of it without a display."""
 
 import argparse
 import sys
@@ -22,11 +22,11 @@ from viewer.services.worker import Worker
 if TYPE_CHECKING:
     from viewer.session import Session
 
-_LONGEST = 900.0  # s that an image of the window may wait for its fit
+_LONGEST = 900.0  # limit in s of the work that an image of the window waits for
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Open the window, or raise the open one. Without a display: one line on stderr, status 1."""
+    """Open the window, or raise the open one. Without a display, end with one line on stderr and status 1."""
     keep_little_free_memory()
     use_one_torch_thread()
     on_signals()
@@ -49,14 +49,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
-    """Run a window that keeps its work in a folder; without one draw it into an image, offscreen."""
+    """Run a window that keeps its work in ``folder``; without ``instance``, save an image of an invisible one."""
     headless, worker = instance is None, Worker(at_rest=return_free_memory)
     try:
         begin_session = partial(_session, chosen, folder, worker)
         if not headless:
             window.prepare(headless=False)
         session = begin_session() if headless else Splash(begin_session).run()
-        # Imported late: `--help`, a wrong word and the splash appear before torch is loaded.
+        # Imported late, so that `--help`, a wrong argument and the splash appear before torch is loaded.
         from viewer.app import App
         from viewer.screenshot import Screenshot
         from viewer.services.messages import MessageKind
@@ -80,7 +80,7 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
 
 
 def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) -> "Session":
-    """Make the session; takes seconds for torch, the window's modules and the models."""
+    """Return a new session; importing torch and opening the models take seconds."""
     import_module("viewer.app")
     from core.models.library import DEFAULT_MODEL, load_model
     from viewer.services.backend import Backend
@@ -91,7 +91,7 @@ def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) ->
 
 
 def _found_again(model: str) -> str:
-    """Return a model's name, or its absolute path."""
+    """Return a shipped model's name unchanged, and a path as an absolute one."""
     path = Path(model)
     return str(path.resolve()) if path.is_file() else model
 

@@ -1,4 +1,4 @@
-"""The table of all actions, from which menus, keys, help, tooltips and the README's table are made."""
+"""The table of all actions: source of menus, keys, help, tooltips and the README's table."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,41 +13,41 @@ Test = Callable[[PanelContext], bool]
 
 @dataclass(frozen=True)
 class Action:
-    """An action of a key, a menu or a button."""
+    """An action with a key, a menu entry or a button."""
 
     id: str
-    words: str  # in a menu
-    keys: str  # one or more chords, such as ``Ctrl+Y, Ctrl+Shift+Z``; empty: none
-    tooltip: str  # its effect, also in the help
+    words: str  # label in menus
+    keys: str  # chords, such as ``Ctrl+Y, Ctrl+Shift+Z``; empty for none
+    tooltip: str  # the effect, also in the help
 
     def run(self, context: PanelContext) -> None:
-        """Do it."""
+        """Run the action."""
         if self.id in _TOGGLES:
             context.set_preference(**{self.id: not getattr(context.preferences, self.id)})
         else:
             _RUN[self.id](context)
 
     def enabled(self, context: PanelContext) -> bool:
-        """It can be done now."""
+        """True if the action can be run now."""
         return self.id not in _ENABLED or _ENABLED[self.id](context)
 
     def checked(self, context: PanelContext) -> bool:
-        """It can be on or off, and is on."""
+        """True if the action is a switch that is on."""
         if self.id in _TOGGLES:
             return bool(getattr(context.preferences, self.id))
         return self.id in _CHECKED and _CHECKED[self.id](context)
 
     def hint(self) -> str:
-        """The tooltip of its button: its effect and its keys."""
+        """Return the tooltip of the action's button: effect and keys."""
         return f"{self.tooltip} ({self.keys})" if self.keys else self.tooltip
 
 
 @dataclass(frozen=True)
 class Gesture:
-    """An action of the mouse, or of a held key, in one panel."""
+    """A use of the mouse or the keyboard in one panel, listed in the help."""
 
     words: str
-    tooltip: str
+    tooltip: str  # the effect
 
 
 TABLE: dict[str, tuple[Action | Gesture, ...]] = {
@@ -135,13 +135,13 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("help", "Find…", "Ctrl+K, F1, ?", "keys, panels, objects and view modes; type, Enter does the first"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
-}  # by place; in the order of the help
+}  # rows by place, in the order of the help
 
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
 
 
-_TOGGLES = ("dark",)  # preferences that are on or off
-_IN_VIEW_ONLY = "reset_view", "fold_panels"  # whose keys work only while the mouse or the focus is in the view
+_TOGGLES = ("dark",)  # ids of actions that switch the preference of that name
+_IN_VIEW_ONLY = "reset_view", "fold_panels"  # actions whose keys work only with the mouse or the focus in the view
 _RUN: dict[str, Callable[[PanelContext], object]] = {
     "reset_view": lambda c: c.session.viewport.reset_view(),
     "see_front": lambda c: c.session.see_from("front"),
@@ -192,9 +192,9 @@ _CHECKED: dict[str, Test] = {
 
 
 def run_keys(context: PanelContext, in_view: bool = False) -> None:
-    """Run the actions whose keys are pressed; call once a frame, for the view's actions inside it.
+    """Run the actions whose keys are pressed. Call once a frame, and once by the view with ``in_view``.
 
-    While a name is being typed, keys are text: no letter of it may change the object.
+    While text is typed into a field, no key runs an action.
     """
     if imgui.get_io().want_text_input:
         return
@@ -207,9 +207,10 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
 
 
 def _is_allowed(action: Action, context: PanelContext) -> bool:
-    """Return whether nothing else owns the keys.
+    """Return whether an action's keys have no other use now.
 
-    The segmentation dialog has its own keys and would hide the help; a popup is closed first; Tab and Space navigate.
+    The segmentation dialog has its own keys and would hide the help. During keyboard navigation, Tab and Space
+    navigate. A popup must be closed before the mode of the view changes.
     """
     if context.session.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
@@ -221,8 +222,8 @@ def _is_allowed(action: Action, context: PanelContext) -> bool:
 def is_pressed(chord: int) -> bool:
     """Return whether a chord is pressed or repeated in this frame.
 
-    A modifier released in the frame of its key counts: in a slow frame both may happen. imgui does not order events
-    within a frame and would take ``Ctrl+R`` for ``R``.
+    A modifier that is released in the same frame counts as held: imgui does not order the events of a frame, and in a
+    slow one would take ``Ctrl+R`` for ``R``.
     """
     held = sum(int(one) for one in _EVERY_MODIFIER if imgui.is_key_down(one) or imgui.is_key_released(one))
     mods = chord & sum(map(int, _EVERY_MODIFIER))
@@ -230,12 +231,12 @@ def is_pressed(chord: int) -> bool:
 
 
 def chords(keys: str) -> list[int]:
-    """Return imgui's numbers of key chords: ``Ctrl++`` has three, as two keys have a plus, one of them with Shift."""
+    """Return imgui's numbers of key chords, such as ``Ctrl++``: =, Shift+= and the keypad's +."""
     return [sum(chord) for text in keys.split(", ") if text for chord in _chord(text)]
 
 
 def chord(*keys: imgui.Key) -> int:
-    """Return imgui's number of keys pressed together; older Pythons cannot join keys by ``|``."""
+    """Return imgui's number of keys pressed together (older Pythons cannot join keys by ``|``)."""
     return sum(map(int, keys))
 
 
@@ -266,7 +267,7 @@ _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
 
 
 def markdown_table() -> str:
-    """Return the table of the viewer's README."""
+    """Return the table of actions for the viewer's README."""
     lines = ["| where | keys and mouse | |", "|---|---|---|"]
     for place, rows in TABLE.items():
         for number, row in enumerate(rows):

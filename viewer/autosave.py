@@ -15,9 +15,9 @@ from viewer.services.messages import Button, MessageKind
 from viewer.session import PICTURES, Session
 from viewer.values.project import SUFFIX, Project, left_out
 
-_EVERY = 5.0  # s between two saves at least
-_EARLIER = 10  # number of replaced sessions that are kept
-_DAY = 86_400.0  # s after which an unfinished file of a killed run is removed
+_EVERY = 5.0  # least s between two saves
+_EARLIER = 10  # replaced sessions that are kept
+_DAY = 86_400.0  # s after which a killed run's partial file is removed
 
 
 class Autosave:
@@ -30,14 +30,14 @@ class Autosave:
         clock: Callable[[], float] = time.monotonic,
         every: float = _EVERY,
     ) -> None:
-        """Continue the session in ``folder``, find files of crashed runs there, and save there every ``every`` s."""
+        """Continue the session in ``folder``, save there every ``every`` s, and offer to restore crashed runs."""
         self._session, self._clock, self.every = session, clock, every
         self._kept_file, self._pictures_file = folder / f"session{SUFFIX}", folder / PICTURES
         self._earlier = folder / "earlier"
         self._own_file = folder / f"session-{secrets.token_hex(8)}{SUFFIX}"
         self._lock = _lock(self._own_file)
-        self._written: tuple[object, ...] = ()  # contents of the file
-        self._when = clock()
+        self._written: tuple[object, ...] = ()  # contents of the last save
+        self._when = clock()  # s of the last save
         self._thread = ThreadPoolExecutor(1, "autosave")
         self._writing: Future[int] | None = None
         found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
@@ -45,18 +45,18 @@ class Autosave:
             self._lock.acquire(timeout=0)
         _sweep(folder)
         self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
-        """files of crashed runs, the newest last; that is offered first, then the ones before"""
+        """Files of crashed runs, the newest last, which is offered first."""
         session.archive.connect(self._archive)
         self._resume()
         self._offer()
 
     @property
     def earlier(self) -> tuple[Path, ...]:
-        """Replaced sessions, the last one first."""
+        """Files of replaced sessions, the newest first."""
         return tuple(sorted(self._earlier.glob(f"*{SUFFIX}"), reverse=True))
 
     def tick(self) -> None:
-        """Begin to save if something changed and no drag is in progress; call once a frame."""
+        """Begin to save if anything has changed and no drag is in progress; call once a frame."""
         if self._writing and self._writing.done():
             self.finish()
         parts = self._session.parts
@@ -75,7 +75,7 @@ class Autosave:
             self._tell(writing.result)
 
     def _offer(self) -> None:
-        """Offer to restore the newest crashed run, with its contents; delete an empty one."""
+        """Offer to restore the newest crashed run; delete an empty one."""
         if not self.recoverable:
             return
         path, held = self.recoverable[-1], "nobody knows what"
@@ -90,7 +90,7 @@ class Autosave:
         self._session.messages.notify(text, MessageKind.NOTE, buttons=buttons, lasts=True)
 
     def restore(self) -> None:
-        """Add the newest crashed run to the session; if that fails, keep it until it is discarded."""
+        """Add the newest crashed run to the session; on failure keep its file and offer it again."""
         path = self.recoverable[-1]
         try:
             self._session.restore(Project.load(path, self._session.models))
@@ -101,7 +101,7 @@ class Autosave:
             self._discard(path)
 
     def discard(self) -> None:
-        """Delete the newest crashed run and offer the one before."""
+        """Delete the newest crashed run and offer the next."""
         self._discard(self.recoverable[-1])
 
     def _discard(self, path: Path) -> None:
@@ -110,7 +110,7 @@ class Autosave:
         self._offer()
 
     def close(self) -> None:
-        """End the run; files of crashed runs stay until a person has decided."""
+        """Save the session for the next run; files of crashed runs stay until a person decides."""
         self.finish()
         self._thread.shutdown()
         self._keep()
@@ -119,14 +119,14 @@ class Autosave:
         Path(self._lock.lock_file).unlink(missing_ok=True)
 
     def _keep(self) -> None:
-        """Make the file of this run the next run's start."""
-        # If another window was closed meanwhile, the next launch begins with its session and offers this one.
+        """Write the session to the file that the next run continues."""
+        # If another window has written that file, the next run continues it and offers this session.
         to = self._own_file if self._kept_file.exists() else self._kept_file
         if self._write(self._session.project(), to) and to == self._kept_file:
             self._own_file.unlink(missing_ok=True)
 
     def _resume(self) -> None:
-        """Take the file over by renaming it: a project that crashes the program is not loaded again."""
+        """Continue the last session. Its file is renamed first, so that a project that crashes is not loaded again."""
         try:
             self._kept_file.replace(self._own_file)
             project = Project.load(self._own_file, self._session.models)
@@ -152,7 +152,7 @@ class Autosave:
         return self._tell(lambda: project.save(path, self._session.models))
 
     def _tell(self, save: Callable[[], int]) -> bool:
-        """Save; report a failure, or undo steps left out. Return whether a file was saved."""
+        """Call ``save``; report an error, or undo steps left out; return whether a file was written."""
         try:
             dropped = save()
         except (ValueError, OSError) as error:
@@ -164,17 +164,17 @@ class Autosave:
 
 
 def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:
-    """Return whether the values are identical objects: comparing their numbers would take long."""
+    """Return whether all values are the same objects; comparing their contents would take long."""
     return len(first) == len(second) and all(one is other for one, other in zip(first, second, strict=True))
 
 
 def _lock(path: Path) -> FileLock:
-    """Return the lock that a run holds on its file during its lifetime."""
+    """Return the lock that a run holds on its file until it ends."""
     return FileLock(path.with_name(f".{path.stem}.lock"), thread_local=False)
 
 
 def _runs(path: Path) -> bool:
-    """Return whether the run that writes a file still exists, on any machine."""
+    """Return whether a file's run is alive, on any machine."""
     lock = _lock(path)
     try:
         lock.acquire(timeout=0)
@@ -188,7 +188,7 @@ def _runs(path: Path) -> bool:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove unfinished files of killed runs."""
+    """Remove partial files of killed runs."""
     for path in folder.glob(".*.partial*"):
         with suppress(OSError):
             if time.time() - path.stat().st_mtime > _DAY:

@@ -1,4 +1,4 @@
-"""The context of panels: the session, and the window's own state."""
+"""The context of panels: the session, the window's own state, and actions on both."""
 
 from collections import deque
 from collections.abc import Callable
@@ -27,13 +27,13 @@ from viewer.values.printable import file_name
 from viewer.values.project import SUFFIX, is_project
 from viewer.values.view_modes import USUAL_MODES
 
-PROJECTS = (SUFFIX,)
-MODELS = (".safetensors", ".pth", ".pt")
+PROJECTS = (SUFFIX,)  # endings of project files
+MODELS = (".safetensors", ".pth", ".pt")  # endings of model files
 
 
 @dataclass(eq=False)
 class PanelContext:
-    """Passed to every panel. Canvas and images exist once the window does."""
+    """The context that every panel is drawn with. Canvases, images and fonts exist once the window does."""
 
     session: Session
     files: FileDialog
@@ -42,21 +42,21 @@ class PanelContext:
     share_open: bool = False
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
-    fast_opengl: bool = False  # measured at start: a baked object is drawn within a frame's time
-    attended: bool = True  # a person may see the window; in an invisible one nothing moves by itself
+    fast_opengl: bool = False  # OpenGL is fast enough for a baked object, measured at start
+    attended: bool = True  # False for an invisible window, where nothing moves by itself
     images: Images | None = None
     bold: imgui.ImFont | None = None  # for headings
-    focus: str = "Mix"  # panel to bring to the front
-    tool: str = "turn"  # action of a drag in the view: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
-    dragged: str = ""  # object being dragged onto B
-    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
-    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
-    covered: float = 0.0  # px at the view's lower edge, by the history
-    overlay: np.ndarray | None = None  # RGBA, square: drawn over the object in the next frame
+    focus: str = "Mix"  # title of the panel to bring to the front; empty for none
+    tool: str = "turn"  # use of a drag in the view: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
+    dragged: str = ""  # name of the object that is dragged onto B
+    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px
+    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # processor time of frames, s
+    covered: float = 0.0  # px of the view's lower edge that the history covers
+    overlay: np.ndarray | None = None  # square RGBA pixels to draw over the object in the next frame
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     fold_panels: Callable[[], None] = lambda: None
-    panels: tuple[str, ...] = ()  # titles of all
+    panels: tuple[str, ...] = ()  # titles of all panels
     autosave: Autosave | None = None  # None if nothing is saved
     clipboard: Clipboard = field(default_factory=Clipboard)
     file_manager: Callable[[Path], None] = show_in_folder
@@ -73,11 +73,11 @@ class PanelContext:
         self.preferences = replace(self.preferences, **values)
 
     def resize_text(self, steps: int) -> None:
-        """Change the size of the text by ``steps``."""
+        """Enlarge the text by steps of 10 %; negative steps make it smaller."""
         self.preferences = self.preferences.with_text_size(self.preferences.text * 1.1**steps)
 
     def next_view_mode(self) -> None:
-        """Show the next of the view's usual modes."""
+        """Switch the view to the next of its usual modes."""
         mode = self.session.viewport.settings.mode
         after = USUAL_MODES.index(mode) + 1 if mode in USUAL_MODES else 0
         self.session.viewport.change(mode=USUAL_MODES[after % len(USUAL_MODES)])
@@ -88,13 +88,13 @@ class PanelContext:
         self.focus = "Timeline"
 
     def see_photo(self) -> None:
-        """See the object from its photo's camera, under the photo that is wiped away; or end that."""
+        """Turn the view to the photo's camera and switch the tool that wipes the photo."""
         wiped = self.tool == "wipe" and self.session.photo_camera == self.session.editor.scene.camera
         self.tool = "turn" if wiped else "wipe"
         self.session.see_from("photo")
 
     def copy_image(self) -> None:
-        """Copy the view on white, without its shadow."""
+        """Copy the view's image to the clipboard, on white and without the shadow."""
         assert self.session.viewport.frame is not None, "nothing is shown yet"
         try:
             copy_image(self.session.viewport.frame.image)
@@ -106,12 +106,12 @@ class PanelContext:
     # The camera as text
 
     def copy_camera(self) -> None:
-        """Copy the camera as a line of text."""
+        """Copy the camera to the clipboard as a line of text."""
         imgui.set_clipboard_text(camera_text(self.session.editor.scene.camera))
         self.session.messages.notify("Copied the camera")
 
     def paste_camera(self) -> None:
-        """Use the camera in the clipboard's text."""
+        """Set the camera to the one in the clipboard's text."""
         try:
             self.session.editor.set_camera(
                 camera_from_text(imgui.get_clipboard_text(), self.session.editor.scene.camera)
@@ -123,7 +123,7 @@ class PanelContext:
 
     @property
     def file_name(self) -> str:
-        """The object's name in letters and numbers, for file names."""
+        """The name of object A for file names."""
         return file_name(self.session.editor.state.mix.a.words)
 
     def fit_image(self) -> None:
@@ -131,14 +131,14 @@ class PanelContext:
         self.files.ask(FileRequest("Photo of one object", self.fit, IMAGE_SUFFIXES))
 
     def fit(self, *paths: Path) -> None:
-        """Fit images of one object and show the progress."""
+        """Fit images of one object, show the progress, and list the images among the recent files."""
         for path in paths:
             if path.suffix.lower() in IMAGE_SUFFIXES:
                 self._remember(path)
         self.fit_unlisted(*paths)
 
     def fit_unlisted(self, *paths: Path) -> None:
-        """Fit images without adding them to the recent files, and show the progress."""
+        """Fit images of one object and show the progress."""
         self.focus = "Photo"
         self.session.fitting.start(*paths)
 
@@ -149,12 +149,12 @@ class PanelContext:
         jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), ended))
 
     def open_file(self) -> None:
-        """Ask for a photo, a project, a scene, an image of a scene, or a model, and open it."""
+        """Ask for a file and open it as if it were dropped."""
         kinds = (*PROJECTS, ".json", *IMAGE_SUFFIXES, *MODELS)
         self.files.ask(FileRequest("Photo, project or model to open", lambda path: self.drop([str(path)]), kinds))
 
     def load(self, path: Path) -> None:
-        """Open a project, a scene, an image of a scene, or a model."""
+        """Open a project, a model, a scene or an image of a scene, and list it among the recent files."""
         self._remember(path)
         if is_project(path):
             self.session.open_project(path)
@@ -181,20 +181,20 @@ class PanelContext:
             self.save_project_as()
 
     def share(self, kind: str = "") -> None:
-        """Open the Share dialog at a kind of :data:`viewer.values.share_settings.KINDS`, or at the last one."""
+        """Open the Share dialog for a kind of file (:data:`viewer.values.share_settings.KINDS`) or the last one."""
         self.share_open = True
         if kind:
             self.set_preference(share=replace(self.preferences.share, kind=kind))
 
     def show_in_folder(self, path: Path) -> None:
-        """Show a file in the system's file manager."""
+        """Show a file in the system's file manager, or report why that failed."""
         try:
             self.file_manager(path)
         except ValueError as error:
             self.session.messages.report("Cannot show the folder", error)
 
     def drop(self, paths: list[str]) -> None:
-        """Open dropped projects, models, scenes and images of scenes; fit all others as photos of one object."""
+        """Open dropped projects, models, scenes and images of scenes; fit all other files as photos of one object."""
         others = []
         for path in map(Path, paths):
             if path.suffix.lower() in (SUFFIX, ".json", *MODELS) or embedded_scene(path):
@@ -214,9 +214,9 @@ class Panel:
 
     title: str
     dock: str  # View, Left (the library), Right (the inspector) or Drawer (below the view)
-    folded = False  # hidden until it is chosen in the menu Panels; can be closed
-    bare = False  # without a tab, unless it shares its place with another panel
+    folded = False  # hidden until it is chosen in the menu Panels, and can be closed
+    bare = False  # has no tab, unless another panel is docked at the same place
 
     def draw(self, context: PanelContext) -> None:
-        """Draw it; called once a frame, between imgui's begin and end."""
+        """Draw the panel; called once a frame, between imgui's begin and end."""
         raise NotImplementedError

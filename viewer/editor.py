@@ -1,4 +1,4 @@
-"""The editor of an object's codes, its camera and the timeline. Every edit can be undone."""
+"""The editor of an object's codes, its camera and the timeline, with undo."""
 
 from dataclasses import replace
 from itertools import chain
@@ -23,27 +23,28 @@ from viewer.values.project import Project
 
 
 class Editor:
-    """Edits one object of any open model; an edit is one undo step, or joins its drag (``gesture``).
+    """Edits one object of any open model. An edit is one step of undo.
 
-    A drag ends with :meth:`end_gesture`. Objects are mixed only within a model.
+    Edits with the same ``gesture``, the name of a drag, are one step until :meth:`end_gesture`. Only objects of one
+    model can be mixed.
     """
 
     def __init__(self, models: OpenModels, first: Model, generator: torch.Generator) -> None:
-        """Show the first object of the model ``first``."""
+        """Show the first object of the model ``first``; ``generator`` is the source of random samples."""
         self.models, self.objects = models, ObjectLibrary(models)
         self._locked: frozenset[tuple[str, Part]] = frozenset()
         mix = self._first_mix(first)
         scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
         self.history = History(State(scene, mix))
-        self.scene_changed = Signal[[]]()  # emitted after every change of the scene, undo included
-        self.object_chosen = Signal[[]]()  # emitted after that if another object was chosen
+        self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
+        self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
         self._generator = generator
 
     # State
 
     @property
     def state(self) -> State:
-        """Everything that undo restores."""
+        """The current state, all of which undo restores."""
         return self.history.now
 
     @property
@@ -58,11 +59,11 @@ class Editor:
 
     @property
     def locked(self) -> frozenset[Part]:
-        """Parts of this model's objects that edits of codes leave unchanged."""
+        """The codes of this model's objects that edits leave unchanged."""
         return frozenset(part for model, part in self._locked if model == self.scene.codes.model)
 
     def is_mixable(self, name: str) -> bool:
-        """Return whether an object can be mixed with the one on screen: both are of one model."""
+        """Return whether an object is of the same model as the one on screen, so that they can be mixed."""
         return self.objects[name].codes.model == self.scene.codes.model
 
     def space(self, part: Part) -> CodeSpace:
@@ -75,25 +76,25 @@ class Editor:
         return getattr(self.scene.codes, part)
 
     def pair(self, pair: Pair) -> Codes:
-        """Return the shape of one object and the texture of another."""
+        """Return the codes of a pair: the shape of one object and the texture of another."""
         return self.objects[pair.texture].codes.taking("shape", self.objects[pair.shape].codes)
 
     # The camera
 
     def set_camera(self, camera: Camera, gesture: str = "") -> None:
-        """Change the camera. Successive gestures, such as turning and zooming, are one step."""
+        """Change the camera. Consecutive drags, such as turning and zooming, are one step."""
         scene = replace(self.scene, camera=camera)
         self._go(self.history.changed(replace(self.state, scene=scene), gesture, moves=bool(gesture)))
 
     # Codes
 
     def set_detail_strength(self, strength: float, gesture: str = "") -> None:
-        """Set the strength of the photo detail, 0..1; nothing happens without a photo."""
+        """Set the strength of the photo detail, limited to 0..1; nothing happens without detail."""
         if detail := self.scene.codes.detail:
             self.set_detail(replace(detail, strength=min(1.0, max(0.0, strength))), gesture)
 
     def set_detail(self, detail: PhotoDetail, gesture: str = "") -> None:
-        """Replace the detail of the object's photos."""
+        """Replace the object's photo detail."""
         codes = replace(self.scene.codes, detail=detail)
         self._edit(replace(self.scene, codes=codes), gesture=gesture)
 
@@ -102,11 +103,11 @@ class Editor:
         self._set_codes(replace(self.scene.codes, texture=texture), self.state.mix, gesture)
 
     def reset(self) -> None:
-        """Return to object A."""
+        """Return to object A without any of B, except locked parts."""
         self._set_codes(self.pair(self.state.mix.a), replace(self.state.mix, shape=0.0, texture=0.0))
 
     def sample(self) -> None:
-        """Sample shape and texture from the distribution of the trained ones, except locked parts."""
+        """Sample shape and texture from the distribution of the trained codes, except locked parts."""
         self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
 
     # Along a direction
@@ -116,25 +117,25 @@ class Editor:
         return direction.strength(self.scene.codes, self.model.codes.mean)
 
     def move_along(self, direction: Direction, to: float, gesture: str = "") -> None:
-        """Move the object along a direction to the position ``to``."""
+        """Move the object along a direction to a position in standard deviations from the mean."""
         codes = direction.moved(self.scene.codes, self.model.codes.mean, to)
         self._set_codes(codes, self.state.mix, gesture)
 
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object current: A, with nothing of B."""
+        """Make an object A, without any of B, except locked parts."""
         self._set_codes(self.objects[name].codes, self._mix_from(Pair(name, name)))
         self.object_chosen.emit()
 
     def take(self, part: Part, name: str) -> None:
-        """Take only the shape or the texture of an object, with nothing of B."""
+        """Take the shape or the texture of an object for A, without any of B in that part."""
         mix = self.state.mix
         mix = replace(mix, a=mix.a._replace(**{part: name})).with_amount(part, 0.0)
         self._set_codes(self.scene.codes.taking(part, self.objects[name].codes), mix)
 
     def set_b(self, name: str) -> None:
-        """Choose B; a mixed object takes its part from the new one."""
+        """Make an object B; parts with an amount of B are mixed again."""
         mix = replace(self.state.mix, b=self.objects[name].name)
         self._mix(mix, tuple(part for part in PARTS if getattr(mix, part) > 0))
 
@@ -145,18 +146,18 @@ class Editor:
     # Scene and timeline
 
     def add_and_show(self, added: EditableObject, camera: Camera) -> str:
-        """Add an object to the library, make it current as A, seen from a camera, and return its name."""
+        """Add an object to the library, make it A, seen from a camera, and return its name."""
         name = self.objects.add(added)
         self.show_added(name, camera)
         return name
 
     def show_added(self, name: str, camera: Camera) -> None:
-        """Make an object current as A, seen from a camera; locks are ignored."""
+        """Make an object A, seen from a camera; locks are ignored."""
         codes = self.objects[name].codes
         self._edit(Scene(codes, camera), self._mix_from(Pair(name, name)))
 
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
-        """Show codes and their camera, such as a step of a fit or a time of the timeline."""
+        """Show codes from a camera, such as those at a time of the timeline; locks are ignored."""
         self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture)
 
     def join(self, scene: Scene) -> None:
@@ -165,10 +166,13 @@ class Editor:
             self._go(replace(self.history, now=replace(self.state, scene=scene)))
 
     def improve(self, name: str, better: EditableObject, camera: Camera) -> bool:
-        """Replace an added object by a better one; return whether it is shown: only in place of the unedited object.
+        """Replace an added object's codes; show the new ones if the old ones are on screen, unedited.
+
+        Returns whether the old ones were on screen.
 
         Args:
-            camera: of the better one when shown.
+            better: the object with the new codes.
+            camera: camera to show the new codes from.
         """
         before = self.objects[name].codes
         self.objects.replace(name, better)
@@ -178,7 +182,7 @@ class Editor:
         return shown
 
     def rename(self, name: str, to: str) -> str:
-        """Rename an added object, also in undo; return the name, which is made unique."""
+        """Rename an added object, also in undo; return its new name, made unique."""
         if to in ("", name):
             return name
         new = self.objects.rename(name, to)
@@ -190,10 +194,10 @@ class Editor:
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: Project) -> None:
-        """Continue a project with its undo.
+        """Add a project's objects and undo history.
 
-        What has been made here stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and
-        changes nothing then.
+        The project's state becomes current if nothing was edited yet; else its states come before the present ones.
+        Raises ``ValueError``, changing nothing, if :meth:`check` does.
         """
         self.check(saved)
         names = self.objects.add_missing(saved.objects)
@@ -211,31 +215,31 @@ class Editor:
     # Undo
 
     def end_gesture(self) -> None:
-        """End the drag: the next edit is a step of its own."""
+        """End the drag: the next edit is another step."""
         if self.history.gesture:
             self.history = self.history.without_gesture()
 
     def undo(self) -> None:
-        """Undo an edit."""
+        """Undo a step, if any."""
         self._go(self.history.undone())
 
     def redo(self) -> None:
-        """Redo an edit."""
+        """Redo a step, if any."""
         self._go(self.history.redone())
 
     def go_to(self, index: int) -> None:
-        """Go to a state that undo remembers."""
+        """Go to a state of undo by its index in :attr:`History.states`."""
         self._go(self.history.at(index))
 
     # Not edits
 
     def lock(self, part: Part, locked: bool) -> None:
-        """Lock the shape or the texture of this model's objects against edits, or unlock it."""
+        """Lock one code of this model's objects against edits, or unlock it."""
         this = frozenset({(self.scene.codes.model, part)})
         self._locked = self._locked | this if locked else self._locked - this
 
     def _mix_of(self, model: Model) -> Mix:
-        """Return the current mix, or the last of another model's, or its first two objects."""
+        """Return the last mix of a model's objects in undo, else a mix of its first two objects."""
         used = (state.mix for state in (self.state, *reversed(self.history.past)))
         of_model = (mix for mix in used if self.objects[mix.b].codes.model == model.fingerprint)
         return next(of_model, None) or self._first_mix(model)
@@ -246,11 +250,11 @@ class Editor:
         return Mix(Pair(first, first), second)
 
     def _mix_from(self, pair: Pair) -> Mix:
-        """Return the mix of a pair with B."""
+        """Return the mix of a pair with its model's last B, at amounts of 0."""
         return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
 
     def check(self, saved: Project) -> None:
-        """Raise ``ValueError`` where a project mixes objects that are not here, or of different models."""
+        """Raise ``ValueError`` if a project mixes objects that are not here, or objects of different models."""
         known = {one.name: one.codes.model for one in saved.objects}
         for state in saved.history.states:
             model = state.scene.codes.model
@@ -268,7 +272,7 @@ class Editor:
         self._set_codes(codes, mix, gesture)
 
     def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
-        """Edit codes; locked parts keep their code, its origin, and its slider."""
+        """Edit codes and mix; locked parts keep their code, their object A and their amount of B."""
         now = self.state
         for part in self.locked if codes.model == now.scene.codes.model else ():
             codes = codes.taking(part, now.scene.codes)

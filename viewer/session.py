@@ -1,4 +1,4 @@
-"""A run of the program without a window: the editor, its activities, and their saved state."""
+"""A run of the program apart from its window: the editor, its activities, and their saved state."""
 
 from contextlib import suppress
 from itertools import zip_longest
@@ -40,11 +40,11 @@ from viewer.values.printable import printable
 from viewer.values.project import Project, left_out
 from viewer.values.view_request import ViewSettings
 
-PICTURES = "pictures-1.safetensors"  # of the view and of tiles, in the folder of the session
+PICTURES = "pictures-1.safetensors"  # file of the last images of view and tiles, in the session's folder
 
 
 class Session:
-    """Makes the parts and connects them; opens, saves and replaces projects."""
+    """Creates and connects editor and activities; opens, saves and replaces projects."""
 
     def __init__(
         self,
@@ -57,36 +57,36 @@ class Session:
         """Open the shipped models and show the first object of one.
 
         Args:
-            folder: of objects that are kept across launches; None keeps nothing.
-            first: a shipped name, or the path of another model.
+            folder: folder of objects and pictures kept between launches; None keeps nothing.
+            first: name of a shipped model, or path of another one.
 
-        Raise ``ValueError`` if a model cannot be opened.
+        Raises ``ValueError`` if a model cannot be opened.
         """
         backend = backend or Backend()
         self.messages, self.models = Messages(), OpenModels(backend.load_model)
         self.jobs = Jobs(worker, backend, self.messages, self.models)
         self.photo_thumbnails = PhotoThumbnails(self.jobs)
         self.fit_options = FitOptions()
-        self.archive = Signal[Project]()  # emitted with a project about to be replaced, or impossible to continue
-        self.project_path: Path | None = None  # of the saved or opened project
+        self.archive = Signal[Project]()  # emitted with a project that is about to be replaced
+        self.project_path: Path | None = None  # file of the saved or opened project
         self._user_objects = UserObjects(folder and folder / "mine")
         self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
         self._pictures = read_pictures(folder / PICTURES) if folder else {}  # of the last session
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
-        self._words: dict[str, Words | None] = {}  # by fingerprint, of principal directions
+        self._words: dict[str, Words | None] = {}  # words of principal directions, by fingerprint
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         for fingerprint in self._user_objects.fingerprints():
-            with suppress(ValueError):  # of a model that is opened from its own file
+            with suppress(ValueError):  # a model that is not shipped is opened from its own file later
                 self.models[fingerprint]
         self._begin(self.models.open(first), ViewSettings())
 
     def _begin(self, first: Model, view: ViewSettings) -> None:
-        """Make all parts in their initial state, with the kept objects."""
+        """Create editor and activities in their initial state, with the kept objects."""
         jobs = self.jobs
         self.editor = Editor(self.models, first, self._generator)
-        self._initially_there = frozenset[str]()  # names of objects from the beginning
+        self._initially_there = frozenset[str]()  # names of kept objects
         for model in self.models:
             self._add_user_objects(model)
         self.viewport = Viewport(jobs, self.editor, view)
@@ -99,13 +99,13 @@ class Session:
         self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
-        """Show the scene, and make the view banks that fits wait for."""
+        """Begin to render the scene and to build the view banks."""
         self.viewport.begin(self._pictures)
         for model in self.models:
             self._build_view_bank(model)
 
     def tick(self) -> None:
-        """Take the worker's results and advance time; call once a frame."""
+        """Deliver the worker's results and advance the activities; call once a frame."""
         self.jobs.worker.deliver()
         self.viewport.tick()
         self.player.tick()
@@ -115,7 +115,7 @@ class Session:
             self._keep_user_objects()
 
     def close(self) -> None:
-        """End all jobs."""
+        """Cancel all jobs of the activities."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
         self.jobs.cancel("paint", "paint colour", "pull")
@@ -124,7 +124,7 @@ class Session:
     # Models and their objects
 
     def open_model(self, name: str) -> None:
-        """Open a model by a shipped name or a path, add its objects to the library, and show the first."""
+        """Open a model by its shipped name or path in the background, then show its first object."""
         load = self.jobs.backend.load_model
 
         def loaded(model: Model) -> None:
@@ -137,7 +137,7 @@ class Session:
         )
 
     def show_model(self, name: str) -> None:
-        """Show the first object of an open model, unless one of its objects is shown."""
+        """Show the first object of a model, by its shipped name or path, unless one of its objects is shown."""
         model = self.models.open(name)
         self._add_models()
         if self.editor.model is not model:
@@ -153,7 +153,7 @@ class Session:
 
     @property
     def words(self) -> Words | None:
-        """Words for the effect of each principal direction, such as *wider*; None until they are measured."""
+        """Words for the principal directions of the shown model, such as *wider*; None until they are measured."""
         model, measure = self.editor.model, self.jobs.backend.direction_words
         if model.fingerprint not in self._words:
             self._words[model.fingerprint] = None
@@ -167,7 +167,7 @@ class Session:
 
     @property
     def preparing(self) -> float | None:
-        """Finished fraction (0..1) of the view banks; None once all exist."""
+        """The finished fraction of the view banks, 0..1; None once all are built."""
         shares = [self.jobs.banks.shares.get(model.fingerprint, 0.0) for model in self.models]
         busy = self.jobs.busy(*(f"view bank {model.fingerprint}" for model in self.models))
         return sum(shares) / len(shares) if busy else None
@@ -182,7 +182,7 @@ class Session:
         self.fitting.rename(name, new)
 
     def remove(self, name: str) -> None:
-        """Remove an added object from all lists; the view stays."""
+        """Remove an added object from all lists, even if it is on screen."""
         self.editor.objects.remove(name)
         self.fitting.results.unseen.pop(name, None)
 
@@ -192,7 +192,7 @@ class Session:
         self._kept = objects.version
 
     def _keep_user_objects(self) -> None:
-        """Save fitted objects for the next launch."""
+        """Store fitted objects for the next launch; report an error."""
         objects = self.editor.objects
         self._kept = objects.version
         try:
@@ -202,25 +202,25 @@ class Session:
 
     @property
     def pictures(self) -> dict[str, Pixels]:
-        """Return the last shown view and tiles, for the next launch."""
+        """The last images of view and tiles by name, for the next launch."""
         return self.thumbnails.newest | self.viewport.picture
 
     @property
     def listed_models(self) -> tuple[Model, ...]:
-        """Models whose own objects are offered; a formerly shipped model only while one of its objects is shown."""
+        """The models whose objects are listed: all but formerly shipped ones, of which only the shown one is."""
         shown = self.editor.model
         return tuple(model for model in self.models if model is shown or not self.models.is_former(model))
 
     @property
     def samples(self) -> tuple[Path, ...]:
-        """Return sample photos, alternating between categories."""
+        """The paths of sample photos, alternating between categories."""
         paths = zip_longest(*map(sample_images, dict.fromkeys(model.category for model in self.models)))
         return tuple(path for several in paths for path in several if path)
 
     # The view
 
     def see_from(self, view: str) -> None:
-        """Use one of :data:`viewer.values.orbit.VIEWS`, or the photo's camera ("photo"), if any."""
+        """Turn the view to one of :data:`viewer.values.orbit.VIEWS`, or to the photo's camera ("photo"), if any."""
         if view == "photo" and (camera := self.photo_camera):
             self.viewport.change(pan=(0.0, 0.0))
             self.editor.set_camera(camera)
@@ -229,22 +229,22 @@ class Session:
 
     @property
     def photo_view(self) -> PhotoView | None:
-        """The shown photo of the object in the view, as its camera sees it, if any."""
+        """The selected photo of the object on screen, if it has photo detail."""
         detail = self.editor.scene.codes.detail
         return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
 
     @property
     def photo_camera(self) -> Camera | None:
-        """The camera of that photo."""
+        """The camera of :attr:`photo_view`, at the size of the model's images."""
         view = self.photo_view
         return orbit.photo_camera(view.camera, self.editor.model) if view else None
 
     # Scenes and projects
 
     def open_scene(self, path: Path) -> None:
-        """Open a scene, or an image of one, and show its object, which joins the others.
+        """Open a scene, or an image of one; add its object to the library and show it.
 
-        An unreadable scene, or one of a model that is not open, changes nothing.
+        Reports an unreadable scene, or one of a model that is not open.
         """
         try:
             wanted = scene_model(path)
@@ -257,7 +257,7 @@ class Session:
             self.messages.notify(f"Opened {path.name}")
 
     def project(self) -> Project:
-        """Return the project of all work."""
+        """Return everything that was made as a project."""
         history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
         used = frozenset[str]().union(*(state.mix.names for state in history.states))
         return Project(
@@ -273,7 +273,7 @@ class Session:
 
     @property
     def parts(self) -> tuple[object, ...]:
-        """The inputs of :meth:`project`: while these are the same, so is that."""
+        """The inputs of :meth:`project`, to be compared by identity: if they are the same, so is the project."""
         objects, fitting = self.editor.objects, self.fitting
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
@@ -282,9 +282,9 @@ class Session:
         return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
-        """Continue a project: its states precede the present ones, its objects join the others.
+        """Add a project's objects, undo history and fits to the session, as :meth:`Editor.restore`.
 
-        Raise ``ValueError`` and change nothing if it is invalid.
+        Raises ``ValueError``, changing nothing, if the project is invalid.
         """
         self._add_models()
         self.editor.restore(project)
@@ -293,7 +293,7 @@ class Session:
         self.fitting.restore(project.fit, project.pending)
 
     def save_project(self, path: Path) -> bool:
-        """Write everything into one file that names no folder of this machine; return whether that succeeded."""
+        """Save everything as a project file for any machine; report an error and return False if that fails."""
         try:
             dropped = self.project().shared().save(path, self.models)
         except Exception as error:
@@ -306,10 +306,10 @@ class Session:
         return True
 
     def open_project(self, path: Path, keep_path: bool = True) -> None:
-        """Replace all work by a project; an unreadable file changes nothing.
+        """Replace everything by a project file; report an unreadable one.
 
         Args:
-            keep_path: later saves go to that file.
+            keep_path: save the project to this file later.
         """
         try:
             project = Project.load(path, self.models).beside(path.parent)
@@ -324,7 +324,7 @@ class Session:
             self.messages.notify(f"Opened {path.name}")
 
     def new(self) -> None:
-        """Begin a new project; fitted objects stay."""
+        """Begin a new project, in which fitted objects stay; the old one is archived."""
         if not (before := self.project()).is_empty:
             self.archive.emit(before)
         self.close()
