@@ -1,7 +1,8 @@
-"""Test whether a photo shows the model's category, which the loss of a fit cannot tell.
+"""Warnings and suggestions about the category that a photo shows.
 
-In a chairs model a car becomes some grey chair, possibly from a clear direction. So a detector trained on photographs
-decides (:mod:`core.photos.detector`): ``Photo.categories`` holds the probability of each category.
+The loss of a fit cannot tell: a model of chairs fits a car as some grey chair, possibly with a confident camera. So a
+detector trained on photographs decides (:mod:`core.photos.detector`). ``guess`` is its ``Photo.categories``: the
+probability of each category by name, empty if unknown; the rest up to 1 is the probability of none of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,17 +13,16 @@ from core.models.model import singular
 from core.photos.photo import Photo
 
 UNLIKELY = 0.3  # probability of a category below which people are warned
-
-_CLEAR = 0.9  # fraction of one category's probability above which no other is offered
+_CLEAR = 0.9  # one category's fraction of the probability of all, above which no other is offered
 
 
 def category_likelihood(category: str, photos: Sequence[Photo]) -> float:
-    """Return the probability that all photos show the category, 0..1; 1 for photos of unknown category."""
+    """Return the probability that all photos show the category, 0..1; a photo of unknown category counts as 1."""
     return prod(photo.categories.get(category, 1.0) for photo in photos)
 
 
 def likeliest_category(guess: Mapping[str, float]) -> str | None:
-    """Return the category that an image probably shows; None if it probably shows none."""
+    """Return the likeliest category; None if the image more probably shows none of them, or nothing is known."""
     if not guess:
         return None
     name, probability = max(guess.items(), key=lambda item: item[1])
@@ -30,7 +30,7 @@ def likeliest_category(guess: Mapping[str, float]) -> str | None:
 
 
 def likelier_model(guess: Mapping[str, float]) -> str:
-    """Return the model of the likeliest category, however unlikely; the default one if nothing is known.
+    """Return the name of the likeliest category's model, however unlikely; the default model's if nothing is known.
 
     Example:
         >>> likelier_model({"cars": 0.2, "chairs": 0.1})
@@ -40,7 +40,7 @@ def likelier_model(guess: Mapping[str, float]) -> str:
 
 
 def other_model(guess: Mapping[str, float]) -> str:
-    """Return a hint at the second category of an ambiguous image, or "".
+    """Return a command-line hint at the second category of an ambiguous image, or "".
 
     Example:
         >>> other_model({"cars": 0.6, "chairs": 0.2})

@@ -1,11 +1,11 @@
 """The confidence of a fitted camera: the probability that it is right, from results of the fit itself.
 
 Most wrong cameras lie in another basin (above all the opposite view) that explains the photo about as well. So a fit
-keeps the best hypothesis of another basin, the runner-up; the relative margin is the share of its loss that is saved.
-Some wrong cameras lie in no basin: the model cannot explain the photo. Their loss is high, the objective is flat, and
-its curvature gives a large uncertainty. If two searches agree, the smaller margin counts. The three numbers below are a
-logistic regression over fits of renders with known cameras: ``python -m core bench fit --dataset TEST_SET`` recomputes
-them and measures how well the confidence separates right from wrong.
+keeps the best hypothesis of another basin, the runner-up. The relative margin is the fraction of the runner-up's loss
+that the winner saves. Other wrong cameras lie in no basin, as the model cannot explain the photo: their objective is
+flat, so its curvature gives a large uncertainty. :data:`CALIBRATION` is a logistic regression on margin and uncertainty
+over fits of renders with known cameras. ``python -m core bench fit --dataset TEST_SET`` recomputes it and measures how
+well the confidence separates right from wrong.
 """
 
 import math
@@ -14,28 +14,23 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-RIGHT_DEGREES = 10.0
-"""A camera rotated by less is right: it is in the right basin, and the rest is a matter of precision."""
+RIGHT_DEGREES = 10.0  # a camera rotated by less from the true one is in the right basin and counts as right
 DOUBTFUL = 0.5  # cameras of less confidence are more often wrong than right
 SURE = 0.9  # nearly all cameras of more confidence were right
-_RIDGE = 0.1  # keeps weights finite that separate all fits
+_RIDGE = 0.1  # keeps weights finite if they separate all right fits from all wrong ones
 _MIN_UNCERTAINTY = 0.01  # degrees
-_MIN_MARGIN = -30.0  # keeps the relative margin of a losing hypothesis finite
-
-
+_MIN_MARGIN = -30.0  # keeps the relative margin finite if the winner's loss is far above the runner-up's
 _EXPLAINED_PSNR, _EXPLAINED_WIDTH = 20.0, 1.0
-"""dB below which a render does not explain its photo. The 116 right fits of 120 held-out views reach 23.7 and more,
-right fits of 7 real photographs 21.7; the wrong one, of a squashed car, has 18."""
+"""PSNR (dB) at which a render half explains its photo, and the width of the transition.
 
-
+The 116 right fits of 120 held-out views have at least 23.7 dB, right fits of 7 real photographs at least 21.7; the
+wrong one, of a squashed car, has 18."""
 _RIGHT_ANYHOW = 0.5
-"""Factor on the confidence if the mask is certainly not the object; a guess, not calibrated. On 26 photographs it keeps
-every wrong camera at 0.79 or less, where two had 0.87 and 0.97."""
-
-
+"""Factor on the confidence if the mask is certainly not the object; a guess, not calibrated. With it, no wrong camera
+of 26 photographs has more than 0.79; without it, two had 0.87 and 0.97."""
 _WITNESS_DEGREES = 30.0  # azimuths that differ by less agree
 _AGREES, _MIRRORED, _CONTRADICTS = 0.7, -0.3, -1.2
-"""Change of the log-odds of a right camera if a second witness agrees, is mirrored, or contradicts."""
+"""Change of a right camera's log-odds if a second witness agrees, gives the mirrored azimuth, or contradicts."""
 
 
 class Calibration(NamedTuple):
@@ -47,9 +42,8 @@ class Calibration(NamedTuple):
 
 
 CALIBRATION = Calibration(0.14, 6.97, -1.55)
-"""Of the shipped chairs and cars together: 216 blind fits by ``normal``, 120 of held-out objects, before a restart
-lowered their margins. On the 184 of them fitted again since then, 6 of them wrong, the confidence has an AUROC of 0.96.
-"""
+"""From 216 blind fits of the shipped chairs and cars by ``normal``, 120 of held-out objects. Margins are those before
+any restart. On the 184 that were fitted again later (6 of them wrong), the confidence has an AUROC of 0.96."""
 
 
 def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION, witness: float = 0.0) -> float:
@@ -70,7 +64,7 @@ def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION,
 
 
 def witness_odds(told: tuple[float, float] | None, azimuth: float) -> float:
-    """Return a second witness's change of the log-odds that a camera's azimuth (rad) is right.
+    """Return the change of the log-odds that a camera's azimuth (rad) is right, given a second witness.
 
     Args:
         told: azimuth and elevation of the witness (rad), or None.
@@ -88,14 +82,14 @@ def witness_odds(told: tuple[float, float] | None, azimuth: float) -> float:
 
 
 def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:
-    """Return a word for a confidence of 0..1."""
+    """Return the word for a confidence of 0..1."""
     if confidence < DOUBTFUL:
         return "doubtful"
     return "sure" if confidence > SURE else "likely"
 
 
 def explained(psnr: float) -> float:
-    """Return how well a render explains its photo, 0..1, from their PSNR (dB).
+    """Return how well a render explains its photo, 0..1, from its PSNR (dB): 0.5 at 20 dB.
 
     Example:
         >>> round(explained(30.0), 3), round(explained(20.0), 3), round(explained(15.0), 3)
@@ -105,12 +99,12 @@ def explained(psnr: float) -> float:
 
 
 def plausible(category: float, cut_out: float, psnr: float) -> float:
-    """Return a factor on a camera's confidence, 0..1, independent of other cameras.
+    """Return a factor on a camera's confidence, 0..1, that does not compare it with other cameras.
 
     Args:
-        category: probability that the photo shows the model's category; no doubt above one half.
+        category: probability that the photo shows the model's category; from 0.5 on, it does not lower the factor.
         cut_out: probability that the mask is the object.
-        psnr: dB, between render and photo.
+        psnr: of the render against the photo, dB.
 
     Example:
         >>> [round(plausible(*doubt, 30.0), 3) for doubt in ((0.9, 1.0), (0.25, 1.0), (1.0, 0.0))]
@@ -120,7 +114,7 @@ def plausible(category: float, cut_out: float, psnr: float) -> float:
 
 
 def _relative_margin(margin: float) -> float:
-    """Return the fraction of the runner-up's loss that the winner saves; large ratios are equally clear."""
+    """Return the fraction of the runner-up's loss that the winner saves; it saturates at 1 for large margins."""
     return -math.expm1(-max(margin, _MIN_MARGIN))
 
 
@@ -130,6 +124,9 @@ def _log_uncertainty(uncertainty: float) -> float:
 
 def fit_calibration(margins: Sequence[float], uncertainties: Sequence[float], right: Sequence[bool]) -> Calibration:
     """Fit a logistic regression by Newton's method, with a small ridge on the standardised weights.
+
+    Args:
+        margins, uncertainties, right: one per fit, as for :func:`confidence`.
 
     Raises ``ValueError`` unless some fits are right and some wrong.
     """
@@ -151,9 +148,9 @@ def fit_calibration(margins: Sequence[float], uncertainties: Sequence[float], ri
 
 
 def auroc(scores: Sequence[float], right: Sequence[bool]) -> float:
-    """Return the probability that a right fit scores above a wrong one (area under the ROC curve); ties count half.
+    """Return the area under the ROC curve: the probability that a right fit scores above a wrong one.
 
-    NaN if either kind is missing.
+    Ties count half. NaN without a right or without a wrong fit.
 
     Example:
         >>> auroc([0.9, 0.8, 0.3], [True, True, False])

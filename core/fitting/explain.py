@@ -1,4 +1,4 @@
-"""The course of a fit: initial candidates, survivors of each stage, and the value of each loss term."""
+"""The course of a fit: candidate cameras, survivors of each stage, and the value of each loss term."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -15,21 +15,22 @@ from core.fitting.steps import FitStep
 from core.models.model import Model
 from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras
 
-_CANDIDATES = 12
+_CANDIDATES = 12  # cameras of the view bank that are shown
 
 
 class Explanation(NamedTuple):
-    """The course of a fit, for its first photo."""
+    """The course of a fit; categories and candidates are those of its first photo."""
 
-    categories: dict[str, float]  # probability of each
+    categories: dict[str, float]  # probability of each category by name
     candidates: CandidateCameras | None  # best matching views of the view bank; None for a known camera
     stages: tuple[FitStep, ...]  # last step of each stage, with the remaining hypotheses
     terms: tuple[dict[str, float], ...]
-    """loss terms by name, of the result and of the best in another basin, on the same pixels"""
+    """Loss terms by name of the last step's first two hypotheses, on the same pixels. After a whole fit, these are the
+    result and the runner-up."""
 
 
 def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
-    """Explain the result of a job with these steps of :func:`core.fitting.fit.fit`.
+    """Explain a fit from its job and all steps that :func:`core.fitting.fit.fit` yielded.
 
     Raises ``ValueError`` without steps.
     """

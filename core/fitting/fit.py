@@ -1,6 +1,12 @@
 """Fitting (Eq. 5): from photos of an object to its codes and unknown cameras, in five steps.
 
-Every hypothesis is a camera per photo and a pair of codes; all are one batch of one network call. Codes enter as
+1. Rank the cameras of the view bank.
+2. Optimise hypotheses from the best cameras, then around the best of the results; prune between stages.
+3. Refine the best hypothesis.
+4. Assess its camera: runner-up, uncertainty, confidence.
+5. Restart while the camera is in doubt.
+
+A hypothesis is a camera per photo and a pair of codes. All hypotheses are one batch of one network call. Codes enter as
 biases, so the cost of a hypothesis is that of its points. The paper's own recipe is :mod:`core.fitting.paper`.
 """
 
@@ -30,10 +36,11 @@ __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerU
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Find codes and unknown cameras: yield a FitStep per iteration, the last one with the best result.
 
-    The search uses the field without contrast (:attr:`core.models.model.Model.soft`); the result is shown with
+    The search uses the field without contrast (:attr:`core.models.model.Model.soft`), renders of the result have
     contrast. The model does not change, and the same seed gives the same steps. To stop, abandon the generator and pass
-    the last step to :func:`core.fitting.photo_views.with_photo_detail`. Raises ``ValueError`` if a photo shows nothing,
-    or if every hypothesis diverged.
+    the last step to :func:`core.fitting.photo_views.with_photo_detail`.
+
+    Raises ``ValueError`` if a photo shows no object, if every hypothesis diverged, or for the paper's settings.
     """
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
@@ -61,7 +68,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
-    """Run the five steps."""
+    """Run the five steps; yield the state after every iteration."""
     # 1. Rank the view bank.
     initial, first_stage = yield from _initial(problem, schedule, job, generator)
     result: SearchResult | None = None
@@ -72,7 +79,7 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             problem = replace(problem, occluded=True)
         state = partial(SearchState, problem, range(len(job.photos)), restart=attempt > 0)
         try:
-            # 2. Optimise all hypotheses in one batch and prune: from everywhere, then around the best cameras.
+            # 2. Optimise and prune hypotheses: from the best cameras of the bank, then around the best results.
             coarse = initial
             for coarse in optimise(problem, initial, schedule.coarse, generator):
                 yield state(next(numbers), coarse, result)
@@ -80,7 +87,7 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
                 local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
             )
             for batch in optimise(problem, local, schedule.local, generator):
-                # Keep the coarse winner beside them, so that stopping early returns the better one.
+                # The coarse winner is kept, so that stopping early returns the best of all.
                 yield state(next(numbers), concatenate(batch, coarse.best) if schedule.coarse else batch, result)
             # 3. Refine the best.
             selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
@@ -92,9 +99,9 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
         except DivergedError:
             if result is None:
                 raise
-            return  # with the result of the earlier searches
+            return  # the result of the earlier searches has been yielded
         if result:
-            first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the second search
+            first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the later search
             result = better_of(problem, result._replace(winner=first), found)
         else:
             result = found
@@ -108,9 +115,9 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
 def _initial(
     problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator
 ) -> Generator[SearchState, None, tuple[HypothesisBatch, int]]:
-    """Return the first hypotheses and the number of the next stage.
+    """Find the first hypotheses; return them and the number of the next stage.
 
-    Several unknown cameras first get a coarse search each.
+    With several unknown cameras, each first gets a coarse search of its own, whose states are yielded.
     """
     if job.resume_from:
         return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces), 0

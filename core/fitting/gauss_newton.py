@@ -1,8 +1,9 @@
 """Damped Gauss-Newton (Levenberg-Marquardt) for many hypotheses at once.
 
 The objective is a sum of weighted squares (:mod:`core.fitting.objective`), so the jacobian of its residuals gives a
-quadratic model that is accurate near the minimum. Each step minimises the damped quadratic on fresh pixels; a fixed
-batch would be overfitted. Camera and codes move together, so that steps follow valleys in which they compensate.
+quadratic model that is accurate near the minimum. Each step minimises the damped quadratic on new pixels, since fixed
+pixels would be overfitted. Camera and codes move together, so steps can follow valleys in which one compensates the
+other.
 """
 
 import math
@@ -41,17 +42,17 @@ from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 from core.runtime.precision import matmul_dtype
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
-"""limit of the step of each camera parameter, beyond which the quadratic is unreliable"""
+"""Largest step of each camera parameter (:data:`CAMERA_PARAMETERS`): beyond it, the quadratic is unreliable."""
 _MAX_CODE_STEP = 3.0  # standard deviations
 _EFFECTIVE_PIXELS = 64
-"""Number of independent errors in a photo, chosen so that errors of right cameras match their uncertainty."""
-_SAMPLES_PER_JACOBIAN = 11  # samples of a ray per sample in the jacobian
+"""Assumed number of independent errors in a photo: the uncertainty of right cameras then matches their error."""
+_SAMPLES_PER_JACOBIAN = 11  # one sample in 11 is differentiated, on average
 
 
 class NormalEquations(NamedTuple):
     """The objective of hypotheses, and its quadratic model around them.
 
-    Parameters are those of the cameras, view by view, then those of the shape and of the texture code.
+    The order of parameters is that of :func:`core.fitting.hypotheses.to_vector`.
     """
 
     objective: Float[Tensor, "hypotheses"]
@@ -70,11 +71,11 @@ def gauss_newton_step(
     free: Bool[Tensor, "views 8"],
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> HypothesisBatch:
-    """Step every hypothesis once; loss and squared error are those before the step.
+    """Return the hypotheses after one step, with the loss and squared error from before it.
 
     Args:
         jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
-        free: movable parameters of each camera.
+        free: camera parameters that may move; codes always may.
         cells: see :func:`core.fitting.objective.evaluate_objective`.
 
     A hypothesis with a non-finite objective gets infinite loss and does not move.
@@ -95,10 +96,14 @@ def camera_uncertainty(
     free: Bool[Tensor, "views 8"],
     view: int,
 ) -> float:
-    """Return the uncertainty (rad) of the orientation of a single hypothesis' camera within its basin.
+    """Return the uncertainty (rad) of a camera's orientation within its basin, at most pi.
 
-    The standard deviation from the objective's curvature (Laplace's approximation), with all free parameters
-    compensating for the camera's error as well as possible. Other arguments are those of :func:`gauss_newton_step`.
+    The standard deviation from the objective's curvature (Laplace's approximation), marginalised over all other free
+    parameters. Other arguments are those of :func:`gauss_newton_step`.
+
+    Args:
+        one: a single hypothesis.
+        view: the photo of the camera.
     """
     equations = normal_equations(model, one.parameters, pixels, None, stage, objective)
     movable = _free_mask(equations, free).nonzero()[:, 0]
@@ -119,7 +124,7 @@ def normal_equations(
     objective: Objective,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> NormalEquations:
-    """Return the quadratic model of the objective around hypotheses."""
+    """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`."""
     terms = [term(pixels, objective) for term in objective.terms]
     with_depth = any(term.needs_depth for term in terms)
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, with_depth)
@@ -139,7 +144,7 @@ def _add_term(
     gradient: Float[Tensor, "hypotheses parameters"],
     hessian: Float[Tensor, "hypotheses parameters parameters"],
 ) -> Float[Tensor, "hypotheses"]:
-    """Add half of a term's gradient and Gauss-Newton Hessian to the sums; return its value."""
+    """Add half of a term's gradient and Gauss-Newton Hessian to ``gradient`` and ``hessian``; return its value."""
     vector, channels = to_vector(parameters).requires_grad_(), rendered.channels.detach().requires_grad_()
     residual = term.residual(from_vector(vector, parameters), RenderedPixels(channels))
     value = residual.detach()
@@ -167,7 +172,7 @@ def _render(
     cells: Bool[Tensor, "hypotheses x y z"] | None,
     with_depth: bool,
 ) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
-    """Render the pixels, and the jacobian of their channels with respect to all parameters."""
+    """Render the pixels; return them with the jacobian of their channels with respect to all parameters."""
     shapes, textures = model.codes.shape_space, model.codes.texture_space
     shape, texture = shapes.code(parameters.shape), textures.code(parameters.texture)
     dtype = matmul_dtype(model.device.type)
@@ -201,7 +206,7 @@ def _render(
 
 
 def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypotheses views rays 6 8"]:
-    """Return the change of rays' origins and directions with each parameter of their camera."""
+    """Return the derivative of each ray's origin and direction with respect to its camera's parameters."""
     origins, directions = rays.origins, rays.directions
     right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
@@ -211,7 +216,7 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypoth
     cos, sin = crop_transform[..., 1].cos()[..., None, None], crop_transform[..., 1].sin()[..., None, None]
 
     def across(axis: Tensor) -> Tensor:
-        """Return the change of a direction whose image point moves by one focal length along an axis."""
+        """Return the derivative of a direction whose image point moves along an axis, per focal length."""
         return forward * (axis - directions * (directions * axis).sum(-1, keepdim=True))
 
     closer = -across(backward)
@@ -229,7 +234,7 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypoth
 
 
 def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Bool[Tensor, "parameters"]:
-    """Return which parameters may move: free ones of cameras, and all of the codes."""
+    """Mark the parameters that may move: the free ones of cameras, and all of the codes."""
     codes = equations.gradient.shape[1] - free.numel()
     return torch.cat((free.flatten(), torch.ones(codes, dtype=torch.bool)))
 
@@ -256,5 +261,5 @@ def _solve_damped(
 def _apply_step(
     parameters: Parameters, step: Float[Tensor, "hypotheses parameters"], free: Bool[Tensor, "views 8"]
 ) -> Parameters:
-    """Return the parameters after a step, within valid ranges of cameras."""
+    """Return the parameters after a step, clamped to the searched range (:func:`clamp_parameters`)."""
     return clamp_parameters(from_vector(to_vector(parameters) + step, parameters), free.any(1))

@@ -1,7 +1,7 @@
 """Initial hypotheses: cameras of the view bank with shapes of its prototypes, or the state of an earlier fit.
 
-Codes have local minima, so shapes compete like cameras: every camera of the view bank comes with the shape most similar
-to the photo from there. Known cameras come with several shapes.
+Codes have local minima, so shapes compete like cameras do. Every camera of the view bank comes with the prototype whose
+render from there is most similar to the photo. Known cameras come with several prototypes.
 """
 
 import math
@@ -31,19 +31,18 @@ from core.photos.photo import Photo
 from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras, shape_similarity
 
 _SHAPE_BLEND = 0.6  # weight of a prototype's shape in an initial shape; the rest is the mean shape
-_MIN_DIFFERENCE = 1e-3
-"""Standard deviations by which a prototype other than the mean object differs from the mean shape."""
+_MIN_DIFFERENCE = 1e-3  # standard deviations from the mean shape below which a prototype is the mean object
 _INITIAL_ZOOMS = (0.0, -0.3, 0.3)
-"""Log focal lengths over the model's, alternating between pairs of cameras (usually opposite ones).
-
-Only if focal lengths are searched: a code that has converged with one focal length keeps it."""
-_SIZE_TOLERANCE = 0.25  # variation of the log apparent size of objects around their prototype's
+"""Initial log focal lengths relative to the model's, if focal lengths are searched: one for each pair of successive
+candidates, usually opposite cameras. All are needed, since a code that converged with one focal length keeps it."""
+_SIZE_TOLERANCE = 0.25  # log apparent size by which objects vary around their prototype at the same distance
 
 
 def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator) -> HypothesisBatch:
-    """Return at most ``count`` hypotheses at the best cameras of the view bank for photos without a camera.
+    """Return at most ``count`` hypotheses at the best matching cameras of the view bank.
 
-    Each has the shape most similar to the photos from there. If all cameras are known, they differ in shape.
+    Each has the mean texture and a shape between the mean and the prototypes that match the photos from there. Known
+    cameras stay; if all are known, the hypotheses differ in shape only.
     """
     model, space = problem.model, problem.model.codes.shape_space
     candidates = {
@@ -68,12 +67,12 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
 
 
 def _place(problem: Problem, view: int, parameters: Parameters, found: CandidateCameras) -> None:
-    """Put one view of every hypothesis at a candidate camera."""
+    """Put the camera of one view of each hypothesis at a candidate, in place."""
     count, photo = len(parameters.angles), problem.photos[view]
     parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
     further = (found.distance[:count] / problem.model.distance).log()
     if not photo.scaled:
-        # Objects differ in size too: only the unexplained rest is attributed to the distance.
+        # Objects differ in size too: the distance explains only what exceeds the tolerance.
         further = further - further.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
     if photo.cropped:
         parameters.crop_transform[:, view, 2:] = found.shift[:count]
@@ -102,7 +101,7 @@ def _candidates(problem: Problem, view: int, count: int, generator: torch.Genera
 
 
 def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "count rank"]) -> Parameters:
-    """Return every shape, with the mean texture, at given cameras."""
+    """Return parameters of shapes, each with the mean texture and the same cameras."""
     count, views = len(shape), len(cameras)
     angles = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras]).repeat(count, 1, 1)
     distance = torch.tensor([math.log(camera.distance / model.distance) for camera in cameras]).repeat(count, 1)
@@ -111,9 +110,10 @@ def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "c
 
 
 def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> Float[Tensor, "count rank"]:
-    """Return the mean shape, and shapes towards the prototypes most similar to the photos from these cameras.
+    """Return the mean shape, then shapes towards the prototypes that match the photos best from these cameras.
 
-    Fewer than ``count`` if the view bank has fewer.
+    Fewer than ``count`` if the view bank has too few prototypes. Without bank, or without the component
+    ``prototype_shapes``, the mean shape ``count`` times.
     """
     space = problem.model.codes.shape_space
     mean = torch.zeros(1, len(space.std))
@@ -136,7 +136,8 @@ def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> F
 def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBatch:
     """Return at most ``count`` hypotheses at and around the best cameras (:data:`core.fitting.schedule.LOCAL_OFFSETS`).
 
-    Their codes are fresh: the mean texture, and shapes most similar to the photos from there.
+    Codes are fresh: the mean texture, and :func:`nearest_shapes`. Without the component ``fresh_codes``, returns the
+    batch itself.
     """
     if not problem.components.fresh_codes:
         return batch
@@ -145,7 +146,7 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
         cameras = to_cameras(problem.model, batch.parameters, index, problem.cameras)
         shapes = nearest_shapes(problem, cameras, max(most for *_, most in offsets))
         placed += [(rank, index, move, shape) for *move, most in offsets for rank, shape in enumerate(shapes[:most])]
-    placed.sort(key=lambda one: one[0])  # if too many, every place keeps its most similar shapes
+    placed.sort(key=lambda one: one[0])  # if there are too many, every place keeps its best matching shapes
     _, indices, moves, shapes_there = zip(*placed[:count], strict=True)
     begin, unknown = batch[torch.tensor(indices)], problem.unknown
     angles = begin.parameters.angles + torch.tensor(moves).deg2rad()[:, None] * unknown[:, None]
@@ -155,7 +156,7 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
 
 
 def ordered(problem: Problem, batch: HypothesisBatch) -> Int[Tensor, "some"]:
-    """Return the indices of hypotheses, best first, with one of each basin before a second one of any."""
+    """Return the indices of finite hypotheses by loss: the best of each basin, then the others."""
     if problem.components.distinct_basins:
         return suppress_neighbours(batch, problem.unknown)
     return by_loss(batch)
@@ -168,11 +169,12 @@ def resume_from(
     found: Hypothesis,
     spaces: tuple[CodeSpace, CodeSpace],
 ) -> HypothesisBatch:
-    """Return one hypothesis in the state of an earlier fit; known cameras are those of the photos.
+    """Return a single hypothesis in the state of an earlier fit, with the photos' own cameras where these are known.
 
     Args:
         cameras: see :func:`core.fitting.hypotheses.to_cameras`.
-        spaces: of shape and texture, in which the fit searches.
+        found: result of the earlier fit.
+        spaces: code spaces of shape and texture in which the fit searches.
     """
     at = [photo.camera or camera for photo, camera in zip(photos, found.cameras, strict=True)]
     angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
@@ -185,10 +187,11 @@ def resume_from(
 
 
 def combine_views(parts: Sequence[tuple[list[int], HypothesisBatch]], views: int, count: int) -> HypothesisBatch:
-    """Combine searches of some photos each; return the ``count`` combinations of least loss.
+    """Combine one hypothesis of every search; return the ``count`` combinations of least total loss.
 
     Args:
-        parts: photos of each search, and its remaining hypotheses.
+        parts: the photos of each search, and its remaining hypotheses.
+        views: number of photos in all.
     """
     combinations: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
     for _, batch in parts:

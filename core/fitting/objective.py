@@ -1,7 +1,7 @@
 """The objective of a fit: a sum of loss terms, each a residual function, a weight and a robust kernel.
 
-A term's value, Gauss-Newton's weights and the derivatives all follow from these three, here and in
-:mod:`core.fitting.gauss_newton`. A new term is a function that returns a :class:`Term`, listed in :data:`TERMS`.
+A term's value and its part of the Gauss-Newton equations (:mod:`core.fitting.gauss_newton`) follow from these three. To
+add a term, write a function that returns a :class:`Term` and list it in :data:`TERMS`.
 """
 
 import math
@@ -20,19 +20,18 @@ from core.models.model import Model
 from core.rendering.importance import render_top_samples
 from core.runtime.precision import autocast
 
-MASK_WEIGHT = 0.1  # of the squared error of opacity, relative to colour
+MASK_WEIGHT = 0.1  # of the squared error of opacity, relative to that of colour
 CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
-"""Scales of the camera prior: rad below ground level; log distance from the training images', which is constant; log
-focal length; and the components of :attr:`Parameters.crop_transform`."""
-OCCLUDER_SCALE = 0.2  # as :attr:`Objective.occluder_scale`, if the object may be occluded
-MOVED_SCALE = 0.05  # of the scale, for a photo that was recentred
-SCALED_SCALE = 0.15  # The same for a photo that was scaled, against the mean scale of objects seen from there
-CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)
-"""Relative to a pixel's squared error; grows only logarithmically, so that a photo can override it."""
+"""Scales of :func:`camera_residuals`: elevation (rad), log distance, log focal length, log scale of the crop, roll
+(rad), shift right and down (focal lengths). The distance is tight, as all training images have the same."""
+OCCLUDER_SCALE = 0.2  # :attr:`Objective.occluder_scale` if the object may be occluded
+MOVED_SCALE = 0.05  # scale of the log scale of the crop, for a photo that was recentred
+SCALED_SCALE = 0.15  # likewise for a photo that was scaled, relative to the mean scale of objects seen from there
+CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)  # relative to a pixel's squared error
 _VIEWPOINT_LOSS_WEIGHT = 0.15
-"""Of a camera's negative log-likelihood, added to the log objective; chosen on 15 held-out chairs."""
+"""Weight of a camera's negative log-likelihood relative to the log objective; chosen on 15 held-out chairs."""
 
-Kernel = Callable[[Tensor], Tensor]  # From squared errors to losses, elementwise; robust if it grows more slowly
+Kernel = Callable[[Tensor], Tensor]  # from squared errors to losses, elementwise; robust if it grows sublinearly
 
 
 class RenderedPixels(NamedTuple):
@@ -42,55 +41,56 @@ class RenderedPixels(NamedTuple):
 
     @property
     def colour(self) -> Float[Tensor, "hypotheses views rays 3"]:
-        """On white."""
+        """Red, green, blue on white."""
         return self.channels[..., :3]
 
     @property
     def opacity(self) -> Float[Tensor, "hypotheses views rays"]:
-        """0..1."""
+        """Opacity, 0..1."""
         return self.channels[..., 3]
 
     @property
     def depth(self) -> Float[Tensor, "hypotheses views rays"]:
-        """Scene units along the ray times opacity; only for terms with :attr:`Term.needs_depth`."""
+        """Depth along the ray (scene units) times opacity; only for terms with :attr:`Term.needs_depth`."""
         return self.channels[..., 4]
 
 
 class Term(NamedTuple):
-    """A loss term: the weighted sum over its items of a kernel of their squared errors."""
+    """A loss term: the sum over its items of weight times kernel of the squared error."""
 
     residual: Callable[[Parameters, RenderedPixels], Float[Tensor, "hypotheses *items components"]]
-    """The squared error of an item is the mean square of its components. An item depends either on one rendered pixel,
-    at whose index it lies (hypotheses, views, rays, components), or on one parameter of its own."""
+    """The squared error of an item is the mean square of its components. Either each item depends on one rendered pixel
+    and has its index (hypotheses, views, rays, components), or each item depends on one parameter that no other uses.
+    """
     weight: Float[Tensor, "*#items"] | float
-    kernel: Kernel = torch.positive  # positive: least squares
+    kernel: Kernel = torch.positive  # the identity: least squares
     needs_depth: bool = False  # reads :attr:`RenderedPixels.depth`, which makes steps slower
 
 
 def term_value(term: Term, residual: Float[Tensor, "hypotheses *items components"]) -> Float[Tensor, "hypotheses"]:
-    """Return the value of a term with these residuals."""
+    """Return the value of a term from its residuals."""
     return (term.weight * term.kernel(residual.square().mean(-1))).flatten(1).sum(1)
 
 
 def residual_weights(
     term: Term, residual: Float[Tensor, "hypotheses *items components"]
 ) -> Float[Tensor, "hypotheses *items 1"]:
-    """Return weights for which a sum of squared residuals has the gradient of the term's value.
+    """Return the weights of iteratively reweighted least squares.
 
-    These are the kernel's derivatives, as in iteratively reweighted least squares.
+    The sum of weighted squared residuals, with constant weights, has the gradient of the term's value.
     """
     return (term.weight * _derivative(term.kernel, residual.square().mean(-1)))[..., None] / residual.shape[-1]
 
 
 def cauchy(scale: Float[Tensor, "views rays"]) -> Kernel:
-    """Return Cauchy's loss, logarithmic far beyond a scale; least squares for infinite scales."""
+    """Return Cauchy's loss: quadratic far below a scale of the error, logarithmic far above it."""
     robust = scale.isfinite()
     unit = scale.square().where(robust, 1.0)
     return lambda squared: (unit * (squared / unit).log1p()).where(robust, squared)
 
 
 def photometric_term(pixels: PixelBatch, objective: "Objective") -> Term:
-    """Errors of colours, averaged over pixels and views."""
+    """Return the term of colour errors, averaged over pixels and views."""
     beside = min(objective.robust_scale, objective.occluder_scale)
     kernel = cauchy(_scales(pixels, objective.robust_scale, beside))
     weight = pixels.certainty / pixels.certainty.numel()
@@ -98,14 +98,14 @@ def photometric_term(pixels: PixelBatch, objective: "Objective") -> Term:
 
 
 def mask_term(pixels: PixelBatch, objective: "Objective") -> Term:
-    """Errors of opacity where the mask is known, averaged over pixels and views."""
+    """Return the term of opacity errors where the mask is known, averaged over pixels and views."""
     kernel = cauchy(_scales(pixels, math.inf, objective.occluder_scale))
     weight = objective.mask_weight * pixels.mask_valid * pixels.certainty / pixels.certainty.numel()
     return Term(lambda _, rendered: (rendered.opacity - pixels.target_opacity)[..., None], weight, kernel)
 
 
 def camera_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
-    """Unlikeliness of cameras, averaged over views; grows only logarithmically, so that a photo can override it."""
+    """Return the camera prior, averaged over views. It grows only logarithmically, so that a photo can override it."""
 
     def residual(parameters: Parameters, _: RenderedPixels) -> Tensor:
         distance = camera_residuals(parameters, objective.expected_scale) / objective.camera_scale
@@ -115,7 +115,7 @@ def camera_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
 
 
 def code_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
-    """Squared lengths of both codes, in standard deviations."""
+    """Return the code prior: squared lengths of both codes, in standard deviations."""
     return Term(lambda at, _: torch.cat((at.shape, at.texture), 1)[..., None], objective.code_prior)
 
 
@@ -125,23 +125,23 @@ TERMS = (photometric_term, mask_term, camera_prior_term, code_prior_term)
 class Objective(NamedTuple):
     """The terms of the objective with their weights and scales."""
 
-    code_prior: float  # of a squared standard deviation of a code, against a squared error
+    code_prior: float  # weight of a code's squared standard deviations, relative to a pixel's squared error
     camera_scale: Float[Tensor, "#views 7"] = torch.tensor([CAMERA_PRIOR_SCALE])
-    """of :func:`camera_residuals`; infinite for a given camera, or without information"""
+    """scales of :func:`camera_residuals`; infinite where no prior applies, as for a known camera"""
     camera_weight: Float[Tensor, "7"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
     expected_scale: Float[Tensor, "views directions"] | None = None
-    """log scale of photos for :func:`core.classifiers.viewpoint.directions`; None: all 0"""
+    """expected log scale of photos for each of :func:`core.classifiers.viewpoint.directions`; None: 0 for all"""
     mask_weight: float = MASK_WEIGHT  # 0 if the network paints the background, which makes all rays opaque
     robust_scale: float = math.inf
-    """RMS colour error that pulls half as hard as in Eq. 5, for content that the model cannot render."""
-    occluder_scale: float = math.inf  # The same for colours and opacity beside the object, which an occluder may hide
+    """RMS colour error whose gradient is half as large as in Eq. 5, for content that the model cannot render"""
+    occluder_scale: float = math.inf  # the same for errors outside the mask, where an occluder may hide the object
     terms: tuple[Callable[[PixelBatch, "Objective"], Term], ...] = TERMS  # built for some pixels and this objective
 
 
 class ObjectiveValue(NamedTuple):
-    """Errors of hypotheses on some pixels."""
+    """The objective of hypotheses on some pixels."""
 
-    terms: Float[Tensor, "terms hypotheses"]  # in the objective's order
+    terms: Float[Tensor, "terms hypotheses"]  # value of each term, in the order of :attr:`Objective.terms`
     squared_error: Float[Tensor, "hypotheses"]
     """mean squared error per channel over whole photos, estimated from these pixels"""
 
@@ -160,11 +160,12 @@ def evaluate_objective(
     jitter: Float[Tensor, "views all_rays"] | None = None,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> ObjectiveValue:
-    """Evaluate Eq. 5 with robust errors, a mask and priors for every hypothesis on some pixels; differentiable.
+    """Evaluate the objective (Eq. 5 with robust errors, a mask and priors) on some pixels; differentiable.
 
     Args:
+        samples: intervals of each ray.
         jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
-        cells: cells that the shapes may occupy, if known better than ``model.occupied_cells``.
+        cells: cells that each shape may occupy; None: ``model.occupied_cells``.
     """
     codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
     rendered = _render(model, parameters, codes, pixels, samples, jitter, cells)
@@ -181,7 +182,7 @@ def paper_objective(
     code_prior: float,
     jitter: Float[Tensor, "views all_rays"] | None,
 ) -> ObjectiveValue:
-    """Evaluate the original Eq. 5, differentiable: the error over the whole image and the codes' squared norms.
+    """Evaluate the original Eq. 5: mean squared colour error and squared norms of the codes; differentiable.
 
     Args:
         parameters: shape and texture are the codes themselves.
@@ -195,9 +196,12 @@ def paper_objective(
 def image_squared_error(
     rendered: RenderedPixels, pixels: PixelBatch, occluder_scale: float = math.inf
 ) -> Float[Tensor, "hypotheses"]:
-    """Estimate the mean squared error per channel over whole photos from some of their pixels.
+    """Estimate the mean squared colour error (0..1 per channel) over whole photos from some of their pixels.
 
-    Possibly occluded pixels are down-weighted as in the objective.
+    Pixels outside the mask that the object covers are down-weighted as in the objective.
+
+    Args:
+        occluder_scale: see :class:`Objective`.
     """
     kernel = cauchy(_scales(pixels, math.inf, occluder_scale))
     seen = _derivative(kernel, (rendered.opacity - pixels.target_opacity).square())
@@ -208,10 +212,10 @@ def image_squared_error(
 def camera_residuals(
     parameters: Parameters, expected_scale: Float[Tensor, "views directions"] | None = None
 ) -> Float[Tensor, "hypotheses views 7"]:
-    """Return the residuals of the camera prior.
+    """Return the residuals of the camera prior, in the order of :data:`CAMERA_PRIOR_SCALE`.
 
-    Elevation below ground level (rad, at most 0), log distance and log focal length from the usual, and the crop
-    transform, its scale relative to the expected one.
+    Elevation below the ground (rad, at most 0), log distance over the model's, log focal length over the given one, and
+    the crop transform, its log scale relative to the expected one.
     """
     (azimuth, elevation), scale = parameters.angles.unbind(-1), parameters.crop_transform[..., 0]
     if expected_scale is not None:  # constant during a step
@@ -242,7 +246,7 @@ def _derivative(kernel: Kernel, squared: Float[Tensor, "*batch"]) -> Float[Tenso
 
 
 def _scales(pixels: PixelBatch, on_object: float, beside: float) -> Float[Tensor, "views rays"]:
-    """Return one scale for pixels of the object and another for the rest."""
+    """Return a scale for each pixel: ``on_object`` inside the mask, ``beside`` outside it."""
     scale = torch.full_like(pixels.target_opacity, on_object)
     return scale.masked_fill(pixels.target_opacity < 0.5, beside)
 

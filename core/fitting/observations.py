@@ -1,4 +1,4 @@
-"""A photo as input of a fit: its pixels in three strata, on the object, near it, and elsewhere."""
+"""A photo as input of a fit: its pixels in three strata (on the object, near it, elsewhere)."""
 
 import math
 from collections.abc import Sequence
@@ -18,53 +18,53 @@ from core.photos.photo import Photo
 from core.photos.plain_background import connected_to_border
 
 _STRATA_FRACTIONS = (0.5, 0.3, 0.2)  # of the rays: on the object, near it, elsewhere
-_NEAR_MARGIN = 0.12  # reach of "near", relative to the object's size
-_LEAST_CERTAINTY = 0.1  # of a pixel at an uncertain mask edge: thin legs are edge only
-_SURE_EDGE = 0.3  # px of edge uncertainty that are negligible
+_NEAR_MARGIN = 0.12  # distance from the mask that is near, relative to the object's size
+_LEAST_CERTAINTY = 0.1  # of a pixel at an uncertain mask edge; not 0, since thin legs consist of edges
+_SURE_EDGE = 0.3  # px of edge uncertainty below which all pixels are certain
 _FOOTPRINT = 4  # rays through a pixel of a blurred photo
 
 
 class PixelBatch(NamedTuple):
-    """Some pixels of every photo."""
+    """Some pixels of every photo, the same number of each."""
 
     pixels: Float[Tensor, "views rays 2"]  # from the middle of the photo, x right and y down, in focal lengths
-    colours: Float[Tensor, "views rays 3"]
+    colours: Float[Tensor, "views rays 3"]  # on white, 0..1
     target_opacity: Float[Tensor, "views rays"]  # 1 on the object, 0 on the background
     mask_valid: Float[Tensor, "views rays"]
-    """0 for unknown opacity: background enclosed by the object may be a white part of it"""
-    certainty: Float[Tensor, "views rays"]  # 0..1, weight of colour and opacity: lower beside uncertain mask edges
-    footprints: Float[Tensor, "views rays rays_each 2"]  # offsets of the rays that a pixel averages
+    """0 where the opacity is unknown: background enclosed by the object may be a white part of it; else 1"""
+    certainty: Float[Tensor, "views rays"]  # weight of colour and opacity, 0..1: lower near uncertain mask edges
+    footprints: Float[Tensor, "views rays rays_each 2"]  # focal lengths, offsets of the rays that a pixel averages
     weights: Float[Tensor, "views rays"]
-    """fraction of the photo that each represents: weighted sums estimate means over all pixels"""
+    """fraction of the photo that each pixel represents: weighted sums estimate means over all pixels"""
 
     @property
     def points(self) -> Float[Tensor, "views all_rays 2"]:
-        """The points that rays are cast through."""
+        """Image points of all rays, those of a pixel in sequence, in the units of ``pixels``."""
         return (self.pixels[:, :, None] + self.footprints).flatten(1, 2)
 
     def mean_of_rays(self, values: Float[Tensor, "hypotheses views all_rays ..."]) -> Tensor:
-        """Average rays to pixels, (hypotheses, views, rays, ...)."""
+        """Average the rays of each pixel: (hypotheses, views, all_rays, ...) to (hypotheses, views, rays, ...)."""
         each = self.footprints.shape[2]
         return values if each == 1 else values.unflatten(2, (-1, each)).mean(3)
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """All pixels of a photo, flat; fields as in :class:`PixelBatch`."""
+    """All pixels of a photo, row by row; fields as in :class:`PixelBatch`."""
 
     pixels: Float[Tensor, "pixels 2"]
     colours: Float[Tensor, "pixels 3"]
     target_opacity: Float[Tensor, "pixels"]
     mask_valid: Float[Tensor, "pixels"]
     certainty: Float[Tensor, "pixels"]
-    blur: float  # focal lengths, standard deviation of a pixel's blur
+    blur: float  # focal lengths, standard deviation of the photo's blur
     strata: tuple[Int[Tensor, "_"], ...]
-    """pixel indices on the object, near it, elsewhere; only non-empty ones, without unseen pixels"""
-    fractions: tuple[float, ...]  # of the rays for each stratum
+    """pixel indices on the object, near it, elsewhere; without unseen pixels beside the object, and empty strata"""
+    fractions: tuple[float, ...]  # fraction of the sampled pixels for each stratum
 
     @classmethod
     def of(cls, photo: Photo, model: Model) -> "Observation":
-        """Build from a photo. Raises ``ValueError`` if it shows no object."""
+        """Build from a photo. Raises ``ValueError`` if its mask is empty."""
         mask = photo.mask.cpu().numpy()
         if not mask.any():
             raise ValueError("the image shows no object: its mask is empty")
@@ -87,7 +87,7 @@ class Observation:
         )
 
     def sample(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Float[Tensor, "rays"]]:
-        """Sample pixels evenly in each stratum; return indices, and the fraction of the photo that each represents."""
+        """Sample pixels evenly in each stratum; return their indices and :attr:`PixelBatch.weights`."""
         ends = np.rint(np.cumsum(self.fractions) * count).astype(int)
         counts = [max(1, int(n)) for n in np.diff(ends, prepend=0)]
         counts[0] = max(1, counts[0] + count - sum(counts))
@@ -102,7 +102,7 @@ class Observation:
 def sample_pixels(observations: Sequence[Observation], count: int, generator: torch.Generator) -> PixelBatch:
     """Sample ``count`` pixels of every photo, at least one of each stratum.
 
-    If any photo is blurred, half as many pixels of each, with several rays per pixel.
+    If any photo is blurred, samples half as many pixels of all photos, with four rays each.
     """
     blurred = any(observation.blur for observation in observations)
     count = max(count // (2 if blurred else 1), len(_STRATA_FRACTIONS))
@@ -116,13 +116,17 @@ def sample_pixels(observations: Sequence[Observation], count: int, generator: to
 
 
 def _footprints(blur: float, count: int, generator: torch.Generator) -> Float[Tensor, "count rays_each 2"]:
-    """Return corners of squares with the second moments of the blur, randomly rotated."""
+    """Return the corners of randomly rotated squares whose variance is that of the blur, focal lengths."""
     turns = (torch.rand(count, 1, generator=generator) + torch.arange(_FOOTPRINT)) * (2 * math.pi / _FOOTPRINT)
     return blur * math.sqrt(2) * torch.stack((turns.cos(), turns.sin()), -1)
 
 
 def _certainty(mask: np.ndarray, edge_error: float) -> np.ndarray:
-    """Return the certainty of pixels, 0..1, by their distance from the mask's edge."""
+    """Return the certainty of pixels, 0..1, by distance from the mask's edge.
+
+    Args:
+        edge_error: standard deviation of the edge's position, px.
+    """
     if edge_error < _SURE_EDGE:
         return np.ones(mask.shape)
     distance = distance_transform_edt(mask) + distance_transform_edt(~mask) - 0.5

@@ -22,18 +22,18 @@ from core.metrics import psnr_from_mse
 from core.models.codes import CodeSpace
 from core.models.model import Model
 
-_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}  # AdamW's; rad, scene units, numbers of a code
+_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}  # learning rates; rad, scene units, numbers of a code
 _HALVED_EVERY = 50  # steps, in the authors' code
 _SCORE_EVERY = 10  # steps between two scores; the best one is the result
 
 
 def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Fit by the recipe of the job's settings: the paper's, or :func:`core.fitting.fit.fit`."""
+    """Fit by the paper's recipe if the job has :class:`PaperSettings`, else by :func:`core.fitting.fit.fit`."""
     return fit(model, job) if isinstance(job.settings, PaperSettings) else search.fit(model, job)
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Fit like :func:`core.fitting.fit.fit`, by the paper's recipe."""
+    """Fit by the paper's recipe; yield steps like :func:`core.fitting.fit.fit`, without margin and photo detail."""
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
     observations = tuple(Observation.of(replace(photo, blur=0.0), model) for photo in job.photos)
     cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in job.photos)
@@ -68,7 +68,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 def initialise(
     model: Model, cameras: Sequence[Camera], unknown: Bool[Tensor, "views"], generator: torch.Generator
 ) -> HypothesisBatch:
-    """Return one hypothesis: mean codes, unknown cameras at random on the upper half at the usual distance."""
+    """Return one hypothesis: mean codes, and for unknown cameras random angles on the upper half of the sphere."""
     known = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
     angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), known)[None]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in cameras]])
@@ -84,7 +84,10 @@ def optimise(
     unknown: Bool[Tensor, "views"],
     generator: torch.Generator,
 ) -> Iterator[HypothesisBatch]:
-    """Yield the hypothesis after every AdamW step, each on new pixels; with infinite loss after divergence."""
+    """Yield the hypothesis after every AdamW step, with the loss from before it; infinite after divergence.
+
+    Every step samples new pixels.
+    """
     searched = Parameters(*(part.clone().requires_grad_() for part in one.parameters))
     rates = {
         "angles": _RATES["angles"],

@@ -1,4 +1,4 @@
-"""Fitted photos as photo detail: at full resolution, upright, the optical axis in the middle."""
+"""Fitted photos as photo detail: at full resolution, upright, with the optical axis in the middle."""
 
 import math
 from collections.abc import Sequence
@@ -19,15 +19,15 @@ from core.photos.photo import DOUBTFUL_MASK, Photo
 from core.rendering.images import render_steps
 from core.streams import run_to_end
 
-_MARGIN = 0.2 / 128  # image heights beyond the mask within which the object ends, besides the error of its edges
-_DOUBT = round(2 * BACKGROUND * 255)  # opacity in bytes of what may be background or not
+_MARGIN = 0.2 / 128  # image heights added to the edge error for the margin within which the object ends
+_DOUBT = round(2 * BACKGROUND * 255)  # opacity (0..255) of doubtful background, above that of certain background
 _LOOK = 64  # px, height of the render that the mask is compared with
-_SOLID = 0.9  # opacity of the render
-_DEEP = 6 / 128  # image heights from the mask; nearer, the photo is right and the render is not
+_SOLID = 0.9  # opacity of the render above which the fitted object is solid
+_DEEP = 6 / 128  # image heights from the mask beyond which background is deep; nearer, the photo is more exact
 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """Add photo detail to a step of a fit; a completed search has it already."""
+    """Return a step with photo detail from the first :data:`MAX_PHOTOS` photos; a completed search has it already."""
     known = all(photo.camera for photo in photos)
     sure = 1.0 if known or step.confidence is None else step.confidence
     transforms = [
@@ -48,12 +48,12 @@ def photo_view(
     crop_transform: Float[Tensor, "4"] | None = None,
     codes: Codes | None = None,
 ) -> PhotoView:
-    """Return a photo as the camera sees the object; uncertain background gets a low opacity.
+    """Return a photo as the camera sees the object; doubtful background gets a low opacity.
 
     Args:
-        camera: the fitted one, or the photo's own.
-        crop_transform: of :class:`core.fitting.hypotheses.Parameters`; None: identity.
-        codes: fitted to the photo; where they are solid, deep background is not certain.
+        camera: fitted to the photo, or its own.
+        crop_transform: see :class:`core.fitting.hypotheses.Parameters`; None: identity.
+        codes: fitted to the photo. Background is doubtful where they are solid deep in it.
     """
     import cv2  # loaded only if there is a photo
 
@@ -83,7 +83,7 @@ def _outline_margin(photo: Photo, camera: Camera) -> float | None:
 def _doubtful(
     rgba: UInt8[np.ndarray, "height width 4"], opacity: Float[np.ndarray, "h w"]
 ) -> Bool[np.ndarray, "height width"]:
-    """Return where the fitted object is solid deep in the photo's background: something may hide it there.
+    """Mark background in which the fitted object is solid far from the mask: an occluder may hide it there.
 
     Args:
         opacity: of the fitted object as the photo's camera sees it.
@@ -101,7 +101,7 @@ def _doubtful(
 
 
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
-    """Return pixels on white with opacity, at full resolution if available."""
+    """Return the photo's pixels on white with opacity, at full resolution if it has that."""
     if photo.fine is not None:
         return decompressed(photo.fine)
     opacity = photo.mask.float() if photo.opacity is None else photo.opacity
@@ -111,7 +111,7 @@ def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
 def _around_object(
     rgba: UInt8[np.ndarray, "height width 4"], camera: Camera
 ) -> tuple[UInt8[np.ndarray, "rows columns 4"], Camera]:
-    """Crop an image around its middle to the object, and adapt the camera."""
+    """Crop an image to the object, keeping its middle; return it with the camera of the crop."""
     height, width = rgba.shape[:2]
     opaque = rgba[..., 3] > 0
     if not opaque.any():
@@ -125,7 +125,7 @@ def _around_object(
 def _upright(
     rgba: UInt8[np.ndarray, "height width 4"], roll: float, shift: tuple[float, float]
 ) -> UInt8[np.ndarray, "height width 4"]:
-    """Undo a roll (rad, clockwise) and a shift (px); outside the image is white."""
+    """Undo a roll (rad, clockwise) and a shift (px right, px down); pixels from outside become transparent white."""
     import cv2  # loaded only if there is a photo
 
     height, width = rgba.shape[:2]

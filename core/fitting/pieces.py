@@ -1,4 +1,4 @@
-"""Rays of hypotheses in pieces for the thread pool."""
+"""Division of the rays of hypotheses into pieces for the thread pool."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -11,17 +11,18 @@ from torch import Tensor
 from core.runtime.pool import map_pieces
 
 _SAMPLES, _MOST = 16384, 16
-"""Samples of a piece, and pieces at most: threads share Python's lock, and with smaller pieces wait for it longer."""
+"""Samples of a piece, and the most pieces: with smaller pieces, threads wait longer for Python's lock."""
 
-Piece = tuple[slice, slice, slice]  # some hypotheses, views and rays: an index
+Piece = tuple[slice, slice, slice]  # index of some hypotheses, views and rays
 
 
 def map_rays(function: Callable[[Piece], tuple[Tensor, ...]], shape: torch.Size, samples: int) -> tuple[Tensor, ...]:
-    """Return a function's values for rays, (hypotheses, views, rays, ...), computed in pieces.
+    """Compute tensors of (hypotheses, views, rays, ...) in pieces, on the threads of the pool.
 
     Args:
+        function: returns the part of each tensor for a piece.
         shape: numbers of hypotheses, views and rays.
-        samples: of each ray.
+        samples: intervals of each ray, for the size of pieces.
     """
     count = min(_MOST, max(2, round(math.prod(shape) * samples / _SAMPLES)))
     pieces, whole = list(_split(shape[0], shape[2], count)), list[Tensor]()
@@ -33,7 +34,7 @@ def map_rays(function: Callable[[Piece], tuple[Tensor, ...]], shape: torch.Size,
 
 
 def cells_of(cells: Bool[Tensor, "hypotheses_or_one x y z"] | None, some: slice) -> Bool[Tensor, "some x y z"] | None:
-    """Return the cells of some hypotheses; cells of all objects are the same for each."""
+    """Return the cells of some hypotheses; a single grid is that of every hypothesis."""
     return cells if cells is None or len(cells) == 1 else cells[some]
 
 

@@ -1,4 +1,4 @@
-"""A fit's input (the job) and its constants: observations, known cameras, the objective and the scoring pixels."""
+"""The input of a fit (the job) and its constants: observations, known cameras, objective and scoring pixels."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -34,7 +34,7 @@ _VALIDATION_RAYS = 512  # per photo, not used by steps: for the uncertainty of a
 
 @dataclass(frozen=True, eq=False)
 class FitJob:
-    """Photos of one object to fit. Raises ``ValueError`` without photos, or if the resumed fit had another number."""
+    """Photos of one object to fit. Raises ``ValueError`` without photos, or if a resumed fit had more or fewer."""
 
     photos: tuple[Photo, ...]
     bank: ViewBank  # of the fitted model
@@ -84,12 +84,12 @@ class Problem:
 
     @property
     def unknown(self) -> Bool[Tensor, "views"]:
-        """Photos with unknown cameras."""
+        """Mark the photos with unknown cameras."""
         return torch.tensor([photo.camera is None for photo in self.photos])
 
     @property
     def free(self) -> Bool[Tensor, "views 8"]:
-        """Searched camera parameters; for a cropped photo also roll and shift.
+        """Mark the searched camera parameters; for a cropped photo also roll and shift.
 
         A scaled photo without known focal length has its scale searched instead of the distance.
         """
@@ -105,7 +105,7 @@ class Problem:
         return self.model.codes.shape_space, self.model.codes.texture_space
 
     def objective(self, robust_scale: float) -> Objective:
-        """Return the objective with this scale of the robust loss."""
+        """Return the objective with a scale of the robust loss (:attr:`Objective.robust_scale`)."""
         scale = torch.tensor([CAMERA_PRIOR_SCALE]).repeat(len(self.photos), 1)
         for prior, photo in zip(scale, self.photos, strict=True):
             if photo.cropped:
@@ -128,7 +128,10 @@ class Problem:
 
     @cached_property
     def expected_scale(self) -> Float[Tensor, "views directions"] | None:
-        """Log scale at which scaled photos show objects, for all directions."""
+        """Expected log scale of scaled photos for all viewing directions, 0 for other photos.
+
+        None without scaled photos or without a view bank.
+        """
         scaled = self.unknown & torch.tensor([photo.scaled and photo.focal is None for photo in self.photos])
         if self.bank is None or not bool(scaled.any()):
             return None
@@ -149,11 +152,11 @@ def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None
 
 
 def told_direction(model: Model, photo: Photo) -> tuple[float, float] | None:
-    """Return azimuth and elevation (rad) from a chair's 3D box; None for other models or a known camera."""
+    """Return azimuth and elevation (rad) from a chair's 3D box; None for other categories or a known camera."""
     return photo.direction if model.category == "chairs" and photo.camera is None else None
 
 
 def nominal_camera(photo: Photo, model: Model) -> Camera:
-    """Return a camera of the photo's size with the training images' focal length and distance."""
+    """Return a camera of the photo's size with the training images' field of view and distance, at angles 0."""
     height, width = photo.mask.shape
     return Camera(0.0, 0.0, model.distance, model.focal * height / model.image_size, width, height)

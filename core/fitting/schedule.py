@@ -1,4 +1,4 @@
-"""The schedule of a fit: numbers of hypotheses, rays and samples over its steps."""
+"""The schedule of a fit: numbers of hypotheses, steps, rays and samples of its stages."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -9,21 +9,21 @@ from core.fitting.settings import Components, FitSettings
 
 
 class Stage(NamedTuple):
-    """Steps between two prunings."""
+    """Steps with a constant number of hypotheses."""
 
-    hypotheses: int  # kept at the beginning
+    hypotheses: int  # largest number, to which the stage prunes at its beginning
     steps: int
     rays: int  # per photo and step
     samples: int  # along a ray
-    robust_scale: float  # see Objective; infinite while cameras are far off, since large errors then show the way
+    robust_scale: float  # see Objective; infinite while cameras are far off: then large errors lead to the minimum
     damping: float  # relative to the diagonal of the Gauss-Newton Hessian
 
 
 class Schedule(NamedTuple):
     """All stages of a search, in order."""
 
-    coarse: tuple[Stage, ...]  # from everywhere, to locate cameras; empty if all are known
-    local: tuple[Stage, ...]  # around the best of those cameras
+    coarse: tuple[Stage, ...]  # from cameras on all sides; empty if all cameras are known
+    local: tuple[Stage, ...]  # around the best cameras of the coarse stages
     final: Stage  # refines the best hypothesis
 
     @property
@@ -33,23 +33,23 @@ class Schedule(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """Maximum number of steps."""
+        """Largest number of steps: the last stage may end early."""
         return sum(stage.steps for stage in self.stages)
 
 
 def stage_numbers(stages: Sequence[Stage], first: int = 0) -> Iterator[int]:
-    """Yield for each step the number of its stage, from ``first`` on."""
+    """Yield the number of each step's stage; the first stage has number ``first``."""
     return chain.from_iterable(repeat(number, stage.steps) for number, stage in enumerate(stages, first))
 
 
 class _Row(NamedTuple):
-    """A stage; its steps, rays and samples are relative to the settings."""
+    """A stage relative to the settings."""
 
     keep: float  # fraction of the previous stage's hypotheses
-    limit: float  # maximum number of hypotheses
-    steps: int  # of _ALL_STEPS
-    rays: float
-    samples: float
+    limit: float  # largest number of hypotheses
+    steps: int  # out of _ALL_STEPS
+    rays: float  # fraction of the settings' rays
+    samples: float  # fraction of the settings' samples
     robust_scale: float
     damping: float
 
@@ -82,19 +82,22 @@ LOCAL_OFFSETS = (
     ),
     ((0.0, 0.0, 4), (13.0, 0.0, 1), (-13.0, 0.0, 1)),
 )
-"""Degrees of azimuth and elevation from the start cameras of the local search, and numbers of shapes: around the best
-basin's camera, and the next one's. Thirteen degrees correct a coarse search that has converged beside its best."""
+"""Start cameras of the local search around the camera of the best basin, and around that of the next.
+
+Degrees of azimuth and elevation from that camera, and the number of shapes there. Thirteen degrees correct a coarse
+search that converged beside the best camera."""
 LOCAL_HYPOTHESES = sum(shapes for offsets in LOCAL_OFFSETS for *_, shapes in offsets)
-"""of the local search, if the model has enough shapes"""
+"""Number of hypotheses in the local search, if the view bank has enough prototypes."""
 _SHAPES = 6  # hypotheses if every camera is known: initial shapes
 
 
 def build_schedule(settings: FitSettings, components: Components, unknown: bool, resumed: bool = False) -> Schedule:
     """Return the stages of a fit.
 
-    An ``unknown`` camera adds a coarse search from many cameras, whose codes are discarded: codes fitted under a wrong
-    camera do not recover. A ``resumed`` fit has only the final stage, for all steps, so that early stages do not spoil
-    its hypothesis.
+    Args:
+        unknown: some camera is unknown. Adds a coarse search from many cameras, whose codes are discarded: codes fitted
+            under a wrong camera do not recover.
+        resumed: has only the final stage, for all steps: early stages would spoil the hypothesis.
     """
     coarse: tuple[Stage, ...] = ()
     count = min(settings.hypotheses, _SHAPES)

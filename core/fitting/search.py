@@ -35,7 +35,7 @@ _WINDOW = 4  # steps of the refinement averaged for a score, as single steps ove
 _MIN_SAMPLES_FOR_CELLS, _SAMPLES_BETWEEN_UPDATES = 60_000, 100_000
 """Compute a shape's cells only if it will be sampled this often; recompute them after so many samples."""
 _MIN_IMPROVEMENT = 0.01
-"""The refinement ends when two successive means do not improve the best earlier one by this fraction."""
+"""The refinement ends when two successive scores do not improve the best earlier score by this fraction."""
 RESTART_BELOW = 0.92  # confidence of a camera below which the search restarts; belongs to CALIBRATION
 
 
@@ -161,7 +161,7 @@ def is_doubtful(result: SearchResult) -> bool:
 def better_of(problem: Problem, first: SearchResult, second: SearchResult) -> SearchResult:
     """Return the better of two searches.
 
-    The margin is the smaller of both if they agree on the camera, else at most the margin over the other.
+    If they agree on the camera, the margin is the smaller of the two; else it is at most the margin over the worse one.
     """
     best, worse = sorted((first, second), key=lambda result: float(result.winner.loss))
     other = with_runner_up(problem, best.winner, worse.winner)

@@ -9,17 +9,18 @@ class FitSettings:
     """The budget of a fit. Raises ``ValueError`` for unusable values."""
 
     hypotheses: int = 28
-    """initial cameras for every photo without one, limited by the view bank; also the maximum number of hypotheses of
-    the local search, and of shapes if all cameras are known"""
+    """Initial cameras for every photo without a camera, limited by the view bank. Also an upper limit of hypotheses in
+    the local search, and of shapes if all cameras are known."""
     steps: int = 82  # of all stages but the coarse search
     rays: int = 1024  # per photo and step of the refinement; earlier stages with many hypotheses use fewer
     samples: int = 64
-    """along a ray through a box of one scene unit during the refinement; fewer in smaller boxes and earlier stages"""
+    """Intervals along a ray in the refinement, for a box with sides of one scene unit; smaller boxes and earlier stages
+    have fewer."""
     code_prior: float = 1e-5
-    """of a squared standard deviation of a code, relative to a pixel's squared error (Eq. 5's 1 / nu^2)"""
+    """weight of a code's squared standard deviations, relative to a pixel's squared error (Eq. 5's 1 / nu^2)"""
     max_restarts: int = 1  # further searches while the single unknown camera is in doubt; the best result is kept
     estimate_focal: bool = False
-    """also search the focal length of unknown cameras, from half as many hypotheses again; else use the model's"""
+    """search the focal length of unknown cameras too, with 1.5 times the hypotheses; else use the model's"""
 
     def __post_init__(self) -> None:
         counts = min(self.hypotheses, self.steps, self.rays, self.samples - 1, self.max_restarts + 1)
@@ -27,7 +28,7 @@ class FitSettings:
             raise ValueError(f"no fit has these settings: {self}")
 
     def for_box(self, extent: tuple[float, float, float]) -> "FitSettings":
-        """Return the settings with equally long intervals in a box of this half size, by its mean chord."""
+        """Return the settings with the number of samples for the mean chord of a box of half size ``extent``."""
         x, y, z = (2 * half for half in extent)
         chord = 3 * x * y * z / (x * y + y * z + z * x)  # relative to a unit cube's
         return replace(self, samples=max(2, round(self.samples * chord)))
@@ -37,7 +38,7 @@ class FitSettings:
 class PaperSettings(FitSettings):
     """The paper's own recipe (:mod:`core.fitting.paper`).
 
-    Section 3.3 says 299 steps and 64 samples. The authors use all pixels at every step; the number here gives the same
+    Section 3.3 has 299 steps and 64 samples. The authors use all pixels at every step; 512 random ones give the same
     gradient on average.
     """
 
@@ -58,7 +59,7 @@ PRESETS: dict[str, FitSettings] = {
     "normal": FitSettings(),
     "fine": FitSettings(hypotheses=40, steps=123, rays=1536),
     "paper": PaperSettings(),
-}  # by cost, and the paper's
+}  # by cost, then the paper's
 
 
 @dataclass(frozen=True)
@@ -66,16 +67,15 @@ class Components:
     """Components of a fit that an ablation can switch off."""
 
     view_bank: bool = True  # start from the best matching cameras of the view bank, else from random ones
-    prototype_shapes: bool = True
-    """start from the view bank's shapes most similar to the photo, else from the mean shape"""
+    prototype_shapes: bool = True  # start from the view bank's best matching shapes, else from the mean shape
     viewpoint_classifier: bool = True  # weight cameras by the viewpoint classifier
     distinct_basins: bool = True  # keep the best hypothesis of each basin before a second one of any
     fresh_codes: bool = True
-    """start the local search with fresh codes around the best cameras, else continue with the fitted codes"""
+    """start the local search around the best cameras with new codes, else continue the coarse hypotheses"""
     early_stopping: bool = True  # end the refinement at convergence
     robust_loss: bool = True  # Cauchy's loss in the last stages, else squared errors throughout
-    mask_loss: bool = True
-    camera_prior: bool = True
+    mask_loss: bool = True  # include the term of opacity errors
+    camera_prior: bool = True  # include the camera prior
 
 
 ALL_COMPONENTS = Components()

@@ -15,7 +15,7 @@ from core.models.codes import Codes
 
 
 class RunnerUp(NamedTuple):
-    """The best hypothesis of another basin than the result's, mostly from the opposite side."""
+    """The best hypothesis outside the result's basin, mostly the opposite view."""
 
     cameras: tuple[Camera, ...]
     loss: float  # on the same pixels as the result's
@@ -23,10 +23,10 @@ class RunnerUp(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FitStep:
-    """The state of a fit after a step, by its leading hypothesis. The last one is the result."""
+    """The state of a fit after a step, with its leading hypothesis. The last step holds the result."""
 
     step: int
-    steps: int  # expected total
+    steps: int  # expected total; a restart raises it
     origin: int  # number of the initial hypothesis it comes from
     loss: float  # for ranking: the objective of some rays, smoothed over steps and weighted by the viewpoint classifier
     psnr: float
@@ -37,23 +37,23 @@ class FitStep:
     active: int = 1  # number of optimised hypotheses
     restart: bool = False  # part of a later search, after an earlier one left its camera in doubt
     runner_up: RunnerUp | None = None
-    """for one searched camera, once its hypotheses are sorted; not in the paper's recipe"""
+    """if a single camera is unknown, from the refinement on; never in the paper's recipe"""
     margin: float | None = None
-    """log ratio of the runner-up's loss to the leader's, both optimised equally long (the smaller of two agreeing
-    searches); comes with the runner-up, except in a resumed fit"""
-    uncertainty: float | None = None  # degrees, of the camera within its basin; comes with the runner-up, at the end
+    """Log ratio of the runner-up's loss to the leader's, both optimised equally long; after two agreeing searches, the
+    smaller of the two. None without runner-up, and in a resumed fit."""
+    uncertainty: float | None = None  # degrees, of the camera within its basin; at the end of a search with runner-up
     hypotheses: tuple[Hypothesis, ...] = ()
-    """the leader, then the others by loss, without diverged ones; with several unknown cameras, for the photos of the
-    current search, as each camera first has its own"""
+    """The leader, then the others by loss, without diverged ones. While each of several unknown cameras has a search of
+    its own, they are for the photos of that search."""
 
     category_likelihood: float = 1.0  # probability that the photos show the model's category
-    mask_confidence: float = 1.0  # probability that all masks are the object
+    mask_confidence: float = 1.0  # probability that all masks are right
     stage: int = 0  # number of the stage, counted through all searches
-    witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box
+    witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box (:func:`witness_odds`)
 
     @property
     def confidence(self) -> float | None:
-        """Probability that the cameras are right, 0..1; None if unknown."""
+        """Probability that the camera is right, 0..1; None without margin or uncertainty."""
         if self.margin is None or self.uncertainty is None:
             return None
         at_all = plausible(self.category_likelihood, self.mask_confidence, self.psnr)
@@ -68,12 +68,16 @@ class SearchState(NamedTuple):
     stage: int
     batch: HypothesisBatch  # the optimised hypotheses
     result: SearchResult | None = None  # its winner leads, once it exists
-    restart: bool = False
+    restart: bool = False  # see FitStep
     restart_follows: bool = False
-    finished: bool = False  # the search has ended, though another may follow
+    finished: bool = False  # the search has ended; another one may follow
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
-        """Return the step of the stream that shows this state."""
+        """Return this state as a step of the stream.
+
+        Args:
+            step, steps, seconds: see :class:`FitStep`.
+        """
         leading = self.result.winner if self.result else self.batch.best
         hypotheses = self._ranked()
         first, runner_up = hypotheses[0], self.result and self.result.runner_up
@@ -98,7 +102,7 @@ class SearchState(NamedTuple):
         return replace(shown, runner_up=other, margin=self.result.margin, uncertainty=self.result.uncertainty)
 
     def _ranked(self) -> tuple[Hypothesis, ...]:
-        """Return the leader, then the others."""
+        """Return the leader, then the others, as :attr:`FitStep.hypotheses`."""
         result, batch = self.result, self.batch
         batches = [batch]
         if result and batch is result.winner:
