@@ -232,26 +232,16 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     meshes.add_argument(
         "--variants", type=int, default=0, metavar="N", help="additional deformed, recoloured variants of each"
     )
-    procedural = add_command(
-        kinds, "procedural", "train.dataset_procedural", "render objects of the built-in generator"
-    )
-    procedural.add_argument("--count", type=count, required=True, metavar="N", help="objects")
-    recombined = add_command(
-        kinds, "recombined", "train.dataset_recombined", "render chairs made of halves of the meshes of a folder"
-    )
-    recombined.add_argument("folder", type=Path, metavar="DIR")
-    recombined.add_argument("--count", type=count, required=True, metavar="N", help="objects")
-    recombined.add_argument("--views", type=count, default=10, help="per object")
     pairs = add_command(
         kinds, "pairs", "train.dataset_pairs", "render trained and untrained pairs for evaluate --disentanglement"
     )
-    pairs.add_argument("--count", type=count, required=True, metavar="N", help="objects of the training dataset")
-    pairs.add_argument("--tables", type=count, default=4, metavar="T", help="tables of four shapes x four textures")
+    pairs.add_argument("folder", type=Path, metavar="DIR")
+    pairs.add_argument("--variants", type=count, default=3, metavar="N", help="as for the training dataset")
+    pairs.add_argument("--meshes", type=count, default=4, metavar="N", help="training meshes, evenly spaced")
     pairs.add_argument("--views", type=count, default=24, help="per object")
-    for command in (meshes, procedural):
-        command.add_argument("--split", choices=SPLITS, default="train", help="split that the objects belong to")
-        command.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
-    for command in (meshes, procedural, recombined, pairs):
+    meshes.add_argument("--split", choices=SPLITS, default="train", help="split that the objects belong to")
+    meshes.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
+    for command in (meshes, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
         command.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
@@ -312,7 +302,10 @@ def _add_train_parts(commands: argparse._SubParsersAction) -> None:
     )
     add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
-    command.add_argument("--objects", type=count, default=600, metavar="N", help="generated training objects to use")
+    command.add_argument(
+        "--labels", required=True, metavar="MODEL", help="a model with a part head, trained on some of the same objects"
+    )
+    command.add_argument("--objects", type=count, default=200, metavar="N", help="common objects to use")
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:

@@ -11,9 +11,7 @@ from tqdm import tqdm
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress
 from core.lab.datasets.categories import Split
-from core.lab.datasets.glb_objects import mesh_tasks
-from core.lab.datasets.procedural.table import disentanglement_pairs, procedural_table, procedural_tasks
-from core.lab.datasets.recombined import recombined_tasks
+from core.lab.datasets.glb_objects import mesh_tasks, pair_tasks
 from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import Dataset, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
@@ -40,23 +38,9 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     _render(chosen, mesh_tasks(chosen.folder, chosen.category, chosen.split, chosen.variants), chosen.split)
 
 
-def dataset_procedural(chosen: argparse.Namespace) -> None:
-    """Run ``dataset procedural``: render generated objects into SRN folders."""
-    objects = procedural_table(chosen.category, chosen.count, chosen.split)
-    _render(chosen, procedural_tasks(objects), chosen.split)
-
-
-def dataset_recombined(chosen: argparse.Namespace) -> None:
-    """Run ``dataset recombined``: render chairs made of one mesh's legs and another's seat."""
-    if chosen.category != "chairs":
-        raise ValueError(f"only chairs can be recombined, not {chosen.category}")
-    _render(chosen, recombined_tasks(chosen.folder, chosen.count), "train")
-
-
 def dataset_pairs(chosen: argparse.Namespace) -> None:
     """Run ``dataset pairs``: render trained and untrained pairs for ``evaluate --disentanglement``."""
-    objects = disentanglement_pairs(chosen.category, chosen.count, chosen.tables)
-    _render(chosen, procedural_tasks(objects), "test")
+    _render(chosen, pair_tasks(chosen.folder, chosen.category, chosen.variants, chosen.meshes), "test")
 
 
 def _render(chosen: argparse.Namespace, tasks: Sequence[RenderTask], split: Split) -> None:
@@ -114,16 +98,17 @@ def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
 
 
 def train_part_head(chosen: argparse.Namespace) -> None:
-    """Run ``train-parts``: train a part head on generated objects that the model knows."""
+    """Run ``train-parts``: train a part head by that of another model."""
     require_writable(chosen.out)
-    model = load_model(chosen.model)
-    places = list(tqdm(labelled_places(model, chosen.objects), desc="parts", unit="object", disable=None))
-    tested = places[::_VALIDATION_STRIDE]
-    trial = fit_part_head(model, [one for index, one in enumerate(places) if index % _VALIDATION_STRIDE] or places)
+    model, teacher = load_model(chosen.model), load_model(chosen.labels)
+    places = list(tqdm(labelled_places(model, teacher, chosen.objects), desc="parts", unit="object", disable=None))
+    assert teacher.part_head
+    names, tested = teacher.part_head.names, places[::_VALIDATION_STRIDE]
+    trial = fit_part_head(names, [one for index, one in enumerate(places) if index % _VALIDATION_STRIDE] or places)
     features, part = (torch.cat(values) for values in zip(*tested, strict=True))
     share = 100 * float((trial(features).argmax(1) == part).float().mean())
-    replace(model, part_head=fit_part_head(model, places)).save(chosen.out)
-    print(f"{', '.join(trial.names)}: {share:.1f} % of the surface of {len(tested)} held-out objects")
+    replace(model, part_head=fit_part_head(names, places)).save(chosen.out)
+    print(f"{', '.join(names)}: {share:.1f} % of the surface of {len(tested)} held-out objects")
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:

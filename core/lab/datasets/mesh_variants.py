@@ -1,5 +1,6 @@
 """Variants of a mesh with other proportions and colours, each a separate identity."""
 
+import colorsys
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -9,7 +10,6 @@ from jaxtyping import Float
 from PIL import Image
 from scipy.cluster.vq import kmeans2
 
-from core.lab.datasets.procedural.paint import any_colour
 from core.lab.datasets.rasteriser import Surface
 
 _COLOURS = 6  # largest number of colour groups, taken as the parts of a mesh
@@ -78,7 +78,7 @@ def _recolouring(surfaces: Sequence[Surface], generator: np.random.Generator) ->
         bright, dull = centres[index].max(), centres[index].min()
         vivid = bright > 0.22 and bright - dull > 0.25 * bright
         if index == sizes.argmax() or generator.random() < (0.6 if vivid else 0.2):
-            targets[index] = any_colour(generator)
+            targets[index] = _any_colour(generator)
 
     def recolour(colours: Float[np.ndarray, "*colours 3"]) -> Float[np.ndarray, "*colours 3"]:
         nearest = np.stack([((colours - centre) ** 2).sum(-1) for centre in centres]).argmin(0)
@@ -115,6 +115,14 @@ def _repainted(surface: Surface, recolour: Recolouring) -> Surface:
     fresh = recolour(texels[..., :3] / 255.0 * surface.colours[0])
     texture = np.concatenate((np.round(fresh * 255).astype(np.uint8), texels[..., 3:]), -1)
     return replace(surface, colours=np.ones_like(surface.colours), texture=texture)
+
+
+def _any_colour(generator: np.random.Generator) -> Float[np.ndarray, "3"]:
+    """Sample a household colour: grey, pastel, deep or vivid."""
+    kind = generator.integers(4)
+    saturation = generator.uniform((0.0, 0.15, 0.45, 0.65), (0.08, 0.35, 0.8, 0.95))[kind]
+    value = generator.uniform((0.12, 0.7, 0.2, 0.6), (0.95, 0.95, 0.5, 0.95))[kind]
+    return np.array(colorsys.hsv_to_rgb(generator.random(), saturation, value))
 
 
 def _generator(name: str, kind: int, index: int) -> np.random.Generator:

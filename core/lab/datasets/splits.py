@@ -36,11 +36,6 @@ def held_out_meshes(category: str) -> dict[Split, frozenset[str]]:
     return {split: frozenset(lists[split].get(category, ())) for split in held}
 
 
-def first_seed(split: Split) -> int:
-    """Return the first seed of a split's procedural shapes and textures."""
-    return int(json.loads(_HELD_OUT.read_text())["procedural_first_seed"][split])
-
-
 def split_cameras(split: Split, count: int, name: str, category: str, size: int) -> tuple[Camera, ...]:
     """Return SRN's cameras of a split. Training views depend only on the object's name."""
     distance = category_sizes(category).distance

@@ -26,6 +26,7 @@ from core.photos.detector import Detection
 from core.photos.photo import Photo
 from core.photos.segmentation import Hints
 from core.rendering.direction_words import direction_words
+from tests.core.lab.datasets.test_glb_objects import write_folder
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model
 
@@ -223,8 +224,9 @@ def test_wrong_input_is_said_in_one_line(words: str, says: str, file: str, capsy
 
 @pytest.mark.usefixtures("rasteriser")
 def test_dataset_train_and_render_from_nothing():
-    """Objects of the generator become a dataset, the dataset a model, the model an image; and training resumes."""
-    run("dataset procedural --category chairs --count 2 --views 6 --size 24 --out d")
+    """Meshes become a dataset, the dataset a model; and training resumes."""
+    write_folder(Path(), ["one", "two"])
+    run("dataset meshes . --category chairs --views 6 --size 24 --out d")
     objects = read_dataset(Path("d")).objects
     assert len(objects) == 2
     run("train d --width 16 --latent 4 4 --out m.safetensors --steps 8")
@@ -249,7 +251,7 @@ def test_dataset_train_and_render_from_nothing():
 
 
 def test_train_parts_adds_a_part_head(capsys):
-    run("train-parts --model cars --objects 2 --out parts.safetensors")
+    run("train-parts --model cars --labels cars --objects 2 --out parts.safetensors")
     assert "body, wheels, glass: " in capsys.readouterr().out
     found = load_model("parts.safetensors")
     assert found.fingerprint == load_model("cars").fingerprint

@@ -20,7 +20,7 @@ assert "torch" not in sys.modules and "numpy" not in sys.modules
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     words = done.stdout.replace("|", " ").replace(",", " ").split()
-    for word in ("--estimate-focal", "--init", "ablations", "--tables", ".frames", "paper", "M1", "boats", "64", "96"):
+    for word in ("--estimate-focal", "--init", "ablations", "--meshes", ".frames", "paper", "M1", "boats", "64", "96"):
         assert any(word in found for found in words), word
 
 

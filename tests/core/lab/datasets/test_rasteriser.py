@@ -1,19 +1,20 @@
 """The rasteriser draws where core.geometry.rays looks, covers what it should, and lights plausibly."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
-from core.lab.datasets.procedural.solids import slab, surface
 from core.lab.datasets.rasteriser import DAYLIGHT, Rasteriser, Surface
 
 SIZE = 64
 DARK = np.tile(np.array([0, 0, 0, 255], np.uint8), (2, 2, 1))
-GREY = np.tile(np.array([128, 128, 128, 255], np.uint8), (2, 2, 1))
+GREY = 128 / 255
 
 
 def camera(azimuth: float, elevation: float, distance: float = 1.3) -> Camera:
@@ -25,6 +26,10 @@ def dot(place: np.ndarray, radius: float) -> Surface:
     vertices = np.concatenate((np.eye(3), -np.eye(3))) * radius + place
     faces = np.array([(a, b, c) for a in (0, 3) for b in (1, 4) for c in (2, 5)])
     return Surface(vertices, np.zeros((6, 3)), faces, np.zeros((6, 3)))
+
+
+def grey(mesh: trimesh.Trimesh) -> Surface:
+    return Surface(mesh.vertices, mesh.vertex_normals, np.asarray(mesh.faces), np.full(mesh.vertices.shape, GREY))
 
 
 @pytest.mark.parametrize("azimuth", [-2.5, 0.0, math.pi / 2, 2.0])
@@ -78,10 +83,10 @@ def test_near_hides_far(rasteriser: Rasteriser) -> None:
 
 def test_both_sides_of_a_face_are_lit(rasteriser: Rasteriser) -> None:
     """Which way round a triangle is listed makes no difference, smooth normals or none."""
-    box = surface([slab(0.3, 0.3, 0.3, 0.05, 0.05)], GREY, 1.0)
+    one = grey(trimesh.creation.icosphere(2, 0.2))
     images = []
-    for faces, normals in ((box.faces, box.normals), (box.faces[:, ::-1], box.normals), (box.faces, -box.normals)):
-        rasteriser.upload([Surface(box.vertices, normals, faces, box.colours, box.uvs, box.texture)])
+    for faces, normals in ((one.faces, one.normals), (one.faces[:, ::-1], one.normals), (one.faces, -one.normals)):
+        rasteriser.upload([replace(one, faces=faces, normals=normals)])
         images.append(rasteriser.render(camera(0.7, 0.5))[0].astype(int))
     assert np.abs(images[0] - images[1]).max() <= 1
     assert np.abs(images[0] - images[2]).max() <= 1
@@ -94,12 +99,14 @@ def expected(normal: np.ndarray) -> float:
     back = np.array([0.2, -1.0, 0.2]) / np.linalg.norm((0.2, -1.0, 0.2))
     for towards, most in zip((DAYLIGHT["key"], DAYLIGHT["fill"], back), DAYLIGHT["powers"], strict=True):
         power += most * max(float(normal @ towards), 0.0)
-    linear = min(((128 / 255 + 0.055) / 1.055) ** 2.4 * power, 1.0)
+    linear = min(((GREY + 0.055) / 1.055) ** 2.4 * power, 1.0)
     return 255 * (1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def test_a_face_has_the_colour_of_the_formula(rasteriser: Rasteriser) -> None:
-    rasteriser.upload([surface([slab(0.3, 0.3, 0.3, 0.001, 0.001)], GREY, 1.0)])
+    box = trimesh.creation.box((0.3, 0.3, 0.3))
+    box.unmerge_vertices()
+    rasteriser.upload([grey(box)])
     faces = [(a, 0.0) for a in (0, math.pi / 2, math.pi, -math.pi / 2)] + [(0.0, math.pi / 2), (0.0, -math.pi / 2)]
     for azimuth, elevation in faces:
         c = math.cos(elevation)

@@ -1,1 +1,0 @@
-"""Procedural objects: shapes and textures from seeds."""
