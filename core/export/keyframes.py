@@ -148,16 +148,6 @@ class Timeline:
         step = self.length / count if self.loop else self.length / max(1, count - 1)
         return [self.at(index * step) for index in range(count)]
 
-    def loop_error(self, rate: float = 24.0) -> float:
-        """Return the step from the last frame to the first, relative to the longest step between other frames.
-
-        Compares camera positions and code values; at most about 1 for a loop without a jump.
-        """
-        several = len({key.view.codes.model for key in self.keys}) > 1  # cuts are no jumps; codes are incomparable
-        rows = np.stack([_comparable_row(view, with_codes=not several) for view in self.views(rate)])
-        longest = np.linalg.norm(np.diff(rows, axis=0), axis=1).max(initial=0.0)
-        return float(np.linalg.norm(rows[0] - rows[-1]) / max(longest, 1e-9))
-
     @property
     def _first(self) -> View:
         if not self.keys:
@@ -248,10 +238,3 @@ def _camera_row(camera: Camera) -> Float64[np.ndarray, "4"]:
 
 def _codes_row(codes: Codes) -> Float64[np.ndarray, "numbers"]:
     return np.concatenate([code.double().cpu().numpy() for code in (codes.shape, codes.texture)])
-
-
-def _comparable_row(view: View, with_codes: bool) -> Float64[np.ndarray, "numbers"]:
-    """Return a view as numbers that are close for similar renders: the azimuth as a point on the circle."""
-    row = _camera_row(view.camera)
-    place = np.array([math.cos(row[0]), math.sin(row[0]), *row[1:]])
-    return np.concatenate([place, _codes_row(view.codes)]) if with_codes else place

@@ -126,8 +126,7 @@ def normal_equations(
 ) -> NormalEquations:
     """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`."""
     terms = [term(pixels, objective) for term in objective.terms]
-    with_depth = any(term.needs_depth for term in terms)
-    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, with_depth)
+    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells)
     value, gradient, hessian = (torch.zeros(len(jacobian), *[jacobian.shape[-1]] * axes) for axes in range(3))
     for term in terms:
         value += _add_term(term, parameters, rendered, jacobian, gradient, hessian)
@@ -170,7 +169,6 @@ def _render(
     jitter: Float[Tensor, "views all_rays"] | None,
     stage: Stage,
     cells: Bool[Tensor, "hypotheses x y z"] | None,
-    with_depth: bool,
 ) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
     """Render the pixels; return them with the jacobian of their channels with respect to all parameters."""
     shapes, textures = model.codes.shape_space, model.codes.texture_space
@@ -189,9 +187,7 @@ def _render(
     def render(piece: Piece) -> tuple[Tensor, Tensor]:
         shape_bias, texture_bias, *along = (part[piece[0]] for part in (*biases, *entries))
         of_codes, own = BiasJacobians(*along), cells_of(cells, piece[0])
-        seen = render_with_jacobian(
-            model, rays[piece], stage.samples, kept, shape_bias, texture_bias, of_codes, own, with_depth
-        )
+        seen = render_with_jacobian(model, rays[piece], stage.samples, kept, shape_bias, texture_bias, of_codes, own)
         along_cameras = torch.cat((seen.origin, seen.direction), -1) @ moves[piece]
         return seen.channels.cpu(), torch.cat((along_cameras, seen.codes), -1).cpu()
 

@@ -49,11 +49,6 @@ class RenderedPixels(NamedTuple):
         """Opacity, 0..1."""
         return self.channels[..., 3]
 
-    @property
-    def depth(self) -> Float[Tensor, "hypotheses views rays"]:
-        """Depth along the ray (scene units) times opacity; only for terms with :attr:`Term.needs_depth`."""
-        return self.channels[..., 4]
-
 
 class Term(NamedTuple):
     """A loss term: the sum over its items of weight times kernel of the squared error."""
@@ -64,7 +59,6 @@ class Term(NamedTuple):
     """
     weight: Float[Tensor, "*#items"] | float
     kernel: Kernel = torch.positive  # the identity: least squares
-    needs_depth: bool = False  # reads :attr:`RenderedPixels.depth`, which makes steps slower
 
 
 def term_value(term: Term, residual: Float[Tensor, "hypotheses *items components"]) -> Float[Tensor, "hypotheses"]:
@@ -157,18 +151,16 @@ def evaluate_objective(
     pixels: PixelBatch,
     samples: int,
     objective: Objective,
-    jitter: Float[Tensor, "views all_rays"] | None = None,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> ObjectiveValue:
     """Evaluate the objective (Eq. 5 with robust errors, a mask and priors) on some pixels; differentiable.
 
     Args:
         samples: intervals of each ray.
-        jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
         cells: cells that each shape may occupy; None: ``model.occupied_cells``.
     """
     codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
-    rendered = _render(model, parameters, codes, pixels, samples, jitter, cells)
+    rendered = _render(model, parameters, codes, pixels, samples, None, cells)
     terms = [term(pixels, objective) for term in objective.terms]
     values = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms])
     return ObjectiveValue(values, image_squared_error(rendered, pixels, objective.occluder_scale).detach())

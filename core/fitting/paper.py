@@ -50,7 +50,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             with torch.no_grad():
                 found = paper_objective(model, one.parameters, scoring, settings.samples, settings.code_prior, None)
             best = min(best, _with_loss(one, found), key=lambda one: float(one.loss))
-        shown = one if step < settings.steps else best
+        shown = one if step < settings.steps and bool(one.loss.isfinite().all()) else best
         (first,) = to_hypotheses(model, shown.best, cameras, spaces)
         yield FitStep(
             step,

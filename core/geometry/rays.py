@@ -88,14 +88,6 @@ def midpoints(edges: Float[Tensor, "*batch samples_and_one"]) -> Float[Tensor, "
     return (edges[..., 1:] + edges[..., :-1]) / 2
 
 
-def stratified(
-    edges: Float[Tensor, "*batch samples_and_one"], generator: torch.Generator
-) -> Float[Tensor, "*batch samples"]:
-    """Return a uniformly random depth in every interval (stratified sampling)."""
-    fractions = torch.rand(edges[..., 1:].shape, generator=generator, device=edges.device)
-    return torch.lerp(edges[..., :-1], edges[..., 1:], fractions)
-
-
 def ray_points(rays: Rays, depths: Float[Tensor, "*batch samples"]) -> Float[Tensor, "*batch samples 3"]:
     """Return world points at ``depths``, in scene units along the rays."""
     return rays.origins[..., None, :] + depths[..., None] * rays.directions[..., None, :]

@@ -104,11 +104,6 @@ class CodeSpace:
         """Change of a code per standard deviation of each coordinate."""
         return self.std[:, None] * self.directions
 
-    def one_deviation(self, way: Float[Tensor, "latent"]) -> Float[Tensor, "latent"]:
-        """Return the step of one standard deviation along a direction of any length; zero if the codes never vary."""
-        unit = torch.nn.functional.normalize(way, dim=0)
-        return (self.basis @ unit).norm() * unit
-
     def distance(
         self, code: Float[Tensor, "*batch latent"], start: Float[Tensor, "*#batch latent"] | None = None
     ) -> Float[Tensor, "*batch"]:
@@ -117,11 +112,6 @@ class CodeSpace:
         ``start`` is the mean by default; the mean square distance of the trained codes from it is 1.
         """
         return self.coordinates(code if start is None else code - start + self.mean).square().mean(-1).sqrt()
-
-    @property
-    def explained_variance(self) -> Float[Tensor, "rank"]:
-        """Fraction of the codes' variance along each direction."""
-        return self.std**2 / (self.std**2).sum()
 
 
 class Entry(NamedTuple):
@@ -187,18 +177,6 @@ class CodeBook:
         """The mean shape with the mean texture, where the paper's fit begins."""
         return Codes(self.shape_space.mean, self.texture_space.mean, model=self.model)
 
-    def nearest_shape(self, code: Float[Tensor, "shape_latent"]) -> int:
-        """Return the valid object with the nearest shape by :meth:`CodeSpace.distance`.
-
-        Raises ``ValueError`` if the book has no valid object.
-        """
-        return self._nearest(self.shape_space, self.shapes, [self.objects[index].shape for index in self.valid], code)
-
-    def nearest_texture(self, code: Float[Tensor, "texture_latent"]) -> int:
-        """Return the valid object with the nearest texture, like :meth:`nearest_shape`."""
-        rows = [self.objects[index].texture for index in self.valid]
-        return self._nearest(self.texture_space, self.textures, rows, code)
-
     def sample(self, generator: torch.Generator) -> Codes:
         """Sample a pair of codes from normal distributions with the mean and variance of the two code spaces."""
         shape, texture = (
@@ -206,14 +184,6 @@ class CodeBook:
             for space in (self.shape_space, self.texture_space)
         )
         return Codes(shape, texture, model=self.model)
-
-    def _nearest(
-        self, space: CodeSpace, codes: Float[Tensor, "rows latent"], rows: list[int], code: Float[Tensor, "latent"]
-    ) -> int:
-        """Return the nearest valid object; ``rows`` holds the row in ``codes`` of each valid object."""
-        if not rows:
-            raise ValueError("the book has no objects to compare with")
-        return self.valid[int(space.distance(codes[rows], code).argmin())]
 
     def _valid_rows(self, codes: Float[Tensor, "rows latent"], rows: list[int]) -> Float[Tensor, "some latent"]:
         """Return the rows except those used by collapsed objects alone."""

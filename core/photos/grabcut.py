@@ -34,7 +34,7 @@ def grabcut(
     if not np.isin(marks, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
         raise ValueError("no object found: the strokes removed all of it")
     if not np.isin(marks, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
-        raise NoBackgroundError("the box covers the whole image: leave some background outside")
+        raise NoBackgroundError("the strokes add the whole image to the object: leave some background")
     cv2.setRNGSeed(0)
     memory = np.zeros((1, 65)), np.zeros((1, 65))
     decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _ROUNDS, cv2.GC_INIT_WITH_MASK)

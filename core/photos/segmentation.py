@@ -21,7 +21,6 @@ MIN_SIDE = 8  # px: images with a shorter side are not fitted
 _MIN_OBJECT_PIXELS = 12  # px: smaller objects are not fitted
 _PIECE, _SPECK = 0.2, 0.01  # relative to the largest piece: pieces always kept, and pieces kept near it
 _NEAR = 0.1  # distance of kept specks, relative to the largest piece's size
-_FAINT = 0.1  # opacities further than this from 0 and 1 are undecided
 _SAME = 0.97  # intersection over union from which two masks count as equal
 _CORNERS = 0.03  # largest fraction of an image cut off by rounded corners
 _FILLED = 0.98  # an object that fills so much of its box may be a photo in a frame
@@ -39,10 +38,8 @@ class CutOut:
     pixels: Float[np.ndarray, "height width 3"]  # 0..1, on white
     mask: Bool[np.ndarray, "height width"]
     white: bool  # the background was white or transparent, as in training images
-    opacity: Float[np.ndarray, "height width"]
-    """0..1, of the object; the mask is its part above the threshold, a half unless hints change it"""
+    opacity: Float[np.ndarray, "height width"]  # 0..1, of the object; the mask is its part above a half
     edge_error: float = 0.0  # px, uncertainty of the edges
-    undecided: float = 0.0  # undecided fraction of the object's area
     found_by: str = ""
     confidence: float = 1.0  # probability that the mask is the whole object and little else
     others: tuple["CutOut", ...] = ()  # alternative masks, the likeliest first
@@ -73,7 +70,6 @@ class Hints:
 
     box: Box | None = None  # contains the object
     strokes: tuple[Stroke, ...] = ()
-    threshold: float = _THRESHOLD  # opacity, 0..1, from which a pixel belongs to the object
     points: tuple[tuple[float, float], ...] = ()  # fractions of width and height, each on the object or a part of it
     choice: int = 0  # index among the masks found, the likeliest first
     object: int = 0  # index among the detected objects, the most prominent first
@@ -81,8 +77,6 @@ class Hints:
     def __post_init__(self) -> None:
         if min(self.choice, self.object) < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
             raise ValueError("there is no such mask or object, or a point is outside the image")
-        if not 0 < self.threshold < 1:
-            raise ValueError("the threshold of a cut-out is between 0 and 1")
         if self.box is not None:
             left, top, right, bottom = self.box
             if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
@@ -134,7 +128,7 @@ def _cut_out(
         return _in_boxes(rgb, boxes, hints)
     colours = np.asarray(rgb, np.float32) / 255
     if _is_cut_out(alpha < 0.5):
-        return _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True), hints.threshold)
+        return _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True))
     plain = _plain_background(colours, found)
     if plain is None:
         return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints)
@@ -181,11 +175,11 @@ def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
         opacity = np.max([one.candidate.opacity for one in ranked], axis=0)
         whole = replace(ranked[0].candidate, opacity=opacity, certain=hints.box is not None)
         with suppress(ValueError):  # the whole image, or almost nothing
-            cut = _on_white(colours, whole, hints.threshold, min(one.confidence for one in ranked))
+            cut = _on_white(colours, whole, min(one.confidence for one in ranked))
             if all(mask_overlap(cut.mask, other.mask) < _SAME for other in cuts):
                 cuts.append(cut)
     if not cuts:
-        cuts = [_on_white(colours, by_place(rgb, boxes), confidence=0.0)]
+        cuts = [_on_white(colours, by_place(rgb, boxes), 0.0)]
     chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
     return replace(chosen, others=tuple(cuts))
 
@@ -206,15 +200,10 @@ def _box_at(rgb: Image.Image, point: tuple[float, float], found: tuple[Detection
     return min(there, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None) or box_at(rgb, point)
 
 
-def _on_white(
-    pixels: Float[np.ndarray, "height width 3"],
-    found: Candidate,
-    threshold: float = _THRESHOLD,
-    confidence: float = 1.0,
-) -> CutOut:
+def _on_white(pixels: Float[np.ndarray, "height width 3"], found: Candidate, confidence: float = 1.0) -> CutOut:
     """Put an object on white. ``ValueError`` if too small, :class:`NoBackgroundError` if it is the whole image."""
     opacity, white = found.opacity, found.white
-    mask = _without_specks(opacity > threshold, far=found.certain)
+    mask = _without_specks(opacity > _THRESHOLD, far=found.certain)
     if mask.sum() < _MIN_OBJECT_PIXELS:
         hint = "a larger image, or a box closer around the object, may help"
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
@@ -227,8 +216,7 @@ def _on_white(
         shown = binary_erosion(mask, iterations=1, border_value=1)
     pixels = np.where(shown[..., None], pixels, np.float32(1))
     opacity = np.where(near, opacity, 0).astype(np.float32)
-    undecided = float(((opacity > _FAINT) & (opacity < 1 - _FAINT)).sum() / mask.sum())
-    return CutOut(pixels, mask, white, opacity, found.edge_error, undecided, found.found_by, confidence)
+    return CutOut(pixels, mask, white, opacity, found.edge_error, found.found_by, confidence)
 
 
 # Strokes

@@ -44,14 +44,12 @@ def render_top_samples(
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
-) -> Float[Tensor, "objects views rays 5"]:
-    """Render rays of (objects, views, rays): red, green, blue, opacity and depth.
-
-    The depth is the weighted sum of sample depths (scene units along the ray), 0 for empty rays.
+) -> Float[Tensor, "objects views rays 4"]:
+    """Render rays of (objects, views, rays): red, green, blue and opacity.
 
     Only the samples of largest weight are coloured and differentiated in rays and biases: ``kept`` per ray on average
     over an object. The other samples keep their density and take the mean colour of their ray, white if it has none.
-    With ``kept`` = ``samples``, all but the depth equals :func:`core.rendering.reference.render_rays`. Without
+    With ``kept`` = ``samples``, the render equals that of :func:`core.rendering.reference.render_rays`. Without
     gradients, colours have the precision of the folded field, as densities always do.
 
     Args:
@@ -82,5 +80,4 @@ def render_top_samples(
     light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((weight * rgb, weight), -1))
     light, opacity = light.reshape(*transmittance.shape, 4), (1 - transmittance)[..., None]
     colour = torch.where(light[..., 3:] > 0, light[..., :3] / light[..., 3:].clamp_min(1e-6), 1.0)
-    depth = (weights * depths).sum(-1, keepdim=True)
-    return torch.cat((colour * opacity + transmittance[..., None], opacity, depth), -1)
+    return torch.cat((colour * opacity + transmittance[..., None], opacity), -1)

@@ -36,7 +36,7 @@ class BiasJacobians(NamedTuple):
 
 
 class RenderedJacobian(NamedTuple):
-    """The channels of rays (red, green, blue, opacity and optionally depth) and their derivatives."""
+    """The channels of rays (red, green, blue and opacity) and their derivatives."""
 
     channels: Float[Tensor, "objects views rays channels"]
     origin: Float[Tensor, "objects views rays channels 3"]  # with respect to the ray's origin
@@ -55,11 +55,10 @@ def render_with_jacobian(
     texture_bias: Float[Tensor, "objects more_blocks width"],
     bias_jacobians: BiasJacobians,
     cells: Bool[Tensor, "#objects x y z"] | None = None,
-    with_depth: bool = False,
 ) -> RenderedJacobian:
     """Render rays like :func:`core.rendering.importance.render_top_samples`, with the jacobian.
 
-    Rays are (objects, views, rays). Depth is a fifth channel only if ``with_depth``: it makes the backward pass slower.
+    Rays are (objects, views, rays).
     """
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths).flatten(1, 3)
@@ -77,8 +76,6 @@ def render_with_jacobian(
         )
         activations.append(forward)
     composited = _composite(colours, sample_weights, transmittance, top)
-    if with_depth:
-        composited = _with_depth(composited, sample_weights, depths, top)
     by_logit = density_derivative(density.flatten(1).gather(1, top), model.field.config)
     # An interval without end is opaque at any density.
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
@@ -106,7 +103,7 @@ class _RayGradients(NamedTuple):
     origin: Float[Tensor, "*batch channels 3"]
     direction: Float[Tensor, "*batch channels 3"]
     shape: tuple[Float[Tensor, "*batch channels width"], ...]  # with respect to the bias of each block
-    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture changes neither opacity nor depth
+    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture does not change opacity
 
     @property
     def all(self) -> tuple[Tensor, ...]:
@@ -178,21 +175,6 @@ def _composite(
     by_colour = (weight * ((1 - remaining) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
     channels = torch.cat((colour.reshape(*transmittance.shape, 3), 1 - transmittance[..., None]), -1)
     return _Composited(channels, by_colour, by_thickness)
-
-
-def _with_depth(
-    composited: _Composited,
-    sample_weights: Float[Tensor, "objects views rays samples"],
-    depths: Float[Tensor, "objects views rays samples"],
-    top: Int[Tensor, "objects kept"],
-) -> _Composited:
-    """Add the depth as a channel: like a colour, it is a weighted sum over the samples."""
-    given = (sample_weights * depths).cumsum(-1)
-    behind = (given[..., -1:] - given).flatten(1).gather(1, top)
-    passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)
-    changes = passing * depths.flatten(1).gather(1, top) - behind
-    channels = torch.cat((composited.channels, given[..., -1:]), -1)
-    return _Composited(channels, composited.by_colour, torch.cat((composited.by_thickness, changes[..., None]), -1))
 
 
 class _Activations(NamedTuple):

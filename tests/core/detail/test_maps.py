@@ -131,7 +131,7 @@ def test_a_doubtful_camera_shows_none(tiny: Model, codes: Codes, confidence: flo
 
 def test_edits_of_the_shape_fade_it(tiny: Model, codes: Codes) -> None:
     space = tiny.codes.shape_space
-    way = space.one_deviation(torch.tensor([1.0, 0.5]))
+    way = torch.tensor([1.0, 0.5])
     unit = way / float(space.distance(way, torch.zeros(2)))
     shares = [
         shown_share(tiny, replace(codes, shape=codes.shape + distance * unit))

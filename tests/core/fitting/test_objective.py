@@ -6,13 +6,12 @@ import pytest
 import torch
 
 from core.classifiers.viewpoint import directions
-from core.fitting.gauss_newton import gauss_newton_step, normal_equations
-from core.fitting.hypotheses import HypothesisBatch, Parameters, from_vector, to_vector
+from core.fitting.gauss_newton import normal_equations
+from core.fitting.hypotheses import Parameters, from_vector, to_vector
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     MOVED_SCALE,
     OCCLUDER_SCALE,
-    TERMS,
     Objective,
     RenderedPixels,
     Term,
@@ -86,32 +85,6 @@ def test_gauss_newton_sees_the_objective_and_its_gradient(
     at.crop_transform[:] = torch.tensor([0.1, -0.02, 0.03, 0.01])
     objective = Objective(1e-4, expected_scale=expected, robust_scale=robust_scale, occluder_scale=occluder_scale)
     check_gradient(tiny, at, pixels_of(tiny), objective)
-
-
-def depth_term(pixels: PixelBatch, objective: Objective) -> Term:
-    """A term that the program has not: the object shall be 2.1 scene units away wherever it is seen."""
-    return Term(
-        lambda _, rendered: (rendered.depth - 2.1 * rendered.opacity)[..., None],
-        pixels.weights / len(pixels.weights),
-        needs_depth=True,
-    )
-
-
-@pytest.mark.usefixtures("exact")
-def test_a_term_of_depths_is_one_function(tiny: Model):
-    check_gradient(tiny, random_parameters(), pixels_of(tiny), Objective(1e-4, terms=(*TERMS, depth_term)))
-
-
-def test_a_term_of_depths_moves_cameras_to_where_it_wants_them(tiny: Model):
-    at, pixels = random_parameters(), pixels_of(tiny)
-    objective, stage = Objective(0.0, terms=(depth_term,)), Stage(3, 1, 96, 24, math.inf, 0.3)
-    batch, jitter = HypothesisBatch.of(at), torch.zeros_like(pixels.target_opacity)
-    free = torch.tensor([[False, False, True, False, False, False, False, False]])
-    for _ in range(12):
-        batch = gauss_newton_step(tiny, batch, pixels, jitter, stage, objective, free)
-    with torch.no_grad():
-        before, after = (evaluate_objective(tiny, some, pixels, 24, objective) for some in (at, batch.parameters))
-    assert bool((after.objective < 0.5 * before.objective).all())
 
 
 def test_hypotheses_that_cost_nothing_are_not_held(tiny: Model):

@@ -128,31 +128,6 @@ def test_on_busy_background_the_network_decides(network: Callable[[np.ndarray], 
     assert not cut.white
 
 
-def test_the_threshold_says_how_much_of_a_soft_edge_belongs_to_the_object():
-    """Outside of strokes too; a hard edge knows no threshold."""
-    y, x = np.mgrid[0:240, 0:240] / 240
-    soft, hard = busy(), busy()
-    soft.putalpha(Image.fromarray((255 * ((0.22 - np.hypot(x - 0.5, y - 0.5)) / 0.04).clip(0, 1)).astype(np.uint8)))
-    narrow, usual, wide = (cut_out(soft, Hints(threshold=share)) for share in (0.9, 0.5, 0.1))
-    assert narrow.mask.sum() < usual.mask.sum() < wide.mask.sum()
-    np.testing.assert_array_equal(usual.mask, cut_out(soft).mask)
-    # The ring between nine tenths and what is left of it near the mask, two pixels of 240 beyond a half.
-    assert usual.undecided == pytest.approx(((0.2 + 2 / 240) ** 2 - 0.184**2) / 0.2**2, rel=0.1)
-    stroke = Stroke(((0.73, 0.73),), 0.02, True)
-    apart = np.hypot(x - 0.73, y - 0.73) > 0.06
-    stroked = cut_out(soft, Hints(strokes=(stroke,), threshold=0.9)).mask
-    np.testing.assert_array_equal(stroked[apart], narrow.mask[apart])
-    hard.putalpha(Image.fromarray((255 * disc()).astype(np.uint8)))
-    assert cut_out(hard).undecided == 0
-
-
-@pytest.mark.parametrize("threshold", [0.0, 1.0, -1.0, float("nan")])
-def test_a_threshold_without_two_sides_is_refused(threshold: float):
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        Hints(threshold=threshold)
-    assert Hints(threshold=0.3)
-
-
 def two_discs() -> tuple[Image.Image, np.ndarray, np.ndarray]:
     """Two blue discs before noise, and their masks."""
     y, x = np.mgrid[0:240, 0:240] / 240

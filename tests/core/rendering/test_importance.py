@@ -32,25 +32,23 @@ def test_with_all_samples_kept_it_is_the_exact_renderer(white_from_network: bool
     model = random_model(white_from_network=white_from_network)
     rays = bundle(model, 3, 20)
     shape, texture = biases(model, 3)
-    colour, opacity, depth = render_top_samples(model, rays, 12, 12, shape, texture).split((3, 1, 1), -1)
+    colour, opacity = render_top_samples(model, rays, 12, 12, shape, texture).split((3, 1), -1)
     plain = render_rays(model, rays, 12, shape[:, None, None, None], texture[:, None, None, None])
     torch.testing.assert_close(colour, plain.colour)
     torch.testing.assert_close(opacity[..., 0], plain.opacity)
-    torch.testing.assert_close(depth[..., 0], plain.depth * plain.opacity)
     ours = torch.autograd.grad(colour.square().sum() + opacity.sum(), (shape, texture))
     theirs = torch.autograd.grad(plain.colour.square().sum() + plain.opacity.sum(), (shape, texture))
     torch.testing.assert_close(ours, theirs, rtol=1e-4, atol=1e-5)
 
 
-def test_opacity_and_depth_are_exact_whatever_is_kept(model: Model) -> None:
+def test_opacity_is_exact_whatever_is_kept(model: Model) -> None:
     rays = bundle(model, 2, 30)
     shape, texture = biases(model, 2)
     whole = render_rays(model, rays, 16, shape[:, None, None, None], texture[:, None, None, None])
     errors = []
     for kept in (1, 4, 10):
-        colour, opacity, depth = render_top_samples(model, rays, 16, kept, shape, texture).split((3, 1, 1), -1)
+        colour, opacity = render_top_samples(model, rays, 16, kept, shape, texture).split((3, 1), -1)
         torch.testing.assert_close(opacity[..., 0], whole.opacity)
-        torch.testing.assert_close(depth[..., 0], whole.depth * whole.opacity, rtol=1e-5, atol=1e-4)
         errors.append(float((colour - whole.colour).abs().mean().detach()))
     assert errors[0] > errors[1] > errors[2]
 
@@ -61,7 +59,7 @@ def test_rays_that_miss_are_white(model: Model) -> None:
     nothing = torch.zeros(1, 1, 4)
     rays = Rays(origins, origins / 5, nothing, nothing)
     seen = render_top_samples(model, rays, 8, 2, *biases(model, 1))
-    torch.testing.assert_close(seen, torch.tensor([1.0, 1, 1, 0, 0]).expand(1, 1, 4, 5))
+    torch.testing.assert_close(seen, torch.tensor([1.0, 1, 1, 0]).expand(1, 1, 4, 4))
 
 
 def test_without_gradients_it_shows_the_same(model: Model) -> None:

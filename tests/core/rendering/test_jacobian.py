@@ -43,7 +43,7 @@ def entries(model: Model, numbers: int) -> BiasJacobians:
 
 def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
     rays, enter = bundle(model, OBJECTS, RAYS), entries(model, 3)
-    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter, with_depth=True)
+    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter)
 
 
 @pytest.mark.parametrize(("white_from_network", "contrast"), [(False, 0.0), (True, 0.0), (False, 20.0)])
@@ -55,7 +55,7 @@ def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(
     origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
     shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))
     seen = render_rays(model, replace(rays, origins=origins, directions=directions), SAMPLES, shape, texture)
-    channels = (*seen.colour.unbind(-1), seen.opacity, seen.depth * seen.opacity)
+    channels = (*seen.colour.unbind(-1), seen.opacity)
     torch.testing.assert_close(found.channels, torch.stack(channels, -1), rtol=1e-4, atol=1e-5)
     for index, channel in enumerate(channels):
         origin, direction, by_shape, by_texture = torch.autograd.grad(
