@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import torch
 from tqdm import tqdm
 
-from core.cli.fit import probable_model
 from core.cli.progress import wait_for_view_bank
 from core.fitting.settings import PRESETS
 from core.lab.benchmarks import (
@@ -28,7 +27,6 @@ from core.lab.benchmarks import (
     threads,
 )
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
-from core.lab.benchmarks.figures import fit_photo, write_figures
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
 from core.lab.datasets.splits import evenly_spaced
@@ -39,7 +37,6 @@ from core.lab.evaluation.protocol import evaluate as scored
 from core.lab.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
-from core.photos.photo import load_photo, read_cut_out
 from core.runtime.files import is_stream, require_writable
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
@@ -90,17 +87,6 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
             print(f"python -m core: {views.name} is skipped: view {blank[0]} shows no object", file=sys.stderr)
         else:
             yield views
-
-
-def figures(chosen: argparse.Namespace) -> None:
-    """Run ``figures``: fit photos one by one, draw the paper's figures, and print their paths."""
-    model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
-    bank = wait_for_view_bank(model)
-    shown = [load_photo(image, model, bank) for image in chosen.images]
-    chosen.out.mkdir(parents=True, exist_ok=True)
-    fitted = [fit_photo(model, bank, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
-    for path in write_figures(model, fitted, chosen.out):
-        print(path, flush=True)
 
 
 def bench_render(chosen: argparse.Namespace) -> None:

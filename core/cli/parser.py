@@ -45,15 +45,9 @@ def build_parser() -> argparse.ArgumentParser:
     _add_train_parts(commands)
     _add_convert(commands)
     _add_evaluate(commands)
-    _add_figures(commands)
     _add_cache(commands)
     add_bench(commands)
     return top
-
-
-def _add_guessed_model(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
-    add_device(command)
 
 
 def _add_object_options(command: argparse.ArgumentParser) -> None:
@@ -167,7 +161,8 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "estimate camera and codes of an object in images; ends with one JSON line",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
-    _add_guessed_model(command)
+    command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
+    add_device(command)
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
@@ -336,17 +331,4 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--report", type=Path, metavar="R.json", help="write the scores, and with matplotlib a chart (PNG)"
     )
-    add_seed(command)
-
-
-def _add_figures(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands,
-        "figures",
-        "measure.figures",
-        "draw the paper's figures for your photos: fit, edits, grid, interpolation",
-    )
-    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of different objects")
-    _add_guessed_model(command)
-    command.add_argument("--out", type=Path, required=True, metavar="DIR")
     add_seed(command)

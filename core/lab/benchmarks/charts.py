@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from core.lab.benchmarks import fit_charts, rendering_charts, tables
 from core.lab.benchmarks.ablations import Ablation
-from core.lab.benchmarks.csv_files import Results, read_csv, read_results, write_results
+from core.lab.benchmarks.csv_files import Results, read_results, write_results
 from core.lab.benchmarks.detail_gains import DetailView
 from core.lab.benchmarks.drawing import DPI
 from core.lab.benchmarks.films import Film
@@ -19,7 +19,6 @@ from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.robustness import RobustnessTrial
 from core.lab.benchmarks.threads import ThreadTiming
-from core.lab.training.curve import CurvePoint, draw_curves
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +28,7 @@ class Chart(NamedTuple):
     """Functions that read and show the CSV file of a benchmark."""
 
     read: Callable[[Path], Any]
-    table: Callable[[Any], str] | None = None
+    table: Callable[[Any], str]
     figure: Callable[[Any], "Figure"] | None = None
 
 
@@ -43,9 +42,8 @@ def draw(folder: Path, name: str) -> str:
     """Write the table and chart of a CSV file beside it; return the table. Raise ``ValueError`` for another file."""
     chart, path = CHARTS[name], folder / f"{name}.csv"
     found = chart.read(path)
-    table = chart.table(found) if chart.table else ""
-    if table:
-        path.with_suffix(".md").write_text(table)
+    table = chart.table(found)
+    path.with_suffix(".md").write_text(table)
     if chart.figure:
         chart.figure(found).savefig(path.with_suffix(".png"), dpi=DPI)
     return table
@@ -64,14 +62,6 @@ def redraw(folder: Path) -> list[Path]:
     return files
 
 
-def _read_curves(path: Path) -> dict[str, list[CurvePoint]]:
-    curves: dict[str, list[CurvePoint]] = {}
-    for row in read_csv(path):
-        point = CurvePoint(int(row["step"]), float(row["seconds"]), float(row["psnr"]))
-        curves.setdefault(row["model"], []).append(point)
-    return curves
-
-
 def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
     return partial(read_results, kind=kind)
 
@@ -85,5 +75,4 @@ CHARTS = {
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
     "photo_detail": Chart(_rows_of(DetailView), tables.photo_detail_table, fit_charts.photo_detail_chart),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
-    "training": Chart(_read_curves, figure=draw_curves),
 }  # by file name

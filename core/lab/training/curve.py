@@ -3,13 +3,9 @@
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from core.runtime.files import write_json
 from core.runtime.reading import read_json, reading, typed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -34,21 +30,12 @@ def write_curve(path: Path, name: str, points: list[CurvePoint]) -> None:
     """Write JSON to ``path`` and, with matplotlib, a PNG chart beside it: PSNR against minutes."""
     write_json(path, {name: [asdict(point) for point in points]})
     with suppress(ImportError):  # the chart is extra; training needs no matplotlib
-        draw_curves({name: points}).savefig(path.with_suffix(".png"), dpi=110)
+        from matplotlib.figure import Figure
 
-
-def draw_curves(curves: dict[str, list[CurvePoint]]) -> "Figure":
-    """Draw PSNR (dB) against minutes of training, a line per named curve.
-
-    Raises ``ImportError`` without matplotlib.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.2, 4.16), layout="constrained")
-    axes = figure.subplots()
-    for name, points in curves.items():
+        figure = Figure(figsize=(5.2, 4.16), layout="constrained")
+        axes = figure.subplots()
         axes.plot([point.seconds / 60 for point in points], [point.psnr for point in points], "o-", label=name)
-    axes.set(xlabel="minutes of training", ylabel="PSNR on held-out views (dB)")
-    axes.grid(alpha=0.3)
-    axes.legend()
-    return figure
+        axes.set(xlabel="minutes of training", ylabel="PSNR on held-out views (dB)")
+        axes.grid(alpha=0.3)
+        axes.legend()
+        figure.savefig(path.with_suffix(".png"), dpi=110)
