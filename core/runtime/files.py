@@ -18,8 +18,8 @@ from typing import BinaryIO
 def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> Iterator[Path]:
     """Yield an empty file to write to, which replaces ``path`` at the end and is removed after an error.
 
-    Symbolic links lead to their target; mode, owner and hard links of an existing file stay. If processes write the
-    same file at once, the last one wins completely. For a device, a pipe or standard output the content is copied.
+    Symbolic links lead to their target, and an existing file keeps its mode. If processes write the same file at once,
+    the last one wins completely. For a device, a pipe or standard output the content is copied.
 
     Args:
         check: reads the new file before it replaces the old one; a ``ValueError`` discards the new file.
@@ -127,7 +127,7 @@ def _standard(found: os.stat_result) -> int | None:
 
 
 def _partial(path: Path) -> Path:
-    """Create an empty file beside a path's target, with its mode and owner; in the temporary folder for a stream."""
+    """Create an empty file beside a path's target, with its mode; in the temporary folder for a stream."""
     if is_stream(path):
         partial = _beside(Path(tempfile.gettempdir()) / path.name)
         partial.touch(0o600, exist_ok=False)
@@ -142,8 +142,7 @@ def _partial(path: Path) -> Path:
             partial.unlink()
             raise
         with suppress(OSError):  # file systems without modes
-            shutil.copystat(target, partial)
-        _copy_owner(target, partial)
+            shutil.copymode(target, partial)
     return partial
 
 
@@ -153,47 +152,15 @@ def _beside(path: Path) -> Path:
     return path.with_name(f".{secrets.token_hex(8)}.partial{ending}")
 
 
-def _copy_owner(target: Path, partial: Path) -> bool:
-    """Give a new file the existing file's owner; return True on success."""
-    there, new = target.stat(), partial.stat()
-    with suppress(PermissionError):
-        if (there.st_uid, there.st_gid) != (new.st_uid, new.st_gid):
-            os.chown(partial, there.st_uid, there.st_gid)
-        return True
-    return False
-
-
 def _put(partial: Path, path: Path) -> None:
     """Replace the target by a finished file and flush it to disk; copy it if ``path`` is a stream."""
     if is_stream(path):
         with partial.open("rb") as source, open_output(path) as stream:
             shutil.copyfileobj(source, stream)
         return
-    target = Path(os.path.realpath(path))
     with partial.open("r+b") as file:
         os.fsync(file.fileno())
-    if target.is_file() and (target.stat().st_nlink > 1 or not _copy_owner(target, partial)):
-        _overwrite(partial, target)  # a new file would break hard links, or change owners
-    else:
-        partial.replace(target)
-    with suppress(OSError):  # Windows cannot open folders
-        folder = os.open(target.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-
-
-def _overwrite(partial: Path, target: Path) -> None:
-    """Overwrite a file. On failure keep the complete content beside it, named in the ``OSError``."""
-    try:
-        with partial.open("rb") as source, target.open("r+b") as file:
-            shutil.copyfileobj(source, file)
-            file.truncate()
-            os.fsync(file.fileno())
-    except OSError as error:
-        kept = partial.rename(target.with_name(f"{target.stem} (whole){target.suffix}"))
-        raise OSError(f"{error.strerror}; its whole content is in {kept}") from error
+    partial.replace(os.path.realpath(path))
 
 
 def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:

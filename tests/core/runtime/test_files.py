@@ -127,16 +127,6 @@ def test_a_folder_behind_a_link_is_replaced_and_the_link_stays(tmp_path: Path):
 
 
 @_POSIX
-def test_hard_links_stay_one_file(tmp_path: Path):
-    (tmp_path / "a.txt").write_text("a long text from before")
-    (tmp_path / "b.txt").hardlink_to(tmp_path / "a.txt")
-    write(tmp_path / "a.txt", "after")
-    assert (tmp_path / "b.txt").read_text() == "after"
-    assert (tmp_path / "b.txt").samefile(tmp_path / "a.txt")
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-@_POSIX
 @pytest.mark.parametrize("mode", [0o600, 0o640, 0o664])
 def test_the_mode_stays_also_while_it_is_written(tmp_path: Path, mode: int):
     (tmp_path / "a.txt").touch()
@@ -145,15 +135,6 @@ def test_the_mode_stays_also_while_it_is_written(tmp_path: Path, mode: int):
         assert stat.S_IMODE(partial.stat().st_mode) == mode
         partial.write_text("after")
     assert stat.S_IMODE((tmp_path / "a.txt").stat().st_mode) == mode
-
-
-@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() != 0, reason="only root may give files away")
-def test_the_owner_stays(tmp_path: Path):
-    (tmp_path / "a.txt").touch()
-    os.chown(tmp_path / "a.txt", 1234, 5678)
-    write(tmp_path / "a.txt", "after")
-    found = (tmp_path / "a.txt").stat()
-    assert (found.st_uid, found.st_gid) == (1234, 5678)
 
 
 @pytest.mark.skipif(getattr(os, "geteuid", lambda: 0)() == 0, reason="nothing is protected from root")
