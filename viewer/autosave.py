@@ -59,11 +59,11 @@ class Autosave:
         """Begin to save if anything has changed and no drag is in progress; call once a frame."""
         if self._writing and self._writing.done():
             self.finish()
-        parts = self._session.parts
-        if self._session.editor.history.gesture or _are_same(parts, self._written):
+        state = self._session.tracked_state
+        if self._session.editor.history.gesture or _are_same(state, self._written):
             return
         if self._writing is None and self._clock() - self._when >= self.every:
-            self._when, self._written = self._clock(), parts
+            self._when, self._written = self._clock(), state
             if not (project := self._session.project()).is_empty:
                 write_pictures(self._pictures_file, self._session.pictures)
                 self._writing = self._thread.submit(project.save, self._own_file, self._session.models)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.camera import Camera
-from core.models.codes import Codes, CodeSpace
+from core.models.codes import CODE_KINDS, CodeKind, Codes, CodeSpace
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoDetail
@@ -18,7 +18,6 @@ from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.history import History, Mix, Pair, State
 from viewer.values.objects import EditableObject, ObjectLibrary
-from viewer.values.part import PARTS, Part
 from viewer.values.project import Project
 
 
@@ -32,7 +31,7 @@ class Editor:
     def __init__(self, models: OpenModels, first: Model, generator: torch.Generator) -> None:
         """Show the first object of the model ``first``; ``generator`` is the source of random samples."""
         self.models, self.objects = models, ObjectLibrary(models)
-        self._locked: frozenset[tuple[str, Part]] = frozenset()
+        self._locked: frozenset[tuple[str, CodeKind]] = frozenset()
         mix = self._first_mix(first)
         scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
         self.history = History(State(scene, mix))
@@ -58,22 +57,22 @@ class Editor:
         return self.models.of(self.scene.codes)
 
     @property
-    def locked(self) -> frozenset[Part]:
+    def locked(self) -> frozenset[CodeKind]:
         """The codes of this model's objects that edits leave unchanged."""
-        return frozenset(part for model, part in self._locked if model == self.scene.codes.model)
+        return frozenset(kind for model, kind in self._locked if model == self.scene.codes.model)
 
     def is_mixable(self, name: str) -> bool:
         """Return whether an object is of the same model as the one on screen, so that they can be mixed."""
         return self.objects[name].codes.model == self.scene.codes.model
 
-    def space(self, part: Part) -> CodeSpace:
-        """Return the distribution of the trained codes of a part."""
+    def space(self, kind: CodeKind) -> CodeSpace:
+        """Return the distribution of the trained codes of one kind."""
         codes = self.model.codes
-        return codes.shape_space if part == "shape" else codes.texture_space
+        return codes.shape_space if kind == "shape" else codes.texture_space
 
-    def code(self, part: Part) -> Tensor:
-        """Return the current code of a part."""
-        return getattr(self.scene.codes, part)
+    def code(self, kind: CodeKind) -> Tensor:
+        """Return the current shape or texture code."""
+        return getattr(self.scene.codes, kind)
 
     def pair(self, pair: Pair) -> Codes:
         """Return the codes of a pair: the shape of one object and the texture of another."""
@@ -107,7 +106,7 @@ class Editor:
         self._set_codes(self.pair(self.state.mix.a), replace(self.state.mix, shape=0.0, texture=0.0))
 
     def sample(self) -> None:
-        """Sample shape and texture from the distribution of the trained codes, except locked parts."""
+        """Sample shape and texture from the distribution of the trained codes, except locked ones."""
         self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
 
     # Along a direction
@@ -128,20 +127,20 @@ class Editor:
         self._set_codes(self.objects[name].codes, self._mix_from(Pair(name, name)))
         self.object_chosen.emit()
 
-    def take(self, part: Part, name: str) -> None:
-        """Take the shape or the texture of an object for A, without any of B in that part."""
+    def take(self, kind: CodeKind, name: str) -> None:
+        """Take the shape or the texture of an object for A, without any of B in that code."""
         mix = self.state.mix
-        mix = replace(mix, a=mix.a._replace(**{part: name})).with_amount(part, 0.0)
-        self._set_codes(self.scene.codes.taking(part, self.objects[name].codes), mix)
+        mix = replace(mix, a=mix.a._replace(**{kind: name})).with_amount(kind, 0.0)
+        self._set_codes(self.scene.codes.taking(kind, self.objects[name].codes), mix)
 
     def set_b(self, name: str) -> None:
-        """Make an object B; parts with an amount of B are mixed again."""
+        """Make an object B; codes with an amount of B are mixed again."""
         mix = replace(self.state.mix, b=self.objects[name].name)
-        self._mix(mix, tuple(part for part in PARTS if getattr(mix, part) > 0))
+        self._mix(mix, tuple(kind for kind in CODE_KINDS if getattr(mix, kind) > 0))
 
     def mix_both(self, shape: float, texture: float, gesture: str = "") -> None:
         """Mix shape and texture, each from A (0) to B (1)."""
-        self._mix(replace(self.state.mix, shape=shape, texture=texture), PARTS, gesture)
+        self._mix(replace(self.state.mix, shape=shape, texture=texture), CODE_KINDS, gesture)
 
     # Scene and timeline
 
@@ -233,9 +232,9 @@ class Editor:
 
     # Not edits
 
-    def lock(self, part: Part, locked: bool) -> None:
+    def lock(self, kind: CodeKind, locked: bool) -> None:
         """Lock one code of this model's objects against edits, or unlock it."""
-        this = frozenset({(self.scene.codes.model, part)})
+        this = frozenset({(self.scene.codes.model, kind)})
         self._locked = self._locked | this if locked else self._locked - this
 
     def _mix_of(self, model: Model) -> Mix:
@@ -264,20 +263,20 @@ class Editor:
                 if known.get(name, model) != model:
                     raise ValueError("it mixes objects of different models")
 
-    def _mix(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:
+    def _mix(self, mix: Mix, kinds: tuple[CodeKind, ...], gesture: str = "") -> None:
         mixed = self.pair(mix.a).mixed(self.objects[mix.b].codes, mix.shape, mix.texture)
         codes = self.scene.codes
-        for part in parts:
-            codes = codes.taking(part, mixed)
+        for kind in kinds:
+            codes = codes.taking(kind, mixed)
         self._set_codes(codes, mix, gesture)
 
     def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
-        """Edit codes and mix; locked parts keep their code, their object A and their amount of B."""
+        """Edit codes and mix; locked codes stay, with their object A and amount of B."""
         now = self.state
-        for part in self.locked if codes.model == now.scene.codes.model else ():
-            codes = codes.taking(part, now.scene.codes)
-            a = mix.a._replace(**{part: getattr(now.mix.a, part)})
-            mix = replace(mix, a=a).with_amount(part, getattr(now.mix, part))
+        for kind in self.locked if codes.model == now.scene.codes.model else ():
+            codes = codes.taking(kind, now.scene.codes)
+            a = mix.a._replace(**{kind: getattr(now.mix.a, kind)})
+            mix = replace(mix, a=a).with_amount(kind, getattr(now.mix, kind))
         self._edit(replace(now.scene, codes=codes), mix, gesture)
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:

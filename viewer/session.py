@@ -272,7 +272,7 @@ class Session:
         )
 
     @property
-    def parts(self) -> tuple[object, ...]:
+    def tracked_state(self) -> tuple[object, ...]:
         """The inputs of :meth:`project`, to be compared by identity: if they are the same, so is the project."""
         objects, fitting = self.editor.objects, self.fitting
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos

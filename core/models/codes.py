@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from core.models.photo_detail import PhotoDetail
+
+CodeKind = Literal["shape", "texture"]
+CODE_KINDS: tuple[CodeKind, CodeKind] = ("shape", "texture")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +52,13 @@ class Codes:
         codes = torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture)
         return Codes(*codes, detail, self.model)
 
-    def taking(self, part: str, other: "Codes") -> "Codes":
-        """Return these codes with one part of another object.
+    def taking(self, kind: CodeKind, other: "Codes") -> "Codes":
+        """Return these codes with the shape or the texture of another object.
 
-        Part "shape" includes its photo detail; any other part is the texture. Raises ``ValueError`` for codes of
-        another model.
+        A shape comes with its photo detail. Raises ``ValueError`` for codes of another model.
         """
         self._require_same_model(other)
-        if part == "shape":
+        if kind == "shape":
             return replace(self, shape=other.shape, detail=other.detail)
         return replace(self, texture=other.texture)
 

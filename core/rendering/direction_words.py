@@ -8,18 +8,16 @@ none.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Literal
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.models.codes import Codes
+from core.models.codes import CodeKind, Codes
 from core.models.model import Model
 from core.rendering.surface import surface_points
 
-Kind = Literal["shape", "texture"]
-Words = dict[Kind, tuple[str, ...]]
+Words = dict[CodeKind, tuple[str, ...]]
 _REACH = 1.5  # standard deviations to either side of the mean
 _EDGE = 0.01  # fraction of the points at either end of an axis that count as specks outside the object
 _CORNER = 0.2  # size of a silhouette's corner relative to its width and height
@@ -45,7 +43,7 @@ _TEXTURE: dict[str, tuple[str, str, float]] = {
     "top yellow": ("more yellow top", "bluer top", 7.0),
     "contrast": ("more contrast", "plainer", 6.0),
 }
-_TABLES: dict[Kind, dict[str, tuple[str, str, float]]] = {"shape": _SHAPE, "texture": _TEXTURE}
+_TABLES: dict[CodeKind, dict[str, tuple[str, str, float]]] = {"shape": _SHAPE, "texture": _TEXTURE}
 OPPOSITES = {
     one: other
     for table in _TABLES.values()
@@ -86,7 +84,7 @@ def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) ->
 
     Raises ``ValueError`` for an unknown name.
     """
-    known = dict[str, tuple[Kind, int, int]]()
+    known = dict[str, tuple[CodeKind, int, int]]()
     for kind in _TABLES:
         for number, word in enumerate(words[kind]):
             if word:
@@ -120,7 +118,7 @@ def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str,
     return tuple(words)
 
 
-def _moved(codes: Codes, kind: Kind, by: Tensor) -> Codes:
+def _moved(codes: Codes, kind: CodeKind, by: Tensor) -> Codes:
     return replace(codes, **{kind: getattr(codes, kind) + by})
 
 

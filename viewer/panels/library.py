@@ -5,11 +5,11 @@ from itertools import chain
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.models.codes import CODE_KINDS
 from core.models.model import Model
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.fit_history import FitRequest
-from viewer.values.part import PARTS
 from viewer.values.variety import family, readable
 from viewer.widgets import object_tiles, user_objects, waiting_tiles
 from viewer.widgets.controls import action_button, draw_choice, tooltip
@@ -171,9 +171,9 @@ def _draw_menu(context: PanelContext, name: str) -> None:
     why = "" if mixable else unmixable(context, name)
     if imgui.menu_item_simple("Show it"):
         editor.show_object(name)
-    for part in PARTS:
-        if imgui.menu_item_simple(f"Take only its {part}", enabled=mixable and part not in editor.locked):
-            editor.take(part, name)
+    for kind in CODE_KINDS:
+        if imgui.menu_item_simple(f"Take only its {kind}", enabled=mixable and kind not in editor.locked):
+            editor.take(kind, name)
         tooltip(why)
     if imgui.menu_item_simple("Make it B", enabled=mixable):
         editor.set_b(name)
@@ -196,5 +196,5 @@ def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:
     if mix.a == (name, name):
         marks = [("A", accent)]
     else:
-        marks = [(object_tiles.ICONS[part], accent) for part in PARTS if getattr(mix.a, part) == name]
+        marks = [(object_tiles.ICONS[kind], accent) for kind in CODE_KINDS if getattr(mix.a, kind) == name]
     return [*marks, ("B", WARM)] if mix.b == name else marks

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.models.codes import Codes
+from core.models.codes import CODE_KINDS, CodeKind, Codes
 from core.rendering.direction_words import OPPOSITES
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
@@ -10,7 +10,6 @@ from viewer.context import Panel, PanelContext
 from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
-from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, begin_tooltip_beside, button, end_gesture, flow
 from viewer.widgets.text import caption, heading, paint_caption, small_height
@@ -31,10 +30,10 @@ class SlidersPanel(Panel):
 
     def __init__(self) -> None:
         self._basis: Codes | None = None  # base of the thumbnails: the object before the drag began
-        self._influence: tuple[Part, Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
+        self._influence: tuple[CodeKind, Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
 
     @property
-    def influence(self) -> tuple[Part, CodeInfluence] | None:
+    def influence(self) -> tuple[CodeKind, CodeInfluence] | None:
         """The code of the slider under the mouse, and its effect."""
         return (self._influence[0], self._influence[3]) if self._influence else None
 
@@ -46,29 +45,29 @@ class SlidersPanel(Panel):
         action_button(context, "sample", f"{_DICE}  Random")
         flow(f"{_RESET}  Reset")
         action_button(context, "reset", f"{_RESET}  Reset")
-        for number, part in enumerate(PARTS):
+        for number, kind in enumerate(CODE_KINDS):
             if number:
-                flow(f"{_LOCKS[0]} {part}")
-            _draw_lock(context, part)
+                flow(f"{_LOCKS[0]} {kind}")
+            _draw_lock(context, kind)
         words = context.session.words
         if words is None:
             caption(context, "Measuring what the directions change …")
             return
         if imgui.begin_child("sliders", (0, 0), imgui.ChildFlags_.nav_flattened):
-            for part in PARTS:
+            for kind in CODE_KINDS:
                 imgui.spacing()
-                heading(context, part.capitalize())
-                imgui.begin_disabled(part in editor.locked)
-                for index, more in enumerate(words[part]):
+                heading(context, kind.capitalize())
+                imgui.begin_disabled(kind in editor.locked)
+                for index, more in enumerate(words[kind]):
                     if more:
-                        self._draw_slider(context, part, index, (OPPOSITES.get(more, ""), more))
+                        self._draw_slider(context, kind, index, (OPPOSITES.get(more, ""), more))
                 imgui.end_disabled()
         imgui.end_child()
 
-    def _draw_slider(self, context: PanelContext, part: Part, index: int, ends: tuple[str, str]) -> None:
+    def _draw_slider(self, context: PanelContext, kind: CodeKind, index: int, ends: tuple[str, str]) -> None:
         """Draw a slider below the words of its ends."""
-        editor, key = context.session.editor, f"{part} {index + 1}"
-        direction = Direction.principal(editor.model.codes, part, index)
+        editor, key = context.session.editor, f"{kind} {index + 1}"
+        direction = Direction.principal(editor.model.codes, kind, index)
         value, corner, room = (
             editor.strength(direction),
             imgui.get_cursor_screen_pos(),
@@ -102,7 +101,7 @@ class SlidersPanel(Panel):
         if low is None or high is None or low.resolution != high.resolution:  # one of them already has a finer render
             return ""
         if self._influence is None or self._influence[1:3] != (low, high):
-            self._influence = direction.part, low, high, CodeInfluence.between(low, high)
+            self._influence = direction.kind, low, high, CodeInfluence.between(low, high)
         found = self._influence[3]
         context.overlay = found.image
         moves = "moves" if found.leak > 0 else "stays, exactly"
@@ -123,10 +122,10 @@ class SlidersPanel(Panel):
         imgui.dummy((1.1 * len(_STEPS) * side, side))
 
 
-def _draw_lock(context: PanelContext, part: Part) -> None:
+def _draw_lock(context: PanelContext, kind: CodeKind) -> None:
     editor = context.session.editor
-    locked = part in editor.locked
-    what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or sampled"
+    locked = kind in editor.locked
+    what = f"Let the {kind} change again" if locked else f"Keep the {kind}, whatever is picked or sampled"
     colour = context.palette.accent if locked else None
-    if button(f"{_LOCKS[locked]} {part.capitalize()}###lock {part}", what, colour=colour):
-        editor.lock(part, not locked)
+    if button(f"{_LOCKS[locked]} {kind.capitalize()}###lock {kind}", what, colour=colour):
+        editor.lock(kind, not locked)

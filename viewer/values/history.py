@@ -10,8 +10,8 @@ from typing import NamedTuple
 import torch
 
 from core.export.keyframes import Timeline
+from core.models.codes import CODE_KINDS
 from core.models.scene import Scene
-from viewer.values.part import PARTS
 from viewer.values.variety import readable
 
 _DEPTH = 500  # earlier states kept; a state holds a few hundred numbers
@@ -39,9 +39,9 @@ class Mix:
     shape: float = 0.0  # 0 (A) to 1 (B)
     texture: float = 0.0  # 0 (A) to 1 (B)
 
-    def with_amount(self, part: str, amount: float) -> Mix:
-        """Return the mix with another amount of B in one part."""
-        return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
+    def with_amount(self, kind: str, amount: float) -> Mix:
+        """Return the mix with another amount of B in one code."""
+        return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {kind: amount}))
 
     @property
     def names(self) -> frozenset[str]:
@@ -69,8 +69,8 @@ class State:
         if (mix.shape, mix.texture) != (was.shape, was.texture):
             return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
         now, then = self.scene.codes, before.scene.codes
-        parts = (part for part in PARTS if not torch.equal(getattr(now, part), getattr(then, part)))
-        return " and ".join(parts) or "photo detail"
+        kinds = (kind for kind in CODE_KINDS if not torch.equal(getattr(now, kind), getattr(then, kind)))
+        return " and ".join(kinds) or "photo detail"
 
 
 class Edit(NamedTuple):

@@ -4,16 +4,16 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.models.codes import CodeKind
 from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on, packed
 from viewer.services.messages import Button, MessageKind
-from viewer.values.part import Part
 
 THUMBNAIL = 4.5  # em, side of most thumbnails: 72 px at the default text size
 DIMMED = 0.55  # opacity of the shade over stale tiles
 DRAGGED = "object"  # type of imgui's payload for an object dragged onto B
-ICONS: dict[Part, str] = {
+ICONS: dict[CodeKind, str] = {
     "shape": icons_fontawesome_4.ICON_FA_CUBE,
     "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,
 }

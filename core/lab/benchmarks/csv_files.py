@@ -1,6 +1,6 @@
-"""Results as CSV: a line per frozen value, a column per number.
+"""Benchmark results as CSV: a row per dataclass, a column per number.
 
-Nested values become columns with a dot (``held_out.low``), tuples columns with an index (``rotation_curve.3``), None an
+Columns of nested values contain a dot (``held_out.low``), those of tuples an index (``rotation_curve.3``); None is an
 empty cell. Floats are written in full, so reading returns the exact values.
 """
 
@@ -26,16 +26,16 @@ class Results(Generic[_Record]):
 
 
 def write_results(path: Path, found: Results[Any]) -> None:
-    """Write a line per row, in place of an earlier file."""
+    """Write all rows, replacing an earlier file."""
     path.unlink(missing_ok=True)
     for row in found.rows:
         append_record(path, found.about, row)
 
 
 def append_record(path: Path, about: Row, record: object) -> None:
-    """Add a record to a file, which is begun where there is none, behind what all records of a run have in common.
+    """Append a row: the columns common to a run, then those of the record.
 
-    A row is one write, so several processes may append to one file.
+    A new file gets a header. A row is one write, so several processes may append to one file.
     """
     row = {**about, **{name.removeprefix("."): text for name, text in _cells(record, "")}}
     with path.open("a", newline="") as file:
@@ -48,7 +48,7 @@ def append_record(path: Path, about: Row, record: object) -> None:
 
 
 def read_results(path: Path, kind: type[_Record]) -> Results[_Record]:
-    """Read a file of results. Raises ``ValueError`` naming it where it holds none of this kind."""
+    """Read all rows of a file. Raises ``ValueError`` naming it if they are not of this kind."""
     rows, fields = read_csv(path), get_type_hints(kind)
     about = {name: text for name, text in rows[0].items() if name.partition(".")[0] not in fields}
     try:
@@ -58,9 +58,9 @@ def read_results(path: Path, kind: type[_Record]) -> Results[_Record]:
 
 
 def read_records(path: Path, kind: type[_Record], about: Row | None = None) -> tuple[_Record, ...]:
-    """Read the rows that a run has measured so far; none where there is no file yet.
+    """Read the rows of an interrupted run; none if there is no file.
 
-    Raises ``ValueError`` where the rows are of something else than ``about``.
+    Raises ``ValueError`` if their common columns differ from ``about``.
     """
     if not path.exists():
         return ()
@@ -73,7 +73,7 @@ def read_records(path: Path, kind: type[_Record], about: Row | None = None) -> t
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Read the rows of a CSV file. Raises ``ValueError`` naming it where it holds none."""
+    """Read the rows of a CSV file as text. Raises ``ValueError`` naming it if there are none."""
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     if not rows:
@@ -82,7 +82,7 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 
 def _cells(value: Any, name: str) -> Iterator[tuple[str, str]]:
-    """Columns of a value, each name behind a dot."""
+    """Yield the columns of a value: name, beginning with a dot, and text."""
     if is_dataclass(value) or hasattr(value, "_fields"):
         parts = [(field, getattr(value, field)) for field in get_type_hints(type(value))]
     elif isinstance(value, tuple):
@@ -95,7 +95,7 @@ def _cells(value: Any, name: str) -> Iterator[tuple[str, str]]:
 
 
 def _parse(kind: Any, row: Row, name: str) -> Any:
-    """Read what :func:`_cells` wrote. Raises ``KeyError`` where a column is missing."""
+    """Invert :func:`_cells`. Raises ``KeyError`` for a missing column."""
     if is_dataclass(kind) or hasattr(kind, "_fields"):
         return kind(**{field: _parse(hint, row, f"{name}.{field}") for field, hint in get_type_hints(kind).items()})
     if get_origin(kind) is tuple:

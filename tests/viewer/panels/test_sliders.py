@@ -8,6 +8,7 @@ import pytest
 import torch
 from imgui_bundle import imgui
 
+from core.models.codes import CODE_KINDS
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import Drive, Driver
@@ -15,7 +16,6 @@ from tests.viewer.stand_ins import quick_frames
 from viewer.panels.sliders import SlidersPanel
 from viewer.services.backend import Backend
 from viewer.values.influence import CodeInfluence
-from viewer.values.part import PARTS
 
 
 def test_sliders_with_words_move_one_direction_and_are_reset(drive: Drive) -> None:
@@ -94,11 +94,11 @@ def test_the_slider_under_the_mouse_shows_what_it_changes(drive: Drive, real_bac
         window.show("Sliders")
         window.wait()
         found: dict[str, CodeInfluence] = {}
-        for part in PARTS:
-            window.ctx.mouse_move(f"//Sliders/**/##{part} 1")
-            window.wait(lambda: panel.influence is not None and panel.influence[0] == part)  # noqa: B023
+        for kind in CODE_KINDS:
+            window.ctx.mouse_move(f"//Sliders/**/##{kind} 1")
+            window.wait(lambda: panel.influence is not None and panel.influence[0] == kind)  # noqa: B023
             assert panel.influence is not None
-            found[part] = panel.influence[1]
+            found[kind] = panel.influence[1]
         assert found["texture"].leak == 0.0
         assert found["texture"].image.std() > 0
         assert found["shape"].leak > 0

@@ -1,21 +1,21 @@
 import pytest
 import torch
 
+from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Model
 from viewer.values.direction import Direction
-from viewer.values.part import PARTS, Part
 
 
-@pytest.mark.parametrize("part", PARTS)
-def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, part: Part) -> None:
+@pytest.mark.parametrize("kind", CODE_KINDS)
+def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, kind: CodeKind) -> None:
     book, codes = model.codes, model.codes[2]
-    direction = Direction.principal(book, part, 1)
-    space = book.shape_space if part == "shape" else book.texture_space
-    before, other = space.coordinates(getattr(codes, part)), "texture" if part == "shape" else "shape"
-    assert direction.part == part
+    direction = Direction.principal(book, kind, 1)
+    space = book.shape_space if kind == "shape" else book.texture_space
+    before, other = space.coordinates(getattr(codes, kind)), "texture" if kind == "shape" else "shape"
+    assert direction.kind == kind
     assert direction.strength(codes, book.mean) == pytest.approx(float(before[1]), abs=1e-4)
     moved = direction.moved(codes, book.mean, 1.5)
-    after = space.coordinates(getattr(moved, part))
+    after = space.coordinates(getattr(moved, kind))
     expected = before.clone()
     expected[1] = 1.5
     torch.testing.assert_close(after, expected, atol=1e-3, rtol=1e-3)
