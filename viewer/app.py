@@ -1,4 +1,4 @@
-"""The program: a session, its panels, and the window around them."""
+"""The window of a session: its panels, dialogs and callbacks."""
 
 import time
 from collections.abc import Callable
@@ -27,16 +27,16 @@ from viewer.session import Session
 from viewer.values.preferences import Preferences
 
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 8.0, 20.0
-"""Frames per second at most; the second if OpenGL and the worker share the processor, the third while nothing is
-touched, the last during an idle turn."""
-_TOUCHED = 0.7  # s for which a touch counts
-_INSPECTOR, _LIBRARY = (300.0, 0.185), (140.0, 0.09)  # px at 96 ppi at least, fraction of the window's width
+"""Limits of frames per second: usually; if OpenGL and a busy worker share the processor; then without input; and during
+an idle turn."""
+_TOUCHED = 0.7  # s after an input during which the window counts as touched
+_INSPECTOR, _LIBRARY = (300.0, 0.185), (140.0, 0.09)  # least width, px at 96 ppi; fraction of the window's width
 _NARROW = 1100.0  # px at 96 ppi: in a narrower window the library is a strip below the view
-_STRIP, _DRAWER = 105.0, 170.0  # px at 96 ppi: heights of that strip and of the drawer
+_STRIP, _DRAWER = 105.0, 170.0  # px at 96 ppi: heights of the strip and of the drawer
 
 
 class App:
-    """Panels docked in a window; see :meth:`run`."""
+    """The window: panels docked around the view, dialogs, menus and messages."""
 
     def __init__(
         self,
@@ -47,14 +47,14 @@ class App:
         native_dialogs: bool | None = None,
         instance: SingleInstance | None = None,
     ) -> None:
-        """Create the app; nothing opens yet.
+        """Prepare the window; :meth:`run` opens it.
 
         Args:
-            size: px at 96 ppi; None takes most of the screen.
-            folder: for layout and preferences; None keeps nothing.
+            size: width and height, px at 96 ppi; None takes most of the screen.
+            folder: folder of layout, preferences and autosaved work; None keeps nothing.
             headless: draw an invisible window.
-            native_dialogs: None uses the system's if it has them.
-            instance: to which later starts send their files.
+            native_dialogs: use the system's file dialogs; None: if it has them.
+            instance: source of the files of later starts.
         """
         window.prepare(headless)
         self.session = session
@@ -85,9 +85,9 @@ class App:
         self._frame_started = 0.0
         self._themed: bool | None = None
         self._popup_open = False  # before this frame: imgui itself may close a popup on Esc
-        self._folded: list[Panel] = []  # shown before the view was shown alone
-        self._failed: dict[str, str] = {}
-        self._reported: dict[str, str] = {}  # last error of each callback that failed in the last frame
+        self._folded: list[Panel] = []  # panels that were shown before the view was shown alone
+        self._failed: dict[str, str] = {}  # errors of failed panels, by title
+        self._reported: dict[str, str] = {}  # errors of callbacks that failed in the last frame
         if headless:
             self.context.attended = False
             window.make_headless(self.params, self._finish_frame)
@@ -96,7 +96,7 @@ class App:
         session.start()
 
     def run(self) -> None:
-        """Open the window; return when it is closed, also by a signal."""
+        """Open the window; return when it is closed, by a person or a signal."""
         on_signals(lambda _: self._quit(), (*TERMINATION, "SIGINT"))
         window.run(self.params)
 
@@ -115,7 +115,7 @@ class App:
         self.context.focus = "Mix"
 
     def _place_panels(self) -> None:
-        """Put panels in their initial places for the window's size."""
+        """Dock the panels at their initial places for the window's size."""
         docking, size = (
             self.params.docking_params,
             imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor(),
@@ -134,7 +134,7 @@ class App:
             self._place_panels()
 
     def _fold_panels(self) -> None:
-        """Show the view alone, or the panels from before, else the initial ones."""
+        """Hide all panels but the view; if they are hidden, show those from before or the initial ones."""
         docked = [panel for panel in self.panels if panel.dock != "View"]
         if shown := [panel for panel in docked if self._dockable_of(panel).is_visible]:
             self._folded = shown
@@ -172,7 +172,7 @@ class App:
         """Return the layout: the library left or, in a narrow window, below; the inspector right; the drawer below.
 
         Args:
-            width, height: of the window, px at 96 ppi.
+            width, height: size of the window, px at 96 ppi.
         """
         dirs = imgui.Dir
         right, left = (max(least, share * width) for least, share in (_INSPECTOR, _LIBRARY))
@@ -209,7 +209,7 @@ class App:
         imgui.end()
 
     def _draw_panel(self, panel: Panel) -> None:
-        """Draw a panel; one that fails reports it, and the others go on."""
+        """Draw a panel. A failure is reported and shown in its place, and other panels go on."""
         if panel.title in self._failed:
             imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")
             added = self.context.session.editor.objects.added
@@ -220,14 +220,14 @@ class App:
             self._failed[panel.title] = error_text(error)
 
     def _offers_to_remove(self, name: str) -> bool:
-        """Offer to remove the newest object, a possible cause of the panel's failure; return whether it was removed."""
+        """Draw a button that removes the newest object, a possible cause of a failure; return True if pressed."""
         removed = imgui.button(f"Remove {name}###remove newest")
         if removed:
             self.context.session.remove(name)
         return removed
 
     def _guard(self, what: str, draw: Callable[[], None]) -> Exception | None:
-        """Call ``draw``; return an error, and report it in the first of many frames."""
+        """Call ``draw`` and return its error, if any; an error that recurs in every frame is reported once."""
         state = imgui.internal.ErrorRecoveryState()
         imgui.internal.error_recovery_store_state(state)
         try:
@@ -267,7 +267,7 @@ class App:
             self.session.messages.report("Cannot take this file", error)
 
     def _take(self, start: Start) -> None:
-        """Take the files of a second start."""
+        """Open the files of a second start."""
         window.bring_to_front()
         if start.model:
             self.session.open_model(start.model)
@@ -311,7 +311,7 @@ class App:
         self.each_frame()
 
     def rate(self) -> float:
-        """The frames per second that the window needs now: few if software draws them beside a job of the worker."""
+        """Return the limit of frames per second now: low if OpenGL shares the processor with a busy worker."""
         io = imgui.get_io()
         if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
             self._touched = time.monotonic()
@@ -325,7 +325,7 @@ class App:
         self._guard("The menu failed", lambda: menu.draw(self.context))
 
     def _draw(self) -> None:
-        """Draw everything that is not docked."""
+        """Run pressed keys, and draw everything that is not docked."""
         context = self.context
         self._guard("This key failed", lambda: run_keys(context))
         self._guard("This key failed", lambda: self._close_top(context))
@@ -349,7 +349,7 @@ class App:
             self._save_preferences()
 
     def _close_top(self, context: PanelContext) -> None:
-        """Close the topmost menu or list on Esc, else the help; dialogs close themselves."""
+        """On Esc, close open menus and lists, else the help; dialogs close themselves."""
         if not imgui.is_key_pressed(imgui.Key.escape):
             return
         if self._popup_open:
@@ -358,7 +358,7 @@ class App:
             context.help_open = False
 
     def _save_preferences(self) -> None:
-        """Save preferences as soon as they change, so that a crash does not lose them."""
+        """Save changed preferences at once, so that a crash does not lose them."""
         if self._folder and self.context.preferences != self._saved_preferences:
             self._saved_preferences = self.context.preferences
             try:

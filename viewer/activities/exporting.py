@@ -1,4 +1,4 @@
-"""Export of videos, meshes, images and scenes to files."""
+"""The export of videos, images, meshes and scenes to files."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.share_settings import RATE, TURN, ShareSettings
 
-_MOST_SLOWER = 4.0
+_MOST_SLOWER = 4.0  # limit of the correction of estimates, either way
 
 
 class Exporting:
@@ -24,21 +24,21 @@ class Exporting:
         self._jobs, self._editor = jobs, editor
         self.preview = SharePreview(jobs, editor)
         self.path: Path | None = None  # the file being written
-        self.kind = ""  # of the current or last file: one of :data:`~viewer.values.share_settings.KINDS`, or mixes
+        self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`, or mixes
         self.saved: Path | None = None  # the last written file
-        self.progress = 0.0  # of the current file, 0..1
+        self.progress = 0.0  # finished fraction of the current file, 0..1
         self._began = 0.0  # s on the monotonic clock
         self._expected: float | None = None  # s, estimated for the current file
         self._slower = 1.0  # actual over estimated time of the last file: other work runs beside it
 
     @property
     def running(self) -> bool:
-        """A file is being written."""
+        """True while a file is being written."""
         return self.path is not None
 
     @property
     def remaining(self) -> float | None:
-        """Seconds left at the current rate; None while unknown."""
+        """The remaining seconds at the rate so far; None while unknown."""
         if not self.running or self.progress <= 0:
             return None
         return (time.monotonic() - self._began) * (1 / self.progress - 1)
@@ -49,10 +49,10 @@ class Exporting:
         return None if seconds is None else seconds * self._slower
 
     def share(self, path: Path, settings: ShareSettings) -> None:
-        """Write a video, an image or a mesh, in the format of the path's ending.
+        """Begin to write a turntable, video, image or mesh, in the format of the path's ending.
 
-        A video shows the turntable or the timeline, a name without an ending is a folder of frames; a PNG also holds
-        the scene.
+        Nothing happens while another file is written, or for a video without keyframes. A name without an
+        ending is a folder of frames; a PNG also holds the scene.
         """
         timeline, backend, models = self._editor.state.timeline, self._jobs.backend, self._jobs.models
         if not self.running:
@@ -72,7 +72,7 @@ class Exporting:
             self._begin(settings.kind, path, write, count)
 
     def mixes(self, path: Path, size: int = 256) -> None:
-        """Write the mixes of A and B as one image on white, with cells ``size`` px wide."""
+        """Begin to write the mixes of A and B as one image on white, with cells of ``size`` px."""
         mix = self._editor.state.mix
         cells = mixes(self._editor.pair(mix.a), self._editor.objects[mix.b].codes)
         camera = orbit.home(self._editor.model).resized(size, size)
@@ -86,7 +86,7 @@ class Exporting:
             self.path = None
 
     def scene(self, path: Path, scene: Scene | None = None) -> None:
-        """Write a scene, or the scene on screen, as JSON at once."""
+        """Write a scene, by default the one on screen, as JSON, and report the result."""
         try:
             (scene or self._editor.scene).save(path)
         except ValueError as error:
@@ -103,7 +103,7 @@ class Exporting:
             yield float(image is not None)
 
     def _begin(self, kind: str, path: Path, stream: Callable[[Scene], Iterator[float]], total: float = 1.0) -> None:
-        """Run a stream that yields the amount of work done, of ``total``."""
+        """Run a stream that yields the finished work, of ``total``, unless a file is being written."""
         if self.running:
             return
         self.kind, self.path, self.progress, self._began = kind, path, 0.0, time.monotonic()
@@ -127,5 +127,5 @@ class Exporting:
 
 
 def _camera(scene: Scene) -> Camera:
-    """Return the camera of its photo, or else the camera on screen."""
+    """Return the camera of the object's first photo or, without photos, the scene's."""
     return scene.codes.detail.views[0].camera if scene.codes.detail else scene.camera

@@ -1,4 +1,4 @@
-"""A small first frame of the file to be shared, and the time that the file will take."""
+"""A preview of the file to share, and the time that writing the file will take."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,7 +18,7 @@ _NAME, _PACE = "share preview", "share pace"  # jobs
 
 
 class SharePreview:
-    """Renders the preview again whenever it would change, except during a drag."""
+    """Renders the file's first frame whenever its inputs change, except during a drag."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
@@ -68,7 +68,7 @@ class SharePreview:
 
     @property
     def stale(self) -> bool:
-        """The image shows earlier settings."""
+        """True while the image shows earlier settings."""
         return self._jobs.busy(_NAME)
 
     def seconds(self, settings: ShareSettings) -> float | None:
@@ -86,7 +86,7 @@ class SharePreview:
         self.pace = pace
 
     def _unmeasured(self, error: Exception | None) -> None:
-        """Ignore the error: only the estimate is missing, and the preview reports what cannot be rendered."""
+        """Ignore the error: only the estimate is missing, and the preview reports errors of rendering."""
 
     def close(self) -> None:
         """Stop rendering."""

@@ -1,4 +1,4 @@
-"""The panels, one subject per file; each reads the session and calls its named edits."""
+"""The panels and dialogs, one subject per file; each reads the session and calls its methods."""
 
 from viewer.context import Panel
 from viewer.panels.developer import DeveloperPanel

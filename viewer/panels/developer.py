@@ -1,4 +1,4 @@
-"""The panel for developers: more modes of the view, camera, speed, candidates of a fit, and all messages."""
+"""The panel for developers: all view modes, camera, speed, candidates of a fit, and all messages."""
 
 import math
 from collections.abc import Collection
@@ -23,20 +23,20 @@ from viewer.widgets.fit_numbers import draw_fit_numbers
 from viewer.widgets.text import caption
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
-_NUMBER, _TILE = 9, 3.4  # em: a number to drag, and a candidate
-_FADING, _FADED = 2.0, 0.75  # s of the fit in which an eliminated candidate fades, and its final fading
+_NUMBER, _TILE = 9, 3.4  # em: width of a number to drag, and side of a candidate
+_FADING, _FADED = 2.0, 0.75  # s of the fit in which an eliminated candidate fades; opacity of the final shade
 _FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
 
 
 class DeveloperPanel(Panel):
-    """View mode and camera, above sections that are open at first."""
+    """View mode and camera, above sections that can be folded."""
 
     title = "Developer"
     dock = "Right"
     folded = True
 
     def draw(self, context: PanelContext) -> None:
-        """Draw mode and camera above the sections."""
+        """Draw view mode and camera above the sections."""
         viewport = context.session.viewport
         mode = choose(
             "mode", viewport.settings.mode, {mode: mode.capitalize() for mode in MODES}, "What the view shows"
@@ -55,7 +55,7 @@ class DeveloperPanel(Panel):
 
 
 def _draw_camera(context: PanelContext) -> None:
-    """Draw the camera in numbers, to drag or to type."""
+    """Draw the camera as numbers to drag or to type."""
     editor, camera = context.session.editor, context.session.editor.scene.camera
     numbers = {
         "azimuth": (math.degrees(camera.azimuth), 1.0, (-360.0, 360.0), "%.1f°"),
@@ -76,7 +76,7 @@ def _draw_camera(context: PanelContext) -> None:
 
 
 def _draw_speed(context: PanelContext) -> None:
-    """Draw the times and settings of the frame on screen."""
+    """Draw the times of the frame on screen, and settings of the machine."""
     viewport = context.session.viewport
     if viewport.frame is None:
         return
@@ -110,7 +110,7 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
 
 
 def _own_time(seconds: Collection[float]) -> str:
-    """Format median and longest processor time of the window's thread in the last frames, without rendering."""
+    """Format median and longest processor time of the window's thread in the last frames."""
     return f"{1000 * median(seconds):.1f} ms, of {len(seconds)} at most {1000 * max(seconds):.0f}"
 
 
@@ -122,7 +122,7 @@ def _row(*cells: str) -> None:
 
 
 def _draw_candidates(context: PanelContext) -> None:
-    """Draw the hypotheses of a fit ranked by loss, live; a click prefers one to all others."""
+    """Draw the hypotheses of a fit, ranked by loss; a click continues the fit from a hypothesis."""
     tiles, side = context.session.fitting.candidates.tiles, _TILE * hello_imgui.em_size()
     if not tiles:
         caption(context, "While a photo is fitted: the cameras and shapes that are tried for it, the best first")
@@ -147,7 +147,7 @@ def _draw_tile(context: PanelContext, tile: Tile, rank: int, side: float) -> Non
 
 
 def _fading(context: PanelContext, tile: Tile) -> float:
-    """Return the fading of a tile, 0..1."""
+    """Return how far an eliminated tile has faded, 0..1; 0 for an active one."""
     last = context.session.fitting.history.last
     if tile.eliminated_at is None or last is None:
         return 0.0
@@ -164,7 +164,7 @@ def _label(tile: Tile, rank: int, preferable: bool) -> str:
 
 
 def _draw_messages(context: PanelContext) -> None:
-    """Draw all messages of this run, the newest first, with their details for developers."""
+    """Draw the log of messages, the newest first, with details of unexpected errors."""
     for message in reversed(context.session.messages.log):
         colour = context.palette.error if message.kind is MessageKind.PROBLEM else context.palette.text
         imgui.push_style_color(imgui.Col_.text, (*colour, 1.0))

@@ -1,4 +1,4 @@
-"""The help: a search for everything that has a name, and the table of actions with mouse and keys."""
+"""The help: a search for actions, panels, view modes and objects, and the table of keys and gestures."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -13,27 +13,27 @@ from viewer.values.variety import readable
 from viewer.values.view_modes import MODES
 from viewer.widgets.text import heading
 
-_WHAT, _DOES = 13, 32  # em: the widths of the columns
-_MOST = 12  # number of listed results
+_WHAT, _DOES = 13, 32  # em: widths of the columns
+_MOST = 12  # listed results
 
 
 class Entry(NamedTuple):
     """A result of the search."""
 
-    words: str
-    about: str
+    words: str  # name
+    about: str  # description
     run: Callable[[], object]
 
 
 class Help:
-    """The help in a window while it is open."""
+    """The help window."""
 
     def __init__(self) -> None:
         self._search = ""
         self._found: list[Entry] = []
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the search above its results, or above the table."""
+        """Draw the search above its results or, without a search, above the table, while the help is open."""
         if not context.help_open:
             return
         viewport = imgui.get_main_viewport()
@@ -85,7 +85,7 @@ class Help:
 
 
 def entries(context: PanelContext) -> Iterator[Entry]:
-    """Yield the actions that can be done now, panels, view modes and objects."""
+    """Yield the actions that can be run now, panels, view modes and objects."""
     session = context.session
     for action in ACTIONS.values():
         if action.enabled(context):
@@ -103,7 +103,7 @@ def entries(context: PanelContext) -> Iterator[Entry]:
 
 
 def find(context: PanelContext, search: str) -> list[Entry]:
-    """Return the entries that contain the words of a search, the likeliest first; none without words."""
+    """Return the entries that contain the text of a search, the likeliest first; none for no text."""
     wanted, found = search.strip().lower(), list[tuple[int, Entry]]()
     for entry in entries(context) if wanted else ():
         words = entry.words.lower()

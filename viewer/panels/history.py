@@ -1,4 +1,4 @@
-"""The edits that undo remembers, as thumbnails along the lower edge of the view. Not a docked panel."""
+"""The undo history as thumbnails along the view's lower edge. Not a docked panel."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -10,20 +10,23 @@ from viewer.values.history import Edit, History, State
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
-_SIDE, _EDGE = 2.7, 0.5  # em: a thumbnail, and the distance from the view's corner
+_SIDE, _EDGE = 2.7, 0.5  # em: side of a thumbnail, and distance from the view's corner
 
 
 class HistoryStrip:
-    """A tile per object, the oldest on the left, and all edits of the object in the view; undone ones are paler."""
+    """A strip with a tile per object, the oldest first, and per edit of the object on screen.
+
+    Undone edits are paler.
+    """
 
     def __init__(self) -> None:
-        self._shown = -1  # the state that was last scrolled to
-        self._history: History | None = None
+        self._shown = -1  # index of the state that was last scrolled to
+        self._history: History | None = None  # history of the values below, kept while it is the same
         self._states: tuple[State, ...] = ()
-        self._groups: tuple[tuple[Edit, ...], ...] = ()  # edits of that history, by object
+        self._groups: tuple[tuple[Edit, ...], ...] = ()
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the strip once there is more than one edit, scrolled to the current one."""
+        """Draw the strip, scrolled to the current edit, once there are two edits."""
         history = context.session.editor.history
         if history is not self._history:
             self._history, self._states, self._groups = history, history.states, history.edits
@@ -54,7 +57,7 @@ class HistoryStrip:
         imgui.pop_style_var(2)
 
     def _tiles(self, now: int) -> list[tuple[Edit, int]]:
-        """Return the shown edits, with the first state of each tile."""
+        """Return the shown edits, each with the index of its tile's first state."""
         tiles, first = list[tuple[Edit, int]](), 0
         for group in self._groups:
             unfolded = first <= now <= group[-1].last
@@ -64,7 +67,7 @@ class HistoryStrip:
         return tiles
 
     def _draw_edit(self, context: PanelContext, number: int, states: range, edit: Edit, side: float) -> None:
-        """Draw an edit; a click goes to the last of its states."""
+        """Draw an edit's tile; a click goes to the last of its states."""
         history = context.session.editor.history
         now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
@@ -88,7 +91,7 @@ class HistoryStrip:
 
 
 def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | None:
-    """Return a state's thumbnail; None during a drag, which changes the state in every frame."""
+    """Return a state's thumbnail from its camera; None during a drag, which changes the state in every frame."""
     scene, now = state.scene, state is context.session.editor.state
     camera = scene.camera.resized(SIZE, SIZE)
     return None if moving else context.session.thumbnails.get(scene.codes, camera, soon=now)

@@ -1,4 +1,4 @@
-"""The objects to begin with: a photo, one's own objects, and those of the models, as thumbnails."""
+"""The library: a button for a photo, and thumbnails of added objects and of the models' objects."""
 
 from collections.abc import Iterable, Sequence
 from itertools import chain
@@ -25,18 +25,18 @@ _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_
 
 
 class LibraryPanel(Panel):
-    """Click an object to show it (it is A), drag it onto B, or right click it for more."""
+    """Tiles of objects: a click shows one as A, a drag makes it B, a right click opens its menu."""
 
     title = "Library"
     dock = "Left"
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
-        self._unfolded = set[str]()  # objects whose variants are shown
-        self._filter = _ALL  # listed objects: all, one's own, or a model's, by its fingerprint
+        self._unfolded = set[str]()  # names of objects whose variants are shown
+        self._filter = _ALL  # listed objects: all, added ones ("mine"), or a model's, by its fingerprint
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the button, one's own objects and those of the models; invisible ones are not rendered."""
+        """Draw the button, the filter and the tiles; thumbnails out of sight are not rendered."""
         names, least = _headings(context.session.listed_models), _STRIP * hello_imgui.em_size()
         if strip := imgui.get_content_region_avail().y < least:
             imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
@@ -54,7 +54,7 @@ class LibraryPanel(Panel):
         self._user_menu.apply(context)
 
     def _draw_objects(self, context: PanelContext, names: dict[str, str], strip: bool) -> None:
-        """Draw one's own objects, then those of each model, under headings or in one row."""
+        """Draw waiting photos and added objects, then those of each model, under headings or in one row."""
         mine: list[str | FitRequest] = [*context.session.fitting.pending, *context.session.editor.objects.own]
         families = context.session.editor.objects.families
         groups = {"Mine": mine} if self._filter in (_ALL, _MINE) else dict[str, list[str | FitRequest]]()
@@ -111,7 +111,7 @@ class LibraryPanel(Panel):
             self._draw_fold(context, tile, len(variants), corner, size.x)
 
     def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
-        """Draw the number of an object's variants in the corner of its thumbnail."""
+        """Draw the button that shows or folds an object's variants, in the corner of its thumbnail."""
         unfolded, em = name in self._unfolded, hello_imgui.em_size()
         label = f"{_OPEN if unfolded else _SHUT} {count}"
         size = imgui.calc_text_size(label) + ImVec2(0.5 * em, 0)
@@ -131,7 +131,7 @@ class LibraryPanel(Panel):
 def _range(low: float, high: float, step: float, count: int) -> range:
     """Return the numbers of tiles in sight, and of one more at each end, where the arrow keys go.
 
-    Hundreds of objects cost nothing while scrolled away.
+    Tiles out of sight cost nothing, even hundreds.
     """
     return range(max(0, int(low / step) - 1), min(count, int(high / step) + 2))
 
@@ -181,7 +181,7 @@ def _draw_menu(context: PanelContext, name: str) -> None:
 
 
 def _headings(models: Iterable[Model]) -> dict[str, str]:
-    """Return the names of the models' objects, by fingerprint; a second model of a category is numbered."""
+    """Return the headings of models' objects by fingerprint; a second model of a category gets a number."""
     names = dict[str, str]()
     for model in models:
         name = model.category.capitalize() or "Objects"
@@ -191,7 +191,7 @@ def _headings(models: Iterable[Model]) -> dict[str, str]:
 
 
 def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:
-    """Return the current roles of an object: A, origin of A's shape or texture, B."""
+    """Return letters or icons of an object's roles, with colours: A, source of A's shape or texture, B."""
     mix, accent = context.session.editor.state.mix, context.palette.accent
     if mix.a == (name, name):
         marks = [("A", accent)]

@@ -10,18 +10,18 @@ from viewer.context import PanelContext
 from viewer.values.printable import printable
 from viewer.widgets.controls import draw_progress, tooltip
 
-_EXPORT, _BAR = 19, 6  # em: the bar of the current export and its button; the bar of other progress
+_EXPORT, _BAR = 19, 6  # em: width of an export's bar with its button, and of the bar of other progress
 
 
 def draw(context: PanelContext) -> None:
-    """Draw menus, and on the right the progress."""
+    """Draw the menus and, on the right, progress."""
     for title, entries in MENUS.items():
         _menu(context, title, entries)
     _draw_status(context)
 
 
 def _menu(context: PanelContext, title: str, entries: tuple[str | Callable[[PanelContext], None] | None, ...]) -> None:
-    """Draw a menu of actions by their ids, of sub-menus, and of lines (None) between them."""
+    """Draw a menu of actions (ids), sub-menus (functions) and separators (None)."""
     if not imgui.begin_menu(title):
         return
     for entry in entries:
@@ -63,14 +63,14 @@ def _draw_recent(context: PanelContext) -> None:
 
 
 def _draw_earlier(context: PanelContext) -> None:
-    """Draw the sessions replaced by New or another project."""
+    """Draw the entries of sessions that New or another project has replaced."""
     for number, path in enumerate(context.autosave.earlier if context.autosave else ()):
         if imgui.menu_item_simple(f"Session of {path.stem[:16]}###earlier {number + 1}"):
             context.session.open_project(path, keep_path=False)
 
 
 def _draw_status(context: PanelContext) -> None:
-    """Draw on the right the current export and a thin bar for other progress."""
+    """Draw, on the right, the current export and a thin bar of a fit or of the view banks."""
     session, em = context.session, hello_imgui.em_size()
     waits = session.fitting.history.progress if session.fitting.running else session.preparing
     exporting = _EXPORT * em if session.exporting.running else 0.0
@@ -105,4 +105,4 @@ MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
     ),
     "Panels": (_draw_panels, None, "fold_panels", "reset_layout"),
     "Help": ("help",),
-}  # actions by their ids, sub-menus, and lines (None); everything without a key is here
+}  # actions (ids), sub-menus and separators (None); every action without a key is here

@@ -1,4 +1,4 @@
-"""Messages in the lower right corner of the view, above the history. Not a docked panel: it appears when needed."""
+"""Messages in the view's lower right corner, above the history. Not a docked panel."""
 
 import textwrap
 
@@ -8,18 +8,18 @@ from viewer.context import PanelContext
 from viewer.services.messages import Message, MessageKind
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
-_WIDTH, _BESIDE, _SMALL = 34, 6, 16  # em: the longest line, the width beside it, and a view too small for messages
+_WIDTH, _BESIDE, _SMALL = 34, 6, 16  # em: longest line, room beside it, and width of a view too small for messages
 
 _ICONS = {
     MessageKind.DONE: icons_fontawesome_4.ICON_FA_CHECK,
     MessageKind.NOTE: icons_fontawesome_4.ICON_FA_INFO_CIRCLE,
     MessageKind.PROBLEM: icons_fontawesome_4.ICON_FA_EXCLAMATION_CIRCLE,
 }
-_COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PROBLEM: "error"}  # of the palette
+_COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PROBLEM: "error"}  # fields of the palette
 
 
 def draw(context: PanelContext) -> None:
-    """Draw one column, the newest at the bottom; each fades by itself and stays listed in Developer."""
+    """Draw the messages that have not faded in one column, the newest at the bottom."""
     due = context.session.messages.shown
     if not due:
         return
@@ -39,7 +39,10 @@ def draw(context: PanelContext) -> None:
 
 
 def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
-    """Return two corners: of the view above the history, or of the window if the view is narrow or covered by Share."""
+    """Return the corners of the room for messages: the view above the history or, if need be, the window.
+
+    The window is used if the view is narrow or the Share dialog is open.
+    """
     low, high = context.view
     viewport = imgui.get_main_viewport()
     end = viewport.work_pos + viewport.work_size

@@ -1,4 +1,4 @@
-"""The mixes of A, the object in the view, with B."""
+"""The panel that mixes object A, in the view, with object B."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -13,8 +13,8 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, draw_progress, end_gesture, tooltip
 from viewer.widgets.text import caption, heading
 
-_LEAST, _MOST, _BELOW = 9.0, 30.0, 6.0  # em: the side of the pad, and the height below it
-_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px, intervals, and opacity of previews outside the corners
+_LEAST, _MOST, _BELOW = 9.0, 30.0, 6.0  # em: least and largest side of the pad, and height below it
+_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px and intervals of previews; opacity of those outside the corners
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 
 
@@ -25,8 +25,8 @@ class MixPanel(Panel):
     dock = "Right"
 
     def __init__(self) -> None:
-        self._ends: tuple[Codes, Codes] | None = None
-        self._previews: dict[tuple[int, int], Codes] = {}  # by column and row, from A's corner
+        self._ends: tuple[Codes, Codes] | None = None  # A and B of the previews
+        self._previews: dict[tuple[int, int], Codes] = {}  # mixes by column and row, counted from A's corner
 
     def draw(self, context: PanelContext) -> None:
         """Draw B above the pad."""
@@ -42,7 +42,7 @@ class MixPanel(Panel):
             context.files.ask(FileRequest("Save the mixes as", exporting.mixes, IMAGE_FORMATS, True, name))
 
     def _draw_pad(self, context: PanelContext, side: float) -> None:
-        """Draw the pad; the dot stays half a preview within the border, so that it can be grabbed in a corner."""
+        """Draw the pad. The dot stays half a preview inside, so that it can be grabbed in a corner."""
         editor, corner, cell = context.session.editor, imgui.get_cursor_screen_pos(), side / STEPS
         if imgui.get_io().nav_visible:
             over = self._draw_cells(context, corner, cell)
@@ -58,7 +58,7 @@ class MixPanel(Panel):
         _paint_dot(context, corner, side)
 
     def _draw_cells(self, context: PanelContext, corner: ImVec2, cell: float) -> tuple[int, int] | None:
-        """Draw a button for each mix, for the keyboard; return the focused one."""
+        """Draw an invisible button per mix for the keyboard; return column and row of the focused one."""
         focused = None
         for row in reversed(range(STEPS)):
             for column in range(STEPS):
@@ -70,7 +70,7 @@ class MixPanel(Panel):
         return focused
 
     def _paint_previews(self, context: PanelContext, corner: ImVec2, side: float, over: tuple[int, int] | None) -> None:
-        """Draw the previews of the mixes; the one under the mouse (column and row) stands out."""
+        """Draw the previews of the mixes; the one at ``over`` (column and row) is outlined."""
         self._follow(context)
         cell, last = side / STEPS, STEPS - 1
         size, ground = ImVec2(cell, cell), packed(context.palette.panel, 1 - _FAINT)
@@ -128,7 +128,7 @@ def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
 
 
 def _label() -> str:
-    """Return the words of the button that saves the pad, as many as its line has room for."""
+    """Return the label of the button that saves the pad, short in a narrow panel."""
     words, room = f"{_SAVE}  Save these {STEPS**2} as an image…", imgui.get_content_region_avail().x
     fits = imgui.calc_text_size(words).x + 2 * imgui.get_style().frame_padding.x < room
     return words if fits else f"{_SAVE}  Save…"

@@ -1,4 +1,4 @@
-"""The photo of the object in the view: its cut-out, its detail, and paint."""
+"""The panel of the object's photo: its cut-out, its camera, its detail, and the object's paint."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -45,17 +45,17 @@ A doubtful camera shows none."""
 _SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, with its lettering;
 mirrored and blurred; or the model's own"""
 _ERASE_HELP = "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush"
-_AGREE = 0.5  # least explained fraction of photos that agree
+_AGREE = 0.5  # least explained fraction (:func:`explained`) of photos that agree
 
 
 class PhotoPanel(Panel):
-    """Shows one object: a question about a photo, else the object in the view."""
+    """Shows the oldest question about a photo, else the photo of the object on screen."""
 
     title = "Photo"
     dock = "Right"
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the photo with the outline of its cut-out, and the controls below."""
+        """Draw the question, the photo with its controls or, without a photo, an invitation."""
         fitting, shown = context.session.fitting, context.session.fitting.shown
         if fitting.questions:
             _draw_question(context, fitting.questions[0])
@@ -72,7 +72,7 @@ class PhotoPanel(Panel):
 
 
 def _draw_question(context: PanelContext, question: Question) -> None:
-    """Draw a photo whose cut-out is in doubt; one click answers."""
+    """Draw a photo in question, and a button per answer."""
     fitting, session, history = context.session.fitting, context.session, question.request.history
     about = history.sources, question.number
     heading(context, question.source.name)
@@ -95,7 +95,7 @@ def _draw_question(context: PanelContext, question: Question) -> None:
 
 
 def _draw_object(context: PanelContext, shown: FitHistory) -> None:
-    """Draw the photo of the object in the view, and its controls once it is fitted."""
+    """Draw the photo of the object on screen and, once it is fitted, its controls."""
     session, fitting, photo = context.session, context.session.fitting, shown.photo
     heading(context, shown.name or session.editor.state.mix.a.shape)
     _draw_photos(fitting, shown)
@@ -123,7 +123,7 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
 
 
 def _draw_photos(fitting: Fitting, shown: FitHistory) -> None:
-    """Draw the choice among several photos."""
+    """Draw the choice among several photos, if there are several."""
     if len(shown.sources) < 2:
         return
     for number, source in enumerate(shown.sources):
@@ -151,7 +151,7 @@ def _draw_progress(fitting: Fitting) -> None:
 
 
 def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> None:
-    """Draw the menu of ways to fit the same object once more."""
+    """Draw the menu of ways to fit the same object again."""
     if button(f"{_AGAIN}###again", "Fit the same photo once more"):
         imgui.open_popup("again")
     if not imgui.begin_popup("again"):
@@ -177,7 +177,7 @@ def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> N
 
 
 def _draw_verdict(context: PanelContext, fitting: Fitting, shown: FitHistory) -> None:
-    """Draw the confidence of the camera or the agreement of several photos; if in doubt, the other viewpoint."""
+    """Draw the camera's confidence, in doubt with another viewpoint, or several photos' agreement."""
     step, confidence = shown.last, context.session.editor.objects[context.session.editor.state.mix.a.shape].confidence
     if len(shown.photos) > 1 and step is not None:
         agree = explained(step.psnr) > _AGREE
@@ -197,7 +197,7 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, shown: FitHistory) ->
 
 
 def _draw_dot_and_words(context: PanelContext, words: str, sure: str) -> None:
-    """Draw a line with a dot in the colours of *Mine*."""
+    """Draw a line of text behind a dot in the colour of a confidence, as on the tiles of *Mine*."""
     em, corner = hello_imgui.em_size(), imgui.get_cursor_screen_pos()
     middle = corner + ImVec2(0.4 * em, imgui.get_frame_height() / 2)
     imgui.get_window_draw_list().add_circle_filled(middle, 0.34 * em, packed(user_objects.COLOURS[sure]))

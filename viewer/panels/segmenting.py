@@ -1,4 +1,4 @@
-"""The dialog for pointing out an object in its photo: clicks, a box, strokes that add or remove."""
+"""The dialog that segments a photo: clicks, a box, and strokes that add or remove."""
 
 from dataclasses import replace
 
@@ -12,27 +12,27 @@ from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, labelled_slider, tooltip
 
 _TITLE = "Cut out###segment"
-_MAX_ZOOM = 8.0  # the largest zoom factor
+_MAX_ZOOM = 8.0  # largest zoom factor
 _TOOLS = ("Box", "Add", "Remove")
 _TIPS = (
     "Click on the object (Shift: and on more of it), or drag a box around all of it",
     "Paint over what belongs to the object and was left out",
     "Paint over what does not belong to the object",
 )
-_COLUMN = 14.5  # em, of tools and preview
-_LEAST = 0.01  # of the photo: a smaller box is a slip
+_COLUMN = 14.5  # em, width of the column of tools
+_LEAST = 0.01  # least side of a box as a fraction of the photo's: a smaller drag is a slip
 
 
 class SegmentingDialog:
-    """Open while there is a photo to segment. Everything is live; the fit begins by a button."""
+    """The dialog, open while there is a photo to segment. Every change is segmented at once."""
 
     def __init__(self) -> None:
         self._tool = "Box"
-        self._brush = 0.03  # of the photo's longer side
-        self._before = Hints()  # at the start of the current drag
-        self._start = (0.0, 0.0)
-        self._zoom, self._left, self._top = 1.0, 0.0, 0.0  # size of the photo, fractions beyond the edges
-        self._line: tuple[tuple[float, float], ...] = ()
+        self._brush = 0.03  # radius as a fraction of the photo's longer side
+        self._before = Hints()  # hints at the start of the current drag
+        self._start = (0.0, 0.0)  # start of the drag, fractions of the photo's width and height
+        self._zoom, self._left, self._top = 1.0, 0.0, 0.0  # zoom factor; fractions beyond the left and upper edge
+        self._line: tuple[tuple[float, float], ...] = ()  # points of the current stroke, fractions
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog; call once a frame."""
@@ -96,7 +96,7 @@ class SegmentingDialog:
         draw.pop_clip_rect()
 
     def _zoomed(self, corner: ImVec2, size: ImVec2) -> tuple[ImVec2, ImVec2]:
-        """Return place (px of the window) and size of the whole photo after wheel and middle drag."""
+        """Apply wheel and middle drag; return corner and size of the whole photo, px on screen."""
         io = imgui.get_io()
         if imgui.is_item_hovered() and io.mouse_wheel:
             at = imgui.get_mouse_pos() - corner
@@ -115,7 +115,7 @@ class SegmentingDialog:
         return corner - ImVec2(self._left * whole.x, self._top * whole.y), whole
 
     def _react(self, segmenting: Segmenting, corner: ImVec2, size: ImVec2) -> None:
-        """Turn a drag over the photo into a box or a stroke, a click into a point."""
+        """Change the hints: a drag makes a box or a stroke, a click a point."""
         mouse = imgui.get_mouse_pos() - corner
         at = min(1.0, max(0.0, mouse.x / size.x)), min(1.0, max(0.0, mouse.y / size.y))
         if imgui.is_item_activated():
@@ -161,7 +161,7 @@ class SegmentingDialog:
 
 
 def _draw_others(context: PanelContext, segmenting: Segmenting) -> None:
-    """Draw the next masks, each one click away."""
+    """Draw the other masks; a click chooses one."""
     if context.images is None or not (segmenting.result and segmenting.result.others):
         return
     side = hello_imgui.em_size((_COLUMN - 3) / 2)

@@ -1,4 +1,4 @@
-"""The Share dialog: saves a turntable, video, image or mesh, with a preview."""
+"""The Share dialog, which saves a turntable, video, image or mesh, with a preview."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -42,16 +42,16 @@ _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192,
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
 _FORMATS = "glb opens in most programs and holds the camera; it and obj name parts; stl and 3mf are for printers, in mm"
-_SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: the preview, the labels, the controls beside them
-_CHECKS = 16  # px, a square of the pattern behind a transparent background
+_SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: side of the preview, widths of labels and of controls
+_CHECKS = 16  # px, side of a square in the pattern that stands for transparency
 
 
 class ShareDialog:
-    """The form of the Share dialog, and the path of the saved file."""
+    """The Share dialog."""
 
     def __init__(self) -> None:
         self._shown: tuple[Image, Background | None, np.ndarray] | None = None  # image, background, their composite
-        self._more = False  # the second page is unfolded
+        self._more = False  # further choices are unfolded
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog while it is open."""
@@ -124,7 +124,7 @@ def _rgb(colour: Colour) -> Rgb:
 
 
 def _on_background(image: Image, background: Background | None) -> np.ndarray:
-    """Return an image with opacity on its background, or on the pattern of transparency."""
+    """Return an RGBA image on a background or, for None, on a pattern that stands for transparency."""
     rows, columns = (np.arange(size) // _CHECKS for size in image.shape[:2])
     checks = np.where((rows[:, None] + columns) % 2, 205, 240)[..., None]
     opacity = image[..., 3:] / 255
@@ -149,7 +149,7 @@ def _draw_kinds(settings: ShareSettings) -> ShareSettings:
 
 
 def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
-    """Draw the choices for this kind of file, a line each."""
+    """Draw the further choices for a kind of file, a line each; return the changed settings."""
     if settings.kind == "mesh":
         settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, _FORMATS)
         settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
@@ -188,7 +188,7 @@ def _draw_sizes(settings: ShareSettings) -> ShareSettings:
 
 
 def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:
-    """Draw the choices of a mesh: the place of its colours, and its size."""
+    """Draw the choices of a mesh: its colours and its size in metres, ``usual`` by default."""
     if settings.mesh in TEXTURED:
         text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
@@ -218,20 +218,20 @@ def _draw_background(settings: ShareSettings) -> ShareSettings:
 
 
 def _row(settings: ShareSettings, name: str, label: str, choices: Mapping[Any, str], text: str) -> ShareSettings:
-    """Draw a choice among few values of a setting, by its name."""
+    """Draw the choices of one setting, by its field's name."""
     _label(label)
     return replace(settings, **{name: choose(name, getattr(settings, name), choices, text, _WIDTH)})
 
 
 def _label(text: str) -> None:
-    """Draw the text beside the next control."""
+    """Draw a label, and begin the control beside it."""
     imgui.align_text_to_frame_padding()
     imgui.text(text)
     imgui.same_line(hello_imgui.em_size(_LABEL))
 
 
 def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
-    """Draw the button that saves or its progress, then the path of the file."""
+    """Draw the button that saves, or progress; below, the path of the last saved file."""
     exporting = context.session.exporting
     if not draw_progress(context, *KINDS):
         ready = settings.kind != "video" or bool(context.session.player.timeline.keys)

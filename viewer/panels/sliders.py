@@ -1,4 +1,4 @@
-"""Sliders of shape and texture along the principal directions of the trained codes that have a word."""
+"""The panel of sliders along the principal directions of shape and texture that have a word."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -16,14 +16,14 @@ from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_UNDO_ALT
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
-_REACH = 3.0  # standard deviations to either side
-_STEPS = (-2, 0, 2)  # standard deviations at which the object is shown beside a slider
-_INFLUENCE = 96  # px
+_REACH = 3.0  # standard deviations to either side of the mean
+_STEPS = (-2, 0, 2)  # standard deviations of the previews beside a slider
+_INFLUENCE = 96  # px, side of the compared renders
 _HELP = "Ctrl+click to type, right click for 0"
 
 
 class SlidersPanel(Panel):
-    """A slider per direction, from one word to its opposite; previews while the mouse is on it."""
+    """A slider per direction, from one word to its opposite, with previews under the mouse."""
 
     title = "Sliders"
     dock = "Right"
@@ -38,7 +38,7 @@ class SlidersPanel(Panel):
         return (self._influence[0], self._influence[3]) if self._influence else None
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the die and its locks, then the sliders."""
+        """Draw the buttons (random, reset, locks), then the sliders."""
         editor = context.session.editor
         if not editor.history.gesture:
             self._basis = editor.scene.codes
@@ -92,7 +92,7 @@ class SlidersPanel(Panel):
                 imgui.end_tooltip()
 
     def _show_influence(self, context: PanelContext, direction: Direction) -> str:
-        """Show over the object where one standard deviation less and more differ, and return that in words."""
+        """Overlay the object with the influence of a standard deviation to either side; describe it in words."""
         editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
@@ -108,7 +108,7 @@ class SlidersPanel(Panel):
         return f"\nThe glow over the object shows where. Its outline {moves}."
 
     def _draw_strip(self, context: PanelContext, direction: Direction) -> None:
-        """Draw the object at a few positions of the slider."""
+        """Draw the object at a few positions of a slider."""
         side, model = object_tiles.THUMBNAIL * hello_imgui.em_size(), context.session.editor.model
         corner = imgui.get_cursor_screen_pos()
         assert self._basis is not None

@@ -1,4 +1,4 @@
-"""The timeline: keyframes along a line of time, played in the view and written to a file."""
+"""The panel of the timeline: keyframes along a ruler, played in the view and written to a file."""
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -12,19 +12,19 @@ from viewer.widgets.controls import action_button, button, end_gesture, flow, to
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _VIDEO = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_FILM
-_LENGTH = 4.5  # em
+_LENGTH = 4.5  # em, width of the field for the timeline's length
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
 
 class TimelinePanel(Panel):
-    """Buttons above a line of time with the keyframes on it."""
+    """Buttons above a ruler of time with the keyframes."""
 
     title = "Timeline"
     dock = "Drawer"
     folded = True
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the buttons, the line, the keyframes."""
+        """Draw the buttons, the ruler and the keyframes."""
         player, gap = context.session.player, hello_imgui.em_size(0.3)
         action_button(context, "play", _PAUSE if player.playing else _PLAY)
         imgui.same_line(0, gap)

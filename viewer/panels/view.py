@@ -1,4 +1,4 @@
-"""The view of the object: drag to turn, wheel to zoom, double click to return."""
+"""The panel of the view: the image of the scene, with its mouse, keys, buttons and badge."""
 
 import time
 
@@ -17,37 +17,37 @@ from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
 _KEY_TURN = 0.12  # rad per key press
-_REST = 0.6  # s without wheel or keys after which the next nudge is a new edit
-_FINE = 0.2
+_REST = 0.6  # s without wheel or keys after which the next nudge is another step of undo
+_FINE = 0.2  # factor of motion while Shift is held
 _BUTTONS = {
     "undo": icons_fontawesome_4.ICON_FA_UNDO,
     "redo": icons_fontawesome_4.ICON_FA_REDO,
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
-}  # actions, and the icons of their buttons
+}  # icons of buttons, by actions' ids
 _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _EYE = icons_fontawesome_4.ICON_FA_EYE
 _LOW = 24.0  # em: a lower view has no room for the hint above the welcome card
-_COVERED = 4  # of parts of the height, one may be covered: an object of three quarters fits above it
+_COVERED = 4  # divisor of the height that may be covered, as an object fills three quarters of the view
 _NARROW, _SMALL = 26.0, 11.0  # em: a narrower view has buttons without words, a smaller one no hint
-_ENOUGH = 0.5  # of the pixels along the view's side: a coarser image counts as a preview
+_ENOUGH = 0.5  # fraction of the view's px below which an image counts as a preview
 
 
 class ViewPanel(Panel):
-    """The scene, with a badge that tells a preview from the finished render."""
+    """The scene's image, with a badge while it is a preview."""
 
     title = "View"
     dock = "View"
     bare = True
 
     def __init__(self) -> None:
-        self._nudged = 0.0
+        self._nudged = 0.0  # s on the monotonic clock of the last wheel click or key; 0 after its gesture has ended
         self._welcome, self._over = Welcome(), OverView()
-        self._covered = 0  # px at the view's lower edge, by the welcome card
-        self._cached: tuple[Frame, str, Frame] | None = None  # a frame and a mode, and the frame shown for them
+        self._covered = 0  # px of the view's lower edge that the welcome card covers
+        self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the frame, the badge and a few buttons."""
+        """Draw the image, react to mouse and keys, and draw buttons, hint, welcome card and badge."""
         corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         size = ImVec2(max(room.x, 32), max(room.y, 32))
         scale = imgui.get_io().display_framebuffer_scale
@@ -92,7 +92,7 @@ class ViewPanel(Panel):
             _note(corner + ImVec2(size.x / 2, 4.2 * em), hint)
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
-        """Return the image in the view: the baked object while it is turned, else the newest frame."""
+        """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""
         viewport = context.session.viewport
         assert context.canvas and context.baked_canvas and viewport.full_frame
         if viewport.baked_frame and viewport.baked:
@@ -101,7 +101,7 @@ class ViewPanel(Panel):
         return context.canvas.draw(self._in_mode(viewport), viewport.full_frame[1], pixels, context.palette, shadow)
 
     def _in_mode(self, viewport: Viewport) -> Frame:
-        """Return the frame in the view's mode, computed once."""
+        """Return the newest frame in the view's mode; cached."""
         assert viewport.frame is not None
         mode = viewport.settings.mode
         if viewport.full_frame and (self._cached is None or self._cached[:2] != (viewport.frame, mode)):
@@ -163,7 +163,10 @@ class ViewPanel(Panel):
 
 
 def _turn_idly(context: PanelContext) -> None:
-    """Turn until a key, mouse button or wheel, all keys to imgui; an overlay belongs to the scene's camera."""
+    """Turn the view idly until a key, a mouse button or the wheel is used (all are keys to imgui).
+
+    An overlay ends the turn, too, as it is drawn for the scene's camera.
+    """
     idle = context.session.idle_turn
     if idle.due and context.attended:
         touched = context.overlay is not None or any(map(imgui.is_key_down, _KEYS))
@@ -171,7 +174,7 @@ def _turn_idly(context: PanelContext) -> None:
 
 
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    """Draw a panel's overlay over the object, once."""
+    """Draw the overlay that a panel has set over the object, and remove it."""
     image, context.overlay = context.overlay, None
     if image is not None and context.images and context.session.viewport.source == "scene":
         side, pan = min(size.x, size.y), context.session.viewport.settings.offset
@@ -181,7 +184,7 @@ def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 
 def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    """Draw a thin line along the lower edge while every pixel of the view is being rendered."""
+    """Draw a thin progress line along the lower edge while the sharp image is rendered."""
     if (share := context.session.viewport.sharpened) is not None:
         low, high = corner.y + size.y - hello_imgui.em_size(0.15), corner.y + size.y
         colour = packed(context.palette.accent)
@@ -189,7 +192,7 @@ def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 
 def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:
-    """Draw the image's deficiency, if any, above the lower left corner ``low``; its tooltip has the numbers."""
+    """Draw a badge above the lower left corner ``low`` while a fit or a coarse image is shown."""
     (width, height), live = frame.resolution, viewport.source == "fit"
     coarse = not viewport.baked_frame and min(width, height) < _ENOUGH * min(viewport.settings.panel)
     if not (live or coarse):
