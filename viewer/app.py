@@ -70,7 +70,7 @@ class App:
         self._segmenting, self._share = SegmentingDialog(), ShareDialog()
         self._help, self._history = Help(), HistoryStrip()
         size = size or window.usual_size(headless)
-        self._placed = folder is not None and (folder / "window.ini").exists()  # the layout is that of the last launch
+        self._placed = folder is not None and (folder / "window.ini").exists()  # the layout is the last launch's
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless, self._instance = size, folder, headless, instance
@@ -84,7 +84,7 @@ class App:
         self._software, self._touched = False, 0.0
         self._frame_started = 0.0
         self._themed: bool | None = None
-        self._popup_open = False  # before this frame: imgui itself may close a popup on Esc
+        self._popup_open = False  # a popup was open before this frame; imgui closes some on Esc
         self._folded: list[Panel] = []  # panels that were shown before the view was shown alone
         self._failed: dict[str, str] = {}  # errors of failed panels, by title
         self._reported: dict[str, str] = {}  # errors of callbacks that failed in the last frame
@@ -263,7 +263,7 @@ class App:
     def _dropped(self, paths: list[str]) -> None:
         try:
             self.context.drop(paths)
-        except Exception as error:  # glfw would keep it, and raise it in a later call
+        except Exception as error:  # glfw would raise it in a later call
             self.session.messages.report("Cannot take this file", error)
 
     def _take(self, start: Start) -> None:
@@ -297,7 +297,7 @@ class App:
                 self.context.autosave.tick()
             for start in self._instance.starts() if self._instance else ():
                 self._take(start)
-        except Exception as error:  # of one callback; the others run in the next frame
+        except Exception as error:  # in one callback; the others run in the next frame
             self.session.messages.report("Something went wrong", error)
         preferences = self.context.preferences
         if preferences.dark != self._themed:

@@ -41,7 +41,7 @@ class Autosave:
         self._thread = ThreadPoolExecutor(1, "autosave")
         self._writing: Future[int] | None = None
         found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
-        with suppress(Timeout, OSError):  # of a folder that takes no files
+        with suppress(Timeout, OSError):  # the folder is not writable
             self._lock.acquire(timeout=0)
         _sweep(folder)
         self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))

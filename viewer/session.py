@@ -71,7 +71,7 @@ class Session:
         self.project_path: Path | None = None  # file of the saved or opened project
         self._user_objects = UserObjects(folder and folder / "mine")
         self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
-        self._pictures = read_pictures(folder / PICTURES) if folder else {}  # of the last session
+        self._pictures = read_pictures(folder / PICTURES) if folder else {}  # images of the last session
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
         self._words: dict[str, Words | None] = {}  # words of principal directions, by fingerprint

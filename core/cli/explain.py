@@ -105,7 +105,7 @@ def draw_detections(image: Image.Image, cut: CutOut) -> Image.Image:
         pen.text((left + 3, top + 2), f"{number}: {one.category} {one.score:.2f}", fill="lime", stroke_width=1)
     if cut.corners is not None:
         places = [tuple(corner) for corner in (cut.corners * shown.size).tolist()]
-        for edge in EDGES:  # front edges in another colour
+        for edge in EDGES:  # front edges are orange
             front = all((corner - 1) % 2 for corner in edge)
             pen.line([places[corner] for corner in edge], "orange" if front else "cyan", 2)
     return shown

@@ -67,7 +67,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
     def keep(score: ObjectScore) -> None:
         scores.append(score)
-        if chosen.report and not is_stream(chosen.report):  # after each, so that nothing is lost if the next one fails
+        if chosen.report and not is_stream(chosen.report):  # after each object, so that a later failure loses nothing
             write_report(chosen.report, scores, protocol, about)
 
     views = _with_objects((entry.read() for entry in entries), protocol)

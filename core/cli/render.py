@@ -50,7 +50,7 @@ def turntable(chosen: argparse.Namespace) -> None:
     if chosen.morph_to is not None:
         there = View(model.codes[chosen.morph_to], camera)
         keys = Keyframe(0.0, View(codes, camera)), Keyframe(0.5, there)
-        shots = Timeline(keys, 1.0, turns=1).views(chosen.frames)  # timed for one second: any frame count will do
+        shots = Timeline(keys, 1.0, turns=1).views(chosen.frames)  # lasts a second, so the rate is the number of frames
     if chosen.distance is None:
         shots = filling_frame(model, shots)
     written = write_video(model, shots, chosen.out, settings)

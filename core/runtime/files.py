@@ -120,7 +120,7 @@ def _naming(path: Path) -> Iterator[None]:
 def _standard(found: os.stat_result) -> int | None:
     """Return the number (1 or 2) of the standard stream that is this file; None otherwise."""
     for number in (1, 2):
-        with suppress(OSError):  # closed
+        with suppress(OSError):  # a closed stream
             if os.path.samestat(found, os.fstat(number)):
                 return number
     return None

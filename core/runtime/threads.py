@@ -44,7 +44,7 @@ def available_cores(cgroups: Path = Path("/sys/fs/cgroup")) -> int:
     """Return the number of cores that affinity and the container's limit grant this process."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     for names in _LIMITS:
-        with suppress(OSError, ValueError):  # another version or system; "max"
+        with suppress(OSError, ValueError):  # no such file, or no limit ("max")
             quota, period = map(int, " ".join((cgroups / name).read_text() for name in names).split())
             cores = min(cores, -(-quota // period)) if quota > 0 else cores
     return max(1, cores)

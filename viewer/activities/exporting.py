@@ -29,7 +29,7 @@ class Exporting:
         self.progress = 0.0  # finished fraction of the current file, 0..1
         self._began = 0.0  # s on the monotonic clock
         self._expected: float | None = None  # s, estimated for the current file
-        self._slower = 1.0  # actual over estimated time of the last file: other work runs beside it
+        self._slower = 1.0  # actual over estimated time of the last file, as other work runs beside
 
     @property
     def running(self) -> bool:

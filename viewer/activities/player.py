@@ -196,7 +196,7 @@ class Player:
                 crop = orbit.fit_to_panel(view.camera, *layout)
                 job = RenderJob(view.codes, crop.camera, _SETTINGS, shadow=True)
                 for frame in self._jobs.frames(job):
-                    yield (index, replace(frame, stage_count=2), crop) if frame else None  # a preview
+                    yield (index, replace(frame, stage_count=2), crop) if frame else None  # marked as a preview
 
         ended = self._jobs.reporting("Cannot render the timeline")
         self._jobs.submit(Job("timeline", render, self._keep, ended))

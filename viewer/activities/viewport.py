@@ -39,9 +39,7 @@ class Viewport:
         self.source: Source = "none"  # source of the displayed frames; none until :meth:`begin`
         self.frame: Frame | None = None  # newest frame, cropped to the view
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
-        self.times: tuple[
-            tuple[tuple[int, int], float], ...
-        ] = ()  # per stage: width and height in px, s from the start
+        self.times: tuple[tuple[tuple[int, int], float], ...] = ()  # per stage: image size in px, s from the start
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw

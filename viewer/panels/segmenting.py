@@ -64,7 +64,7 @@ class SegmentingDialog:
             self._draw_tools(segmenting)
             _draw_others(context, segmenting)
         imgui.end_child()
-        _draw_end(context, segmenting)  # visible in any low window
+        _draw_end(context, segmenting)  # below the tools, visible even in a low window
         imgui.end_group()
 
     def _draw_photo(self, context: PanelContext, segmenting: Segmenting) -> None:

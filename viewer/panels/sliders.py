@@ -98,7 +98,7 @@ class SlidersPanel(Panel):
         codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
         ends = (direction.moved(codes, mean, value + step) for step in (-1.0, 1.0))
         low, high = (context.session.thumbnails.get(one, camera, soon=True) for one in ends)
-        if low is None or high is None or low.resolution != high.resolution:  # one of them already has a finer render
+        if low is None or high is None or low.resolution != high.resolution:  # one is still the coarse thumbnail
             return ""
         if self._influence is None or self._influence[1:3] != (low, high):
             self._influence = direction.kind, low, high, CodeInfluence.between(low, high)

@@ -55,7 +55,7 @@ class ViewPanel(Panel):
         context.view = corner, corner + size
         viewport = context.session.viewport
         begins, history = self._welcome.is_due(context), context.session.editor.history
-        if not history.gesture and not (begins and history.past):  # the object stands still under a hand
+        if not history.gesture and not (begins and history.past):  # the object must not move during a drag
             self._covered = round(self._welcome.covered * scale.y) if begins else 0
         covered = min(self._covered, pixels[1] // _COVERED)
         viewport.change(panel=pixels, covered=covered, opengl=context.fast_opengl)

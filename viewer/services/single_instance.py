@@ -44,7 +44,7 @@ class SingleInstance:
         for path in () if self._ends.is_set() else _waiting(self._folder):
             text = path.read_text()
             path.unlink()
-            with suppress(ValueError, TypeError):  # of another program
+            with suppress(ValueError, TypeError):  # another program's file
                 yield Start(**json.loads(text))
 
     def end(self) -> None:

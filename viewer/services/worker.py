@@ -115,7 +115,7 @@ class Worker:
 
     def _run(self) -> None:
         if sys.platform == "linux":  # the window keeps its frame rate beside torch on few cores
-            os.nice(2)  # only this thread
+            os.nice(2)  # affects this thread alone
         while (entry := self._pick()) is not None:
             began = self._clock()
             self._step(entry)
@@ -163,7 +163,7 @@ class Worker:
         with self._changed:
             self._delivery.append((entry, callback))
             replaced, entry.shown, entry.over = entry.over, True, entry.over or over
-            if not replaced and (newer := self._next.pop(entry.job.name, None)):  # else it waits for another entry
+            if not replaced and (newer := self._next.pop(entry.job.name, None)):  # else it waits for its predecessor
                 self._begin(newer, entry)
         self.wake()
 

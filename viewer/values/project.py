@@ -150,7 +150,7 @@ class _About(NamedTuple):
 def _decoded(about: dict, store: BlobStore) -> Project:
     assert store.models is not None
     for name in about.get("models", ()):
-        with suppress(ValueError):  # codes of a missing model report it
+        with suppress(ValueError):  # decoding codes of a missing model raises
             store.models.open(str(name))
     found: Project = decode(Project, about, store)
     for fit in (found.fit, *(request.history for request in found.pending)):
@@ -163,7 +163,7 @@ def _first_format(about: _About, store: BlobStore) -> Project:
     assert store.models is not None
     found: Project | None = None
     for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
-        store.model = session["history"]["now"]["scene"]["model"]  # codes did not store it
+        store.model = session["history"]["now"]["scene"]["model"]  # which codes of this format lack
         one = _decoded(_completed(session, store) | {"models": [session["model"]]}, store)
         model = store.models[store.model].fingerprint  # of the open model, which may extend the stored one
         pending = tuple(request._replace(history=_of_model(request.history, model)) for request in one.pending)

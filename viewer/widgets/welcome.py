@@ -44,7 +44,7 @@ class Welcome:
         imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
         flags = imgui.ChildFlags_
         shape = flags.auto_resize_y | flags.always_use_window_padding
-        # The arrow keys turn the object, so they must not walk through the card.
+        # The arrow keys turn the object, so they must not move the focus within the card.
         if imgui.begin_child("welcome", (width, 0), shape, imgui.WindowFlags_.no_nav):
             self._draw_open(context, small)
             draw_samples(context, _SAMPLE * em)
