@@ -17,16 +17,7 @@ from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 from torch.nn import functional
 
-from core.detail.repaint import (
-    Coat,
-    chroma,
-    colour_match,
-    light_share,
-    lightness,
-    moved_paint,
-    repainted,
-    same_hue,
-)
+from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays
 from core.models.codes import Codes
@@ -54,15 +45,16 @@ _MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and letter
 _LEVELS = 6
 UNPAINTED = "wheels", "glass"
 _TEXTURES = 12  # of the model, to find places whose colour depends on the texture
-_PAINTED = 0.6, 0.85  # variation of chroma over textures, relative to the paint's: no paint below, only paint above
-_BUSY = 3.0  # px, standard deviation of the window in which the photo's contrast is measured
-_ALIKE = 0.3, 0.12  # difference from the photo's paint colour: not paint from the first, only paint up to the second
+_PAINTED = 0.45, 0.65  # variation of chroma over textures, relative to the paint's: no paint below, only paint above
+_ROUGH = 4.0  # variation taken off for contrast of 1 in the photo: lamps and grilles vary like shaded paint
+_CALM = 0.055, 0.035  # contrast of lamps and grilles, and of plain paint
+_WINDOW = 1.0, 5  # px, standard deviation and reach of the windows in which contrast is measured
 _VIVID = 0.15, 0.35  # chroma over lightness: greys stay below the first; no tyre or pane reaches the second
-_LIT = 0.15, 0.35  # lightness over the paint's; darker is a gap of any hue
-_CLEAR = 0.15, 0.35  # change of an unpainted part's render: none applied below, all above
-_EQUAL = 0.18, 0.08  # the same for models with glass
+_LIT = 0.15, 0.35  # lightness over a vivid paint's; darker is a gap of any hue
+_GREY_LIT = 0.35, 0.6  # the same for white and grey paint, which trim and grilles share
+_FRAME = 0.5, 0.7  # lightness over the paint's, of window frames: panes are darker
 _BESIDE = 4.0  # px, standard deviation: distance of a window's frame from the body
-_CALM = 0.15, 0.05  # contrast in the window of _BUSY, likewise
+_AROUND = 8.0, 0.05, 0.2  # px, and the share of the main paint within it from which there is no other paint
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
 _BLOCK = 4096  # points that a thread evaluates at a time
@@ -112,10 +104,8 @@ class ComparedPhoto:
     render: Float[Tensor, "3 h w"]  # the surface's colours, extrapolated likewise
     weight: Float[Tensor, "h w"]  # 0..1, reliability of the photo's colours
     near: Float[Tensor, "h w"]  # 0..1, zero far beyond the photo's outline
-    painted: Float[Tensor, "h w"]  # 0..1, how much textures change the colour
-    body: Float[Tensor, "h w"]  # 0..1, zero on tyres and panes
-    alike: Float[Tensor, "h w"]  # 0..1, similarity to the paint's colour
-    paint: Float[Tensor, "3"]  # main paint colour in the photo
+    painted: Float[Tensor, "h w"]  # 0..1, how much paint is there
+    alike: Float[Tensor, "h w"]  # 0..1, how certainly it is the main paint
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.rendering.detail_maps.PhotoMaps.surface`
     texels: "SurfaceTexels"
     match: ColourMatch  # from the render's colours to the photo's
@@ -129,21 +119,23 @@ class ComparedPhoto:
         )
         return new - old
 
-    def painted_mean(self, values: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 1 1"]:
-        """Return the mean over places with the main paint."""
-        places = self.painted * self.body * self.weight * self.alike
-        return (places * values).sum((1, 2), keepdim=True) / places.sum().clamp_min(1e-6)
-
     def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
-        """Return the photo repainted, given the change of the render."""
+        """Return the photo repainted, given the change of the render.
+
+        Around places with the main paint it changes evenly: a texture's colours of one paint are never quite even.
+        """
         offset = self.match.change(self.render.movedim(0, -1)).movedim(-1, 0)
-        clear = smooth_step(change.abs().amax(0), *_CLEAR)  # tyres and panes take another material, not a tint
-        amount = self.painted * torch.lerp(clear, torch.ones_like(clear), self.body)
-        low = torch.cat((self.render + offset, moved_paint(change, offset), amount[None], self.alike[None]))
-        colour, moved, painted, alike = _enlarged(low, self.photo).split((3, 3, 1, 1))
-        paint, usual = self.paint[:, None, None], self.painted_mean(self.render)
-        even = moved_paint(self.painted_mean(change), paint - usual)
-        return repainted(self.photo, (Coat(colour, moved, painted[0]), Coat(paint, even, alike[0])))
+        certain = self.alike * self.weight
+        photo, render, even = (
+            (certain * image).sum((1, 2), keepdim=True) / certain.sum().clamp_min(1e-6)
+            for image in (_resized(self.photo, certain), self.render, change)
+        )
+        reach, least, enough = _AROUND
+        main = smooth_step(_blurred(certain[None], reach), least, enough)
+        paint = torch.lerp(self.render + offset, photo, main)
+        moved = torch.lerp(moved_paint(change, offset), moved_paint(even, photo - render), main)
+        colour, moved, painted = _enlarged(torch.cat((paint, moved, self.painted[None])), self.photo).split((3, 3, 1))
+        return repainted(self.photo, colour, moved, painted[0])
 
     @property
     def size(self) -> int:
@@ -262,33 +254,34 @@ def _painted(
     render: Float[Tensor, "3 h w"],
     parts: dict[str, Float[Tensor, "h w"]],
     weight: Float[Tensor, "h w"],
-) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "3"]]:
-    """Return for each pixel, 0..1: paint by variation over textures, body, and paint by colour; and the paint's colour.
+) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"]]:
+    """Return :attr:`ComparedPhoto.painted` and ``alike``.
 
-    The first is lower where the photo is busier than the render, as in lamps and a grille. A vivid colour counts as
-    paint on any part; white or grey counts on the body where the photo is smooth, and on window frames.
+    Paint is where textures vary the colour and the photo is calm, unlike in lamps and a grille, and where the photo has
+    the main paint's hue: a vivid one on any part, white or grey on calm places of the body and on window frames.
     """
-    busy = (_contrast(photo) - _contrast(render)).clamp_min(0)
-    body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(busy))
-    known = body if spread is None else smooth_step(spread - busy / 2, *_PAINTED)  # all of a chair takes paint
-    certain = body * known * weight > 0.5
+    rough = _roughness(photo)
+    body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(rough))
+    known = body if spread is None else body * smooth_step(spread - _ROUGH * rough, *_PAINTED)  # all of a chair
+    certain = known * weight > 0.5
     if not bool(certain.any()):
-        return known, body, torch.zeros_like(known), torch.zeros(3)
+        return known, torch.zeros_like(known)
     paint = photo[:, certain].median(1).values[:, None, None]
+    hue, light = same_hue(photo, paint), light_share(photo, paint)
     vivid = smooth_step(chroma(paint).abs().amax(0) / (0.3 + 0.7 * lightness(paint)), *_VIVID)
-    coloured = vivid * same_hue(photo, paint) * smooth_step(light_share(photo, paint), *_LIT)
-    apart = (photo - paint).abs().amax(0)
-    plain = body * smooth_step(apart, *_ALIKE) * smooth_step(busy, *_CALM)
+    alike = body * smooth_step(light, *_GREY_LIT) * smooth_step(rough, *_CALM)
     if "glass" in parts:
         beside = smooth_step(_blurred(body[None], _BESIDE)[0], 0.02, 0.2)  # no highlight amid a pane
-        plain = torch.maximum(plain, beside * parts["glass"] * smooth_step(apart, *_EQUAL))
-    return known, body, _blurred(torch.maximum(coloured, plain)[None], 1.0)[0], paint.flatten()
+        alike = torch.maximum(alike, beside * parts["glass"] * smooth_step(light, *_FRAME))
+    alike = _blurred((hue * torch.maximum(alike, vivid * smooth_step(light, *_LIT)))[None], 1.0)[0]
+    return torch.maximum(known, alike), alike
 
 
-def _contrast(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
-    """Return the standard deviation of lightness around each pixel."""
-    light = lightness(image)[None]
-    return (_blurred(light**2, _BUSY) - _blurred(light, _BUSY) ** 2).clamp_min(0).sqrt()[0]
+def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
+    """Return the standard deviation of lightness in the calmest of the windows around each pixel."""
+    light, (deviation, reach) = lightness(image)[None], _WINDOW
+    variance = _blurred(light**2, deviation) - _blurred(light, deviation) ** 2
+    return -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
 
 
 def _painted_maps(

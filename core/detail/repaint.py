@@ -5,9 +5,6 @@ the paint from the render of the fitted codes to the render of the new ones; the
 colour than the paint, and parts that are never painted, keep their colour.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -15,10 +12,7 @@ from torch import Tensor
 from core.rendering.detail_maps import ColourMatch, smooth_step
 
 _LIGHTNESS = 0.299, 0.587, 0.114
-_OTHER_HUE = (
-    0.06,
-    0.16,
-)  # difference of chroma over lightness: paint up to the first, not paint from the second
+_OTHER_HUE = 0.06, 0.16  # difference of chroma over lightness: paint up to the first, not paint from the second
 _LIGHTER = 1.6  # largest ratio to the render's lightness that light explains
 _LETTERING = 0.08, 0.25  # lightness above that: a highlight up to the first, lettering from the second
 _OTHER_PAINT = 0.5  # difference of renders from which the new paint replaces the old one completely
@@ -34,24 +28,21 @@ def lightness(colours: Float[Tensor, "3 *places"]) -> Float[Tensor, "*places"]:
     return _LIGHTNESS[0] * red + _LIGHTNESS[1] * green + _LIGHTNESS[2] * blue
 
 
-class Coat(NamedTuple):
-    """A paint in a photo, and its change."""
+def repainted(
+    photo: Float[Tensor, "3 *places"],
+    paint: Float[Tensor, "3 *#places"],
+    change: Float[Tensor, "3 *#places"],
+    amount: Float[Tensor, "*places"],
+) -> Float[Tensor, "3 *places"]:
+    """Return the photo with its paint changed.
 
-    colour: Float[Tensor, "3 *#places"]  # in even light, as in the photo
-    change: Float[Tensor, "3 *#places"]  # of that colour
-    amount: Float[Tensor, "*places"]  # 0..1, how much of it places take
-
-
-def repainted(photo: Float[Tensor, "3 *places"], coats: Sequence[Coat]) -> Float[Tensor, "3 *places"]:
-    """Return the photo with its paint changed; each coat covers areas that earlier coats leave."""
-    left = torch.ones_like(photo[0])
-    for colour, change, amount in coats:
-        covered, share = (
-            left * amount * same_hue(photo, colour) * _no_lettering(photo, colour),
-            light_share(photo, colour),
-        )
-        photo, left = photo + covered * share * change, left - covered
-    return photo
+    Args:
+        paint: its colour in even light, as in the photo.
+        change: of that colour.
+        amount: 0..1, how much paint places have at most.
+    """
+    covered = amount * same_hue(photo, paint) * _no_lettering(photo, paint)
+    return photo + covered * light_share(photo, paint) * change
 
 
 def light_share(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:

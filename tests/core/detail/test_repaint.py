@@ -6,7 +6,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.detail.repaint import (
-    Coat,
     colour_match,
     light_share,
     lightness,
@@ -26,7 +25,7 @@ def patch(*colours: tuple[float, float, float]) -> Float[Tensor, "3 places"]:
 
 def painted(photo: Tensor, before: Tensor, after: Tensor, match: ColourMatch | None = None) -> Tensor:
     offset = (match or ColourMatch()).change(before.T).T
-    return repainted(photo, [Coat(before + offset, moved_paint(after - before, offset), torch.ones(photo.shape[1]))])
+    return repainted(photo, before + offset, moved_paint(after - before, offset), torch.ones(photo.shape[1]))
 
 
 def test_the_paint_that_is_there_changes_no_bit() -> None:
@@ -52,13 +51,7 @@ def test_lettering_keeps_its_colour(kept: tuple[float, float, float], paint: tup
 
 def test_what_takes_no_paint_stays() -> None:
     photo, change = patch(WHITE), patch(RED) - patch(WHITE)
-    assert torch.equal(repainted(photo, [Coat(photo, change, torch.zeros(1))]), photo)
-
-
-def test_a_second_coat_covers_what_the_first_one_leaves() -> None:
-    photo, change, all_of_it = patch(WHITE, RED), torch.full((3, 1), -0.1), torch.ones(2)
-    both = repainted(photo, [Coat(patch(WHITE), change, all_of_it), Coat(patch(RED), -change, all_of_it)])
-    assert (both - photo)[0].tolist() == pytest.approx([-0.1, 0.1], abs=0.02)
+    assert torch.equal(repainted(photo, photo, change, torch.zeros(1)), photo)
 
 
 def test_a_photo_lighter_than_its_render_does_not_lighten_another_paint() -> None:
