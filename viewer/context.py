@@ -154,7 +154,7 @@ class PanelContext:
         self.files.ask(FileRequest("Photo, project or model to open", lambda path: self.drop([str(path)]), kinds))
 
     def load(self, path: Path) -> None:
-        """Open a project, a model, a scene or an image of a scene, and list it among the recent files."""
+        """Open a project, a model, a scene or an image of a scene, and list the file as recent."""
         self._remember(path)
         if is_project(path):
             self.session.open_project(path)

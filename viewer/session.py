@@ -137,7 +137,7 @@ class Session:
         )
 
     def show_model(self, name: str) -> None:
-        """Show the first object of a model, by its shipped name or path, unless one of its objects is shown."""
+        """Show a model's first object, unless one of its objects is shown; ``name`` may be a path."""
         model = self.models.open(name)
         self._add_models()
         if self.editor.model is not model:
@@ -207,7 +207,7 @@ class Session:
 
     @property
     def listed_models(self) -> tuple[Model, ...]:
-        """The models whose objects are listed: all but formerly shipped ones, of which only the shown one is."""
+        """The models whose objects are listed: all, but formerly shipped ones only while on screen."""
         shown = self.editor.model
         return tuple(model for model in self.models if model is shown or not self.models.is_former(model))
 
@@ -273,7 +273,7 @@ class Session:
 
     @property
     def tracked_state(self) -> tuple[object, ...]:
-        """The inputs of :meth:`project`, to be compared by identity: if they are the same, so is the project."""
+        """The inputs of :meth:`project`; while they are identical objects, the project is the same."""
         objects, fitting = self.editor.objects, self.fitting
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps

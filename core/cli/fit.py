@@ -172,7 +172,10 @@ def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
 def _hints(
     image: Path, box: tuple[float, ...] | None, point: tuple[float, float] | None, number: int | None
 ) -> Hints | None:
-    """Return hints from a box (clipped) or a point in px of the upright image, or an object's number."""
+    """Return hints from a box or a point, in px of the upright image, or an object's number.
+
+    A box is clipped to the image.
+    """
     if box is None and point is None:
         return Hints(object=number - 1) if number else None
     width, height = upright_size(image)

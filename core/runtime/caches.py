@@ -62,7 +62,10 @@ class ByteCache:
             return entry.value
 
     def put(self, kind: CacheKind, key: Hashable, value: object, size: int) -> None:
-        """Store a value of ``size`` bytes unless it is too large, evicting values of its kind and earlier kinds."""
+        """Store a value of ``size`` bytes, evicting values of its kind and earlier kinds.
+
+        A value that is too large is not stored.
+        """
         with self._lock:
             self._entries[kind].pop(key, None)
             if size <= self._room(kind):

@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 @contextmanager
 def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> Iterator[Path]:
-    """Yield an empty file to write to, which replaces ``path`` at the end and is removed after an error.
+    """Yield an empty file to write, which replaces ``path`` at the end, or is removed after an error.
 
     Symbolic links lead to their target, and an existing file keeps its mode. If processes write the same file at once,
     the last one wins completely. For a device, a pipe or standard output the content is copied.

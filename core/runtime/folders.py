@@ -24,7 +24,7 @@ def config_folder() -> Path:
 
 
 def is_temporary(folder: Path) -> bool:
-    """True if a folder lies in the system's temporary folder, which may be emptied at the next boot."""
+    """True if a folder lies in the system's temporary folder, which is emptied at times."""
     return folder.parent == Path(tempfile.gettempdir())
 
 

@@ -72,5 +72,5 @@ class FitResults:
 
 
 def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
-    """Return whether both objects were fitted to the same photo, apart from a number that made a name unique."""
+    """Return whether both objects have the same photo and name, but for the number of a unique name."""
     return one.photo == other.photo != "" and re.sub(r" \(\d+\)$", "", one.name) == other.name

@@ -1,4 +1,4 @@
-"""The options of a fit, and the stream of its photos and steps, which runs on the worker."""
+"""The options of a fit, and the stream of its photos and steps for the worker."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

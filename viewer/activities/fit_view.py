@@ -52,7 +52,7 @@ class FitView:
         return self.camera_of(step.runner_up if self.from_runner_up and step.runner_up else step)
 
     def show_viewpoint(self, runner_up: bool) -> None:
-        """Turn the view to the runner-up's camera, mostly on the opposite side, or back to the fitted one."""
+        """Turn the view to the runner-up's camera, mostly opposite, or back to the fitted one."""
         if self.history.last:
             self.from_runner_up = runner_up
             self._editor.set_camera(self.camera)

@@ -173,7 +173,7 @@ class Fitting:
             self._run(FitRequest(self.history, initial))
 
     def resume_from_view(self) -> None:
-        """Continue the shown fit from the codes in the view and, for the selected photo, the view's direction."""
+        """Continue the shown fit from the view's codes and, for the selected photo, its direction."""
         if initial := self.resume_point:
             scene, cameras, index = self._editor.scene, list(initial.cameras), self.history.photo_index
             seen = scene.camera  # the object's size in the view is not its size in the photo
@@ -188,7 +188,7 @@ class Fitting:
         return best if best and self.can_resume(best) else None
 
     def can_resume(self, hypothesis: Hypothesis) -> bool:
-        """Return whether a hypothesis has a camera for every photo, so that the fit can continue from it."""
+        """Return whether the shown fit can continue from a hypothesis, which needs a camera per photo."""
         return len(hypothesis.cameras) == len(self.history.photos)
 
     def stop(self) -> None:
@@ -344,7 +344,7 @@ class Fitting:
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
 
     def _with_detail(self, step: FitStep) -> FitStep:
-        """Return a stopped fit's step with photo detail, which only the last step of a full fit has."""
+        """Return a stopped fit's step with photo detail, which only full fits end with."""
         if step.codes.detail or not step.hypotheses or not self.can_resume(step.hypotheses[0]):
             return step
         return with_photo_detail(self.view.model, [fitted.photo for fitted in self.history.photos], step)

@@ -17,9 +17,9 @@ _SPEED = 2 * math.pi / 40  # rad/s
 
 
 class IdleTurn:
-    """Turns the view of a new result, starting from the scene's camera, if OpenGL draws the baked object.
+    """Turns the view of a new result, if OpenGL draws the baked object.
 
-    The turn is no edit; :meth:`stop` keeps its last camera.
+    The turn begins at the scene's camera and is no edit; :meth:`stop` keeps its last camera.
     """
 
     def __init__(

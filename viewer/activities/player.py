@@ -111,7 +111,7 @@ class Player:
     # Edits of the timeline
 
     def add_key(self) -> None:
-        """Make the view a keyframe at the playhead or, if one is there, a second after the last keyframe."""
+        """Make the view a keyframe at the playhead or, if that has one, after the last keyframe."""
         self.pause()
         timeline = self.timeline
         gap = MIN_GAP if timeline.loop else 0.0

@@ -33,7 +33,7 @@ class Help:
         self._found: list[Entry] = []
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the search above its results or, without a search, above the table, while the help is open."""
+        """Draw the search above its results or, by default, the table, while the help is open."""
         if not context.help_open:
             return
         viewport = imgui.get_main_viewport()

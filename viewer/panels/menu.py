@@ -70,7 +70,7 @@ def _draw_earlier(context: PanelContext) -> None:
 
 
 def _draw_status(context: PanelContext) -> None:
-    """Draw, on the right, the current export and a thin bar of a fit or of the view banks."""
+    """Draw on the right the current export, and a thin bar of a fit or the view banks."""
     session, em = context.session, hello_imgui.em_size()
     waits = session.fitting.history.progress if session.fitting.running else session.preparing
     exporting = _EXPORT * em if session.exporting.running else 0.0

@@ -163,9 +163,9 @@ class ViewPanel(Panel):
 
 
 def _turn_idly(context: PanelContext) -> None:
-    """Turn the view idly until a key, a mouse button or the wheel is used (all are keys to imgui).
+    """Turn the view idly until a key, a mouse button or the wheel is used.
 
-    An overlay ends the turn, too, as it is drawn for the scene's camera.
+    imgui counts all of these as keys. An overlay ends the turn, too, as it is drawn for the scene's camera.
     """
     idle = context.session.idle_turn
     if idle.due and context.attended:
@@ -192,7 +192,7 @@ def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 
 def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:
-    """Draw a badge above the lower left corner ``low`` while a fit or a coarse image is shown."""
+    """Draw a badge above the corner ``low`` (lower left) while a fit or a coarse image is shown."""
     (width, height), live = frame.resolution, viewport.source == "fit"
     coarse = not viewport.baked_frame and min(width, height) < _ENOUGH * min(viewport.settings.panel)
     if not (live or coarse):

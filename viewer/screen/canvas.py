@@ -123,10 +123,11 @@ class Canvas:
     def draw(
         self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, shadow: bool
     ) -> imgui.ImTextureRef:
-        """Return a texture of ``size`` px with a frame in its crop's proportions, redrawn only after a change.
+        """Return a texture with a frame in its crop's proportions, redrawn only after a change.
 
         Args:
-            shadow: draw the frame's shadow on the ground, if it has one.
+            size: width and height of the texture, px.
+            shadow: draw the frame's shadow on the ground, if the frame has one.
         """
         wanted = (frame, crop, size, palette, shadow)
         if wanted != self._shown:
@@ -185,7 +186,7 @@ class Images:
         self._used: set[tuple[int, int]] = set()
 
     def texture(self, image: Frame | np.ndarray, palette: Palette) -> imgui.ImTextureRef:
-        """Return the texture of a frame on the theme's background, or of uint8 pixels (height, width, 3 or 4)."""
+        """Return the texture of a frame on the theme's background, or of uint8 RGB or RGBA pixels."""
         key = id(image), id(palette)
         self._used.add(key)
         if key not in self._textures:

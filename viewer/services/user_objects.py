@@ -24,7 +24,7 @@ class _Stored(NamedTuple):
 
 
 class UserObjects:
-    """Stores each fitted object as a scene file with a name, which can be opened like any scene."""
+    """Stores each fitted object as a named scene file, which opens like any scene."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """Store in ``folder``; None stores nothing."""

@@ -140,7 +140,7 @@ class History:
         return History(states[index], states[:index], states[index + 1 :])
 
     def shortened(self) -> History:
-        """Return the history without the older half of undo or, if undo is empty, the later half of redo."""
+        """Return the history without the older half of undo or, if that is empty, the later half of redo."""
         if self.past:
             return replace(self, past=self.past[(len(self.past) + 1) // 2 :])
         return replace(self, future=self.future[: len(self.future) // 2])

@@ -17,7 +17,7 @@ _UNKNOWN: Colour = (0.6, 0.63, 0.66)
 
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """Draw a dot in the colour of a fitted object's confidence, and one if the object was never shown."""
+    """Draw a fitted object's dot in the colour of its confidence, and a dot on an object not shown yet."""
     found, em, draw = context.session.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
     if name in context.session.fitting.results.unseen:
         centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
