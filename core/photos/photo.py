@@ -118,7 +118,6 @@ def photo_from_array(
     pixels: UInt8[np.ndarray, "height width channels"] | Float[np.ndarray, "height width channels"],
     model: Model,
     bank: ViewBank,
-    pose: Float[Tensor, "4 4"] | None = None,
 ) -> Photo:
     """Prepare pixels in memory like :func:`load_photo`: 3 or 4 channels, bytes or numbers in [0, 1]."""
     if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4):
@@ -127,7 +126,7 @@ def photo_from_array(
         if not np.isfinite(pixels).all():
             raise ValueError("an image's pixels must be finite")
         pixels = to_bytes(pixels)
-    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, bank, pose)
+    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, bank)
 
 
 def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, pose: Float[Tensor, "4 4"] | None = None) -> Photo:

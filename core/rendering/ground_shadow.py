@@ -34,9 +34,9 @@ class GroundShadow:
     reach: tuple[float, float]  # scene units from the map's middle to its sides, along x and y
     height: float  # z of the ground
 
-    def seen_by(self, camera: Camera, pixel_offset: float = 0.0) -> Float[Tensor, "height width"]:
+    def seen_by(self, camera: Camera) -> Float[Tensor, "height width"]:
         """Return the fraction (0..1) of the ground's light that each pixel loses; 0 where no ground is visible."""
-        rays = camera_rays(camera, torch.ones(3), pixel_offset)
+        rays = camera_rays(camera, torch.ones(3))
         along = (self.height - rays.origins[..., 2]) / rays.directions[..., 2]
         place = (rays.origins + along[..., None] * rays.directions)[..., :2] / torch.tensor(self.reach)
         texels = torch.from_numpy(self.darkness).float()[None, None] / 255

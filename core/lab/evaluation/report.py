@@ -1,4 +1,4 @@
-"""Reports of an evaluation: tables and histograms as text, the numbers as JSON, a chart as PNG."""
+"""Reports of an evaluation: tables as text, the numbers as JSON, a chart as PNG."""
 
 import math
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ class _Panel(NamedTuple):
 
 
 def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) -> str:
-    """Format the paper's table and, for estimated cameras, their errors as a table and a histogram."""
+    """Format the paper's table and, for estimated cameras, their errors."""
     summary = summarise(scores)
     inputs = f"{len(protocol.inputs)}-view ({', '.join(map(str, protocol.inputs))})"
     name = f"{inputs}, camera {'estimated' if protocol.estimate else 'known'}"
@@ -45,7 +45,7 @@ def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) ->
         lines.append(_row("  - outliers (over 5 degrees or 3 %)", summary.without_outliers))
     lines.append(f"\n{summary.seconds.mean:.1f} s for a fit; 95 % intervals by bootstrap over objects")
     if summary.pose:
-        lines += ["", *_pose_table(summary.pose, summary.without_outliers), "", *_pose_histogram(scores)]
+        lines += ["", *_pose_table(summary.pose, summary.without_outliers)]
     return "\n".join(lines)
 
 
@@ -152,18 +152,6 @@ def _pose_table(pose: PoseSummary, kept: EvaluationSummary | None) -> list[str]:
     shares = (("5 degrees", "within_5_degrees"), ("10 degrees", "within_10_degrees"))
     for limit, field in (*shares, ("3 %", "within_3_percent"), ("5 %", "within_5_percent")):
         lines.append(f"{f'within {limit} (%)':22}{'':24}{_interval(getattr(pose, field), 0, 100):>24}")
-    return lines
-
-
-def _pose_histogram(scores: Sequence[ObjectScore]) -> list[str]:
-    poses = [pose for score in scores for pose in score.poses]
-    final = _counts([pose.rotation for pose in poses], _ROTATION_BINS)
-    initial = _counts([pose.initial_rotation for pose in poses], _ROTATION_BINS)
-    scale = min(1.0, 50 / max(final + initial))
-    lines = ["rotation error (degrees): # final, . initial"]
-    for low, high, after, before in zip(_ROTATION_BINS, _ROTATION_BINS[1:], final, initial, strict=False):
-        lines.append(f"{low:>4} to {high:<4}{after:>4} {'#' * math.ceil(after * scale)}")
-        lines.append(f"{'':12}{before:>4} {'.' * math.ceil(before * scale)}")
     return lines
 
 

@@ -35,6 +35,7 @@ _PRUNE_AFTER = 2000  # steps before the first pruning: the field must have found
 _OUTSIDE_INTERVALS = 64  # across the box: the interval by which density outside the hulls is penalised
 _MIN_MUON_DIM = 8  # AdamW optimises matrices with fewer rows or columns (density, colour)
 _WEIGHT_DECAY = 1e-4  # of the weights, per step and learning rate
+_MEASURED_OBJECTS = 8  # of which held-out views are compared during training
 _WARMUP_STEPS = 500
 _FINAL_LR = 0.01  # learning rates at the end of the schedule, relative to their peaks
 
@@ -265,7 +266,7 @@ class Trainer:
         return warmup * (_FINAL_LR + (1 - _FINAL_LR) * cosine)
 
 
-def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
+def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:
     """Split off the last view of every object; return the rest, and those views of a few evenly spaced objects.
 
     Raises ``ValueError`` for an object with a single view.
@@ -277,7 +278,7 @@ def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
     if min(len(views.cameras) for views in dataset.objects) < 2:
         raise ValueError("training needs at least two views of every object: one is held out for validation")
     rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
-    some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
+    some = dataset.objects[:: max(1, len(dataset.objects) // _MEASURED_OBJECTS)][:_MEASURED_OBJECTS]
     held = tuple(part(views, slice(-1, None)) for views in some)
     return replace(dataset, objects=rest), replace(dataset, objects=held, weights=())
 

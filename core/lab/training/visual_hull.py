@@ -12,6 +12,7 @@ from core.lab.datasets.srn import ObjectViews
 
 Extent = tuple[float, float, float]
 
+_CELLS = 32  # along each axis of the grid from which the box around all objects follows
 _MASK_SIDE = 128  # px: larger masks are reduced to this, a pixel being set if any of its parts is
 
 
@@ -48,13 +49,13 @@ def visual_hull(
     return hull.reshape(resolution, resolution, resolution)
 
 
-def shared_extent(objects: Sequence[ObjectViews], resolution: int = 32) -> Extent:
+def shared_extent(objects: Sequence[ObjectViews]) -> Extent:
     """Return the smallest origin-centred box around the hulls of all objects, with one cell of margin."""
-    occupied = torch.zeros(resolution, resolution, resolution, dtype=torch.bool)
+    occupied = torch.zeros((_CELLS,) * 3, dtype=torch.bool)
     for views in objects:
-        occupied |= visual_hull(views, (0.5, 0.5, 0.5), resolution)
-    centres = grid_centres((0.5, 0.5, 0.5), resolution)[occupied.reshape(-1)]
+        occupied |= visual_hull(views, (0.5, 0.5, 0.5), _CELLS)
+    centres = grid_centres((0.5, 0.5, 0.5), _CELLS)[occupied.reshape(-1)]
     if not len(centres):
         raise ValueError("the masks rule out all space: poses and masks do not match")
-    reach = (centres.abs().amax(0) + 1.5 / resolution).clamp_max(0.5)
+    reach = (centres.abs().amax(0) + 1.5 / _CELLS).clamp_max(0.5)
     return (float(reach[0]), float(reach[1]), float(reach[2]))
