@@ -8,14 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_fill_holes, distance_transform_edt
 from torch import Tensor
 
 from core.geometry.camera import pixel_centres
 from core.geometry.pixels import bounding_box
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.plain_background import connected_to_border
 
 _STRATA_FRACTIONS = (0.5, 0.3, 0.2)  # of the rays: on the object, near it, elsewhere
 _NEAR_MARGIN = 0.12  # distance from the mask that is near, relative to the object's size
@@ -74,7 +73,7 @@ class Observation:
         pixels = (pixel_centres(width, height) - middle) / focal
         seen = np.ones_like(mask) if photo.unseen is None else ~photo.unseen.cpu().numpy()
         strata, fractions = _strata(mask, seen)
-        enclosed = ~mask & ~connected_to_border(~mask)
+        enclosed = binary_fill_holes(mask) & ~mask
         return cls(
             pixels.reshape(-1, 2),
             photo.pixels.reshape(-1, 3).float().cpu(),

@@ -2,8 +2,7 @@
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -36,16 +35,10 @@ class Candidate:
     edge_error: float = 0.0  # px, uncertainty of the edges
     white: bool = False  # white background, as in training images
     certain: bool = False  # from alpha, a plain background or a person
+    confidence: float = 1.0  # probability that it is the object
 
 
-class Ranked(NamedTuple):
-    """A candidate and the probability that it is the object."""
-
-    candidate: Candidate
-    confidence: float
-
-
-def rank_candidates(image: Image.Image, box: Box) -> list[Ranked]:
+def rank_candidates(image: Image.Image, box: Box) -> list[Candidate]:
     """Find the masks of an object in an image, the likeliest first.
 
     Args:
@@ -55,10 +48,10 @@ def rank_candidates(image: Image.Image, box: Box) -> list[Ranked]:
     found = [one for one in (by_network(image, box), by_colours(image, box)) if one and (one.opacity > 0.5).any()]
     found.sort(key=lambda one: -_fit(one, box))
     if len(found) < 2:
-        return [Ranked(one, _ALONE) for one in found]
+        return [replace(one, confidence=_ALONE) for one in found]
     agreed = mask_overlap(found[0].opacity > 0.5, found[1].opacity > 0.5)
     sure = 1 / (1 + math.exp(-(_CONSTANT + _AGREEMENT * agreed)))
-    return [Ranked(found[0], sure), Ranked(found[1], min(sure, 1 - sure))]
+    return [replace(found[0], confidence=sure), replace(found[1], confidence=min(sure, 1 - sure))]
 
 
 def _fit(candidate: Candidate, box: Box) -> float:
@@ -93,7 +86,7 @@ def by_place(image: Image.Image, boxes: list[Box]) -> Candidate:
     opacity = np.zeros((image.height, image.width), np.float32)
     for left, top, right, bottom in (_in_pixels(box, image) for box in boxes):
         opacity[top:bottom, left:right] = 1
-    return Candidate("nothing but its place", opacity)
+    return Candidate("nothing but its place", opacity, confidence=0.0)
 
 
 def salient_box(image: Image.Image) -> Box:

@@ -146,7 +146,8 @@ def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, pose: Float[Tensor,
             return photo
         scaled, half = False, width / 2  # recentre only: the apparent size determines the distance
     else:
-        scaled, half = True, _half(cut, usual.median)
+        left, top, right, bottom = bounding_box(cut.mask)
+        scaled, half = True, max(right - left, bottom - top) / usual.median / 2
     square = _square(cut, half)
     photo = _resampled(cut, square, (size, size))
     if not bool(photo.mask.any()):
@@ -166,12 +167,6 @@ def _like_training(cut: CutOut, usual: SizeRange) -> bool:
     left, top, right, bottom = bounding_box(cut.mask)
     size = max(right - left, bottom - top) / width
     return 0.6 * usual.min < size < min(1.4 * usual.max, 0.9)
-
-
-def _half(cut: CutOut, share: float) -> float:
-    """Return half the side, in px, of a square in which the object's longer side takes this fraction."""
-    left, top, right, bottom = bounding_box(cut.mask)
-    return max(right - left, bottom - top) / share / 2
 
 
 def _square(cut: CutOut, half: float) -> tuple[float, float, float, float]:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import gaussian_gradient_magnitude, label
+from scipy.ndimage import binary_fill_holes, gaussian_gradient_magnitude, label
 from skimage.color import rgb2lab
 
 _BACKGROUND_DISTANCE = 9.0  # CIE76 up to which a pixel has the background's colour: four noticeable differences
@@ -48,7 +48,7 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
     model, noise, _ = found
     distance = np.linalg.norm(lab - model, axis=-1)
     alike = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
-    outside = connected_to_border(alike | _shaded(lab, model))
+    outside = ~binary_fill_holes(~(alike | _shaded(lab, model)))
     gaps = (distance < np.clip(2 * noise, 1.0, 3.0)) & ~outside
     pieces, count = label(gaps)
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
@@ -106,9 +106,3 @@ def _shaded(
     apart, chroma = lab - model, np.linalg.norm(model[..., 1:], axis=-1)
     same_hue = np.linalg.norm(apart[..., 1:], axis=-1) < 5 + 0.5 * chroma
     return (np.abs(apart[..., 0]) < _SHADOW_LIGHTNESS) & same_hue & (slope < _EDGE_SLOPE / longer)
-
-
-def connected_to_border(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """Return the pixels reachable from the border over passable pixels (not diagonally)."""
-    pieces, _ = label(np.pad(passable, 1, constant_values=True))
-    return (pieces == pieces[0, 0])[1:-1, 1:-1]

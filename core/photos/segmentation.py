@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
-from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label
 
 from core.geometry.pixels import bounding_box
 from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
@@ -19,8 +19,9 @@ from core.photos.plain_background import NoBackgroundError, PlainBackground, fin
 
 MIN_SIDE = 8  # px: images with a shorter side are not fitted
 _MIN_OBJECT_PIXELS = 12  # px: smaller objects are not fitted
-_PIECE, _SPECK = 0.2, 0.01  # relative to the largest piece: pieces always kept, and pieces kept near it
-_NEAR = 0.1  # distance of kept specks, relative to the largest piece's size
+_SPECK = 0.01  # area of kept pieces, relative to the largest piece
+_GROUP = 0.2  # area of kept groups of neighbouring pieces, relative to the largest group
+_NEAR = 0.1  # largest gap within a group, relative to the mask's size
 _SAME = 0.97  # intersection over union from which two masks count as equal
 _CORNERS = 0.03  # largest fraction of an image cut off by rounded corners
 _FILLED = 0.98  # an object that fills so much of its box may be a photo in a frame
@@ -172,14 +173,14 @@ def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
     """Return the chosen mask of the objects in some boxes together, with alternatives."""
     cuts, colours = list[CutOut](), np.asarray(rgb, np.float32) / 255
     for ranked in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
-        opacity = np.max([one.candidate.opacity for one in ranked], axis=0)
-        whole = replace(ranked[0].candidate, opacity=opacity, certain=hints.box is not None)
+        opacity, sure = np.max([one.opacity for one in ranked], axis=0), min(one.confidence for one in ranked)
+        whole = replace(ranked[0], opacity=opacity, certain=hints.box is not None, confidence=sure)
         with suppress(ValueError):  # the whole image, or almost nothing
-            cut = _on_white(colours, whole, min(one.confidence for one in ranked))
+            cut = _on_white(colours, whole)
             if all(mask_overlap(cut.mask, other.mask) < _SAME for other in cuts):
                 cuts.append(cut)
     if not cuts:
-        cuts = [_on_white(colours, by_place(rgb, boxes), 0.0)]
+        cuts = [_on_white(colours, by_place(rgb, boxes))]
     chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
     return replace(chosen, others=tuple(cuts))
 
@@ -200,7 +201,7 @@ def _box_at(rgb: Image.Image, point: tuple[float, float], found: tuple[Detection
     return min(there, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None) or box_at(rgb, point)
 
 
-def _on_white(pixels: Float[np.ndarray, "height width 3"], found: Candidate, confidence: float = 1.0) -> CutOut:
+def _on_white(pixels: Float[np.ndarray, "height width 3"], found: Candidate) -> CutOut:
     """Put an object on white. ``ValueError`` if too small, :class:`NoBackgroundError` if it is the whole image."""
     opacity, white = found.opacity, found.white
     mask = _without_specks(opacity > _THRESHOLD, far=found.certain)
@@ -216,7 +217,7 @@ def _on_white(pixels: Float[np.ndarray, "height width 3"], found: Candidate, con
         shown = binary_erosion(mask, iterations=1, border_value=1)
     pixels = np.where(shown[..., None], pixels, np.float32(1))
     opacity = np.where(near, opacity, 0).astype(np.float32)
-    return CutOut(pixels, mask, white, opacity, found.edge_error, found.found_by, confidence)
+    return CutOut(pixels, mask, white, opacity, found.edge_error, found.found_by, found.confidence)
 
 
 # Strokes
@@ -265,16 +266,15 @@ def _apply_strokes(
 
 
 def _without_specks(mask: Bool[np.ndarray, "height width"], far: bool) -> Bool[np.ndarray, "height width"]:
-    """Keep the largest piece, pieces over a fifth of it, and over a hundredth if near it or ``far``."""
-    pieces, count = label(mask, np.ones((3, 3)))
-    areas = np.bincount(pieces.ravel(), minlength=count + 1)
-    areas[0] = 0
-    kept = areas >= max(2, (_SPECK if far else _PIECE) * areas.max(initial=0))
-    smaller = (areas >= max(2, _SPECK * areas.max(initial=0))) & ~kept
-    if smaller.any():
-        largest = pieces == areas.argmax()
-        left, top, right, bottom = bounding_box(largest)
-        distance = distance_transform_edt(~largest)
-        near = minimum(distance, pieces, np.arange(count + 1)) < _NEAR * max(right - left, bottom - top)
-        kept |= smaller & near
-    return kept[pieces]
+    """Drop pieces under a hundredth of the largest and, unless ``far``, groups of pieces far from the largest group."""
+    if not mask.any():
+        return mask
+    pieces, _ = label(mask, np.ones((3, 3)))
+    areas = np.bincount(pieces[mask])
+    mask = mask & (areas >= _SPECK * areas.max())[pieces]
+    if far:
+        return mask
+    left, top, right, bottom = bounding_box(mask)
+    groups, _ = label(distance_transform_edt(~mask) <= _NEAR / 2 * max(right - left, bottom - top))
+    areas = np.bincount(groups[mask])
+    return mask & (areas >= _GROUP * areas.max())[groups]

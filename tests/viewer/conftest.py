@@ -1,7 +1,6 @@
 """Sessions and windows to test; a tiny model."""
 
 import math
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +42,7 @@ from viewer.values.view_request import Quality
 @pytest.fixture(autouse=True)
 def _no_saliency_network(monkeypatch: pytest.MonkeyPatch) -> None:
     """It has tests of its own; here a person points at what stands before a cluttered background."""
-    monkeypatch.setitem(sys.modules, "rembg", None)
+    monkeypatch.setattr("core.photos.candidates.predict_saliency", lambda _: None)
 
 
 @pytest.fixture

@@ -1,8 +1,6 @@
 import io
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from PIL import Image, ImageDraw
 
 from core.photos import candidates
 from core.photos.decode import read_rgba
-from core.photos.saliency import predict_saliency
 from core.photos.segmentation import CutOut, Hints, Stroke, cut_out
 
 BOX = (0.2, 0.2, 0.8, 0.8)
@@ -46,7 +43,7 @@ def test_a_box_finds_the_object_on_busy_background():
 
 
 def test_without_hints_and_without_a_network_the_middle_of_a_busy_image_is_taken(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "rembg", None)
+    monkeypatch.setattr(candidates, "predict_saliency", lambda _: None)
     cut = cut_out(busy())
     assert cut.mask[120, 120]
     assert cut.confidence < 0.9
@@ -262,24 +259,6 @@ def test_a_cut_out_that_fills_its_image_is_one():
 
 @pytest.mark.parametrize("name", ["police.jpg", "toyota.jpg", "street_suv_a.png", "chair_watermelon.png"])
 def test_photos_are_cut_out_by_themselves(shared: Path, name: str):
-    pytest.importorskip("rembg")
     mask = cut_out(read_rgba(shared / "photos" / name)).mask
     assert 0.1 < mask.mean() < 0.65
     assert mask[[0, -1]].mean() < 0.05
-
-
-def test_the_network_sees_an_image_as_its_package_shows_it():
-    rembg = pytest.importorskip("rembg")
-    first, again = predict_saliency(busy()), predict_saliency(busy())
-    np.testing.assert_array_equal(first, again)
-    theirs = rembg.remove(busy(), session=rembg.new_session("u2netp"), only_mask=True)
-    np.testing.assert_array_equal(first, np.asarray(theirs, np.float32) / 255)
-
-
-def test_the_network_is_not_needed(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "rembg", None)
-    assert predict_saliency(busy()) is None
-    broken = ModuleType("rembg")
-    broken.__spec__ = object()  # type: ignore[assignment]
-    monkeypatch.setitem(sys.modules, "rembg", broken)
-    assert predict_saliency(busy().rotate(180)) is None
