@@ -91,11 +91,12 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
                 yield state(next(numbers), concatenate(batch, coarse.best) if schedule.coarse else batch, result)
             # 3. Refine the best.
             selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
-            for refined in refine(problem, selected.winner, schedule.final, generator):
-                if not refined.finished:
-                    yield state(last_stage, refined.best, result or selected._replace(winner=refined.best))
+            refined = selected.winner
+            for number, refined in enumerate(refine(problem, selected.winner, schedule.final, generator), 1):
+                if number < schedule.final.steps:
+                    yield state(last_stage, refined, result or selected._replace(winner=refined))
             # 4. Runner-up, uncertainty, confidence.
-            found = assess(problem, selected, refined.best, schedule.final)
+            found = assess(problem, selected, refined, schedule.final)
         except DivergedError:
             if result is None:
                 raise

@@ -68,7 +68,7 @@ _LOCAL = (
     _Row(1.0, 3, 6, 1 / 4, 3 / 4, math.inf, 0.3),
     _Row(1.0, 2, 4, 1 / 2, 3 / 4, 0.2, 0.3),
 )
-_FINAL = _Row(1.0, 1, 48, 1, 1, 0.2, 0.03)
+_FINAL = _Row(1.0, 1, 24, 1, 1, 0.2, 0.03)
 _ALL_STEPS = sum(row.steps for row in (*_LOCAL, _FINAL))
 LOCAL_OFFSETS = (
     (

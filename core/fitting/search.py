@@ -34,8 +34,6 @@ _EMA = 0.4  # weight of a step's loss in the running mean for pruning
 _WINDOW = 4  # steps of the refinement averaged for a score, as single steps overfit their pixels
 _MIN_SAMPLES_FOR_CELLS, _SAMPLES_BETWEEN_UPDATES = 60_000, 100_000
 """Compute a shape's cells only if it will be sampled this often; recompute them after so many samples."""
-_MIN_IMPROVEMENT = 0.01
-"""The refinement ends when two successive scores do not improve the best earlier score by this fraction."""
 RESTART_BELOW = 0.92  # confidence of a camera below which the search restarts; belongs to CALIBRATION
 
 
@@ -118,30 +116,16 @@ def with_runner_up(problem: Problem, winner: HypothesisBatch, among: HypothesisB
     return SearchResult(winner, runner_up, margin)
 
 
-class Refined(NamedTuple):
-    """Progress of a refinement."""
-
-    best: HypothesisBatch  # scored; never worse than the previous one
-    finished: bool
-
-
-def refine(problem: Problem, winner: HypothesisBatch, final: Stage, generator: torch.Generator) -> Iterator[Refined]:
-    """Yield after each step the best so far: the winner or a mean over recent steps; ends at convergence."""
-    scored, recent = [winner], list[HypothesisBatch]()
+def refine(
+    problem: Problem, winner: HypothesisBatch, final: Stage, generator: torch.Generator
+) -> Iterator[HypothesisBatch]:
+    """Yield after each step the best so far: the winner or a mean over recent steps."""
+    best, recent = winner, list[HypothesisBatch]()
     for step, after in enumerate(optimise(problem, winner, (final,), generator), 1):
         recent = [*recent, after][-_WINDOW:]
-        finished = step == final.steps
-        if step % _WINDOW == 0 or finished:
-            scored.append(score(problem, mean_parameters(recent), final.robust_scale))
-            finished = finished or (problem.components.early_stopping and _has_converged(scored))
-        yield Refined(concatenate(*scored).best, finished)
-        if finished:
-            return
-
-
-def _has_converged(scored: Sequence[HypothesisBatch]) -> bool:
-    losses = [max(float(one.loss), _LOSS_FLOOR) for one in scored]
-    return len(losses) > 3 and min(losses[-2:]) > (1 - _MIN_IMPROVEMENT) * min(losses[:-2])
+        if step % _WINDOW == 0 or step == final.steps:
+            best = concatenate(best, score(problem, mean_parameters(recent), final.robust_scale)).best
+        yield best
 
 
 def assess(problem: Problem, selected: SearchResult, refined: HypothesisBatch, final: Stage) -> SearchResult:

@@ -11,7 +11,7 @@ class FitSettings:
     hypotheses: int = 28
     """Initial cameras for every photo without a camera, limited by the view bank. Also an upper limit of hypotheses in
     the local search, and of shapes if all cameras are known."""
-    steps: int = 82  # of all stages but the coarse search
+    steps: int = 56  # of all stages but the coarse search
     rays: int = 1024  # per photo and step of the refinement; earlier stages with many hypotheses use fewer
     samples: int = 64
     """Intervals along a ray in the refinement, for a box with sides of one scene unit; smaller boxes and earlier stages
@@ -55,9 +55,9 @@ class PaperSettings(FitSettings):
 
 
 PRESETS: dict[str, FitSettings] = {
-    "draft": FitSettings(hypotheses=12, steps=38, rays=512, max_restarts=0),
+    "draft": FitSettings(hypotheses=12, steps=26, rays=512, max_restarts=0),
     "normal": FitSettings(),
-    "fine": FitSettings(hypotheses=40, steps=123, rays=1536),
+    "fine": FitSettings(hypotheses=40, steps=84, rays=1536),
     "paper": PaperSettings(),
 }  # by cost, then the paper's
 
@@ -72,7 +72,6 @@ class Components:
     distinct_basins: bool = True  # keep the best hypothesis of each basin before a second one of any
     fresh_codes: bool = True
     """start the local search around the best cameras with new codes, else continue the coarse hypotheses"""
-    early_stopping: bool = True  # end the refinement at convergence
     robust_loss: bool = True  # Cauchy's loss in the last stages, else squared errors throughout
     mask_loss: bool = True  # include the term of opacity errors
     camera_prior: bool = True  # include the camera prior

@@ -21,7 +21,7 @@ import torch
 
 from core.fitting.fit import PRESETS, FitJob
 from core.fitting.paper import fit_as_set
-from core.fitting.settings import ALL_COMPONENTS, FitSettings
+from core.fitting.settings import FitSettings
 from core.lab.benchmarks.csv_files import read_records
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects, render_on_white
 from core.models.library import sample_images
@@ -103,9 +103,7 @@ def _second_time(
 
 
 def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
-    """Run a fit of fixed work, which does not stop early."""
-    components = replace(ALL_COMPONENTS, early_stopping=False)
-    for _ in fit_as_set(model, FitJob((photo,), run_to_end(build_view_bank(model)), settings, components=components)):
+    for _ in fit_as_set(model, FitJob((photo,), run_to_end(build_view_bank(model)), settings)):
         pass
 
 

@@ -30,34 +30,6 @@ def stool(model: Model, known: bool = False) -> Photo:
     return replace(photo, camera=camera) if known else photo
 
 
-def test_an_early_stop_is_as_good_in_fewer_steps(tiny: Model):
-    steps = 0
-    for index in range(2):
-        camera = tiny.camera(0.9 + index, 0.5)  # given, and one hypothesis: so small a model leaves the rest to chance
-        clean = photo_of(tiny, tiny.codes[index], camera)
-        noise = 0.03 * torch.randn(clean.pixels.shape, generator=seeded(index))
-        photo = replace(clean, pixels=clean.pixels + noise, camera=camera)  # no photo is what a model can render
-        early, late = (
-            list(
-                fit(
-                    tiny,
-                    FitJob(
-                        (photo,),
-                        tiny_bank(),
-                        replace(QUICK, hypotheses=1),
-                        1,
-                        components=Components(early_stopping=one),
-                    ),
-                )
-            )
-            for one in (True, False)
-        )
-        assert [step.loss for step in early[:-1]] == [step.loss for step in late[: len(early) - 1]]
-        assert early[-1].loss < 1.05 * late[-1].loss
-        steps += len(late) - len(early)
-    assert steps > 0
-
-
 def test_a_crop_is_a_zoom_and_its_scale_is_free_where_its_size_says_nothing(tiny: Model):
     whole = stool(tiny)
     moved, scaled = replace(whole, cropped=True), replace(whole, cropped=True, scaled=True)
@@ -205,14 +177,13 @@ def test_the_better_of_two_searches_is_judged_by_the_smaller_margin(tiny: Model)
 
 
 @pytest.mark.parametrize("steps", [1, 8, 30])
-@pytest.mark.parametrize("early_stopping", [True, False])
-def test_the_refinement_tells_the_best_that_was_scored(tiny: Model, steps: int, early_stopping: bool):
-    settings, components = replace(SHORT, steps=steps), Components(early_stopping=early_stopping)
-    final = build_schedule(settings, components, unknown=False).final
-    found = list(fit(tiny, FitJob((stool(tiny, known=True),), tiny_bank(), settings, components=components)))
+def test_the_refinement_tells_the_best_that_was_scored(tiny: Model, steps: int):
+    settings = replace(SHORT, steps=steps)
+    final = build_schedule(settings, ALL_COMPONENTS, unknown=False).final
+    found = list(fit(tiny, FitJob((stool(tiny, known=True),), tiny_bank(), settings)))
     ending = [step.loss for step in found if step.step > found[0].steps - final.steps]
     assert ending == sorted(ending, reverse=True)
-    assert early_stopping or found[-1].step == found[-1].steps
+    assert found[-1].step == found[-1].steps
 
 
 def test_no_start_and_no_photo_ends_worse_than_it_began(tiny: Model):
