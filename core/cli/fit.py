@@ -17,10 +17,10 @@ from tqdm import tqdm
 from core.cli.explain import draw_detections, write_page
 from core.cli.progress import wait_for_view_bank
 from core.fitting.category_check import (
+    describe_ambiguity,
     describe_category,
     describe_difference,
-    likelier_model,
-    other_model,
+    likeliest_model,
 )
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.explain import explain
@@ -72,7 +72,7 @@ def fit(chosen: argparse.Namespace) -> None:
     guess, *others = (photo.categories for photo in photos)
     for path, other in zip(chosen.images[1:], others, strict=True):
         _say(path, describe_difference(guess, other))
-    if said := describe_category(guess, model.category) or ("" if chosen.model else other_model(guess)):
+    if said := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
         print(f"python -m core: {said}", file=sys.stderr)
     with clock("search"):
         job = FitJob(photos, bank, settings, chosen.seed)
@@ -94,7 +94,7 @@ def fit(chosen: argparse.Namespace) -> None:
 
 def probable_model(cut: CutOut) -> str:
     """Return the name of the shipped model of an image's likeliest category."""
-    return likelier_model(cut.categories)
+    return likeliest_model(cut.categories)
 
 
 def other_objects(cut: CutOut, hints: Hints | None) -> str:

@@ -29,23 +29,23 @@ def likeliest_category(guess: Mapping[str, float]) -> str | None:
     return name if probability > 1 - sum(guess.values()) else None
 
 
-def likelier_model(guess: Mapping[str, float]) -> str:
+def likeliest_model(guess: Mapping[str, float]) -> str:
     """Return the name of the likeliest category's model, however unlikely; the default model's if nothing is known.
 
     Example:
-        >>> likelier_model({"cars": 0.2, "chairs": 0.1})
+        >>> likeliest_model({"cars": 0.2, "chairs": 0.1})
         'cars'
     """
     return max(guess, key=lambda name: guess[name], default=DEFAULT_MODEL)
 
 
-def other_model(guess: Mapping[str, float]) -> str:
+def describe_ambiguity(guess: Mapping[str, float]) -> str:
     """Return a command-line hint at the second category of an ambiguous image, or "".
 
     Example:
-        >>> other_model({"cars": 0.6, "chairs": 0.2})
+        >>> describe_ambiguity({"cars": 0.6, "chairs": 0.2})
         'it may also be a chair: --model chairs'
-        >>> other_model({"cars": 0.95, "chairs": 0.02})
+        >>> describe_ambiguity({"cars": 0.95, "chairs": 0.02})
         ''
     """
     second = sorted(guess, key=lambda name: -guess[name])[1:2]

@@ -25,7 +25,7 @@ _EXPLAINED_PSNR, _EXPLAINED_WIDTH = 20.0, 1.0
 
 The 116 right fits of 120 held-out views have at least 23.7 dB, right fits of 7 real photographs at least 21.7; the
 wrong one, of a squashed car, has 18."""
-_RIGHT_ANYHOW = 0.5
+_WRONG_MASK_FACTOR = 0.5
 """Factor on the confidence if the mask is certainly not the object; a guess, not calibrated. With it, no wrong camera
 of 26 photographs has more than 0.79; without it, two had 0.87 and 0.97."""
 _WITNESS_DEGREES = 30.0  # azimuths that differ by less agree
@@ -63,22 +63,22 @@ def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION,
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
 
 
-def witness_odds(told: tuple[float, float] | None, azimuth: float) -> float:
+def witness_odds(direction: tuple[float, float] | None, azimuth: float) -> float:
     """Return the change of the log-odds that a camera's azimuth (rad) is right, given a second witness.
 
     Args:
-        told: azimuth and elevation of the witness (rad), or None.
+        direction: azimuth and elevation of the witness (rad), or None.
 
     Example:
-        >>> [witness_odds(told and (told, 0.3), 1.0) for told in (1.2, -1.2, 2.5, None)]
+        >>> [witness_odds(seen and (seen, 0.3), 1.0) for seen in (1.2, -1.2, 2.5, None)]
         [0.7, -0.3, -1.2, 0.0]
     """
-    if told is None:
+    if direction is None:
         return 0.0
     near = math.cos(math.radians(_WITNESS_DEGREES))
-    if math.cos(azimuth - told[0]) > near:
+    if math.cos(azimuth - direction[0]) > near:
         return _AGREES
-    return _MIRRORED if math.cos(azimuth + told[0]) > near else _CONTRADICTS
+    return _MIRRORED if math.cos(azimuth + direction[0]) > near else _CONTRADICTS
 
 
 def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:
@@ -98,19 +98,19 @@ def explained(psnr: float) -> float:
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, (psnr - _EXPLAINED_PSNR) / _EXPLAINED_WIDTH))))
 
 
-def plausible(category: float, cut_out: float, psnr: float) -> float:
+def plausible(category: float, mask: float, psnr: float) -> float:
     """Return a factor on a camera's confidence, 0..1, that does not compare it with other cameras.
 
     Args:
         category: probability that the photo shows the model's category; from 0.5 on, it does not lower the factor.
-        cut_out: probability that the mask is the object.
+        mask: probability that the mask is the object.
         psnr: of the render against the photo, dB.
 
     Example:
         >>> [round(plausible(*doubt, 30.0), 3) for doubt in ((0.9, 1.0), (0.25, 1.0), (1.0, 0.0))]
         [1.0, 0.5, 0.5]
     """
-    return min(1.0, category / DOUBTFUL) * (_RIGHT_ANYHOW + (1 - _RIGHT_ANYHOW) * cut_out) * explained(psnr)
+    return min(1.0, category / DOUBTFUL) * (_WRONG_MASK_FACTOR + (1 - _WRONG_MASK_FACTOR) * mask) * explained(psnr)
 
 
 def _relative_margin(margin: float) -> float:

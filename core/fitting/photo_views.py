@@ -20,10 +20,10 @@ from core.rendering.images import render_steps
 from core.streams import run_to_end
 
 _MARGIN = 0.2 / 128  # image heights added to the edge error for the margin within which the object ends
-_DOUBT = round(2 * BACKGROUND * 255)  # opacity (0..255) of doubtful background, above that of certain background
-_LOOK = 64  # px, height of the render that the mask is compared with
+_DOUBTFUL_OPACITY = round(2 * BACKGROUND * 255)  # 0..255, of doubtful background; certain background has less
+_RENDER_HEIGHT = 64  # px, height of the render that the mask is compared with
 _SOLID = 0.9  # opacity of the render above which the fitted object is solid
-_DEEP = 6 / 128  # image heights from the mask beyond which background is deep; nearer, the photo is more exact
+_DEEP_BACKGROUND = 6 / 128  # image heights from the mask; nearer background is certain, the render is less exact
 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
@@ -61,15 +61,15 @@ def photo_view(
     height, width = rgba.shape[:2]
     if photo.unseen is not None:
         unseen = cv2.resize(photo.unseen.numpy().astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
-        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBT * unseen)
+        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBTFUL_OPACITY * unseen)
     if crop_transform is not None and bool(crop_transform[1:].any()):
         _, roll, *shift = crop_transform.tolist()
         focal = model.focal * height / model.image_size  # the unit of shifts
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
     if codes:
-        small = camera.resized(max(1, round(_LOOK * width / height)), _LOOK)
-        seen = run_to_end(render_steps(model, codes, small, _LOOK))
-        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBT * _doubtful(rgba, seen.opacity.cpu().numpy()))
+        small = camera.resized(max(1, round(_RENDER_HEIGHT * width / height)), _RENDER_HEIGHT)
+        seen = run_to_end(render_steps(model, codes, small, _RENDER_HEIGHT))
+        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBTFUL_OPACITY * _doubtful(rgba, seen.opacity.cpu().numpy()))
     view = PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
     return replace(view, outline_margin=_outline_margin(photo, camera))
 
@@ -93,10 +93,10 @@ def _doubtful(
 
     (height, width), (rows, columns) = rgba.shape[:2], opacity.shape
     background = cv2.resize(rgba[..., 3], (columns, rows), interpolation=cv2.INTER_AREA) < 128
-    deep = (opacity > _SOLID) & (distance_transform_edt(background) > _DEEP * rows)
+    deep = (opacity > _SOLID) & (distance_transform_edt(background) > _DEEP_BACKGROUND * rows)
     if not deep.any():
         return np.zeros((height, width), bool)
-    found = (opacity > _SOLID) & (distance_transform_edt(~deep) < 2 * _DEEP * rows)  # up to the mask
+    found = (opacity > _SOLID) & (distance_transform_edt(~deep) < 2 * _DEEP_BACKGROUND * rows)  # up to the mask
     return cv2.resize(found.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
 
 

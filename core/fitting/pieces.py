@@ -10,7 +10,7 @@ from torch import Tensor
 
 from core.runtime.pool import map_pieces
 
-_SAMPLES, _MOST = 16384, 16
+_PIECE_SAMPLES, _MAX_PIECES = 16384, 16
 """Samples of a piece, and the most pieces: with smaller pieces, threads wait longer for Python's lock."""
 
 Piece = tuple[slice, slice, slice]  # index of some hypotheses, views and rays
@@ -24,7 +24,7 @@ def map_rays(function: Callable[[Piece], tuple[Tensor, ...]], shape: torch.Size,
         shape: numbers of hypotheses, views and rays.
         samples: intervals of each ray, for the size of pieces.
     """
-    count = min(_MOST, max(2, round(math.prod(shape) * samples / _SAMPLES)))
+    count = min(_MAX_PIECES, max(2, round(math.prod(shape) * samples / _PIECE_SAMPLES)))
     pieces, whole = list(_split(shape[0], shape[2], count)), list[Tensor]()
     for piece, values in zip(pieces, map_pieces(function, pieces), strict=True):
         whole = whole or [value.new_empty(*shape, *value.shape[3:]) for value in values]

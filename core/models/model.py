@@ -194,7 +194,7 @@ class Model:
         objects = tuple(Entry(*entry) for entry in about.objects)
         codes = CodeBook(shapes, textures, objects, about.collapsed)
         cells = None if cells is None else unpack(cells)
-        rest = {name: getattr(about, name) for name in _About._fields if name not in _ELSEWHERE}
+        rest = {name: getattr(about, name) for name in _About._fields if name not in _NOT_FIELDS}
         return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells, part_head=head)
 
 
@@ -225,7 +225,7 @@ class _About(NamedTuple):
     parts: tuple[str, ...] = ()  # names of the part head's parts
 
 
-_ELSEWHERE = ("config", "objects", "collapsed", "parts")  # metadata that is not a field of Model
+_NOT_FIELDS = ("config", "objects", "collapsed", "parts")  # metadata that is not a field of Model
 
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
@@ -242,11 +242,11 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
     """Return all tensors to save: field in float32, codes in float16 if lossless, classifier in float16, cells."""
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
-    looking = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
+    classifier = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
     head = dict(zip(_PARTS, (model.part_head.weight, model.part_head.bias), strict=True)) if model.part_head else {}
     rendering = _rendering_tensors(model)
     rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
-    return rendering | looking | cells | head
+    return rendering | classifier | cells | head
 
 
 def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:

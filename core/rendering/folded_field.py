@@ -118,10 +118,10 @@ class FoldedField:
         return self._weights.direction(directions)
 
     def colour(
-        self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
+        self, features: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
     ) -> Float[Tensor, "points 3"]:
-        """Return rgb from :meth:`density`'s features ``y`` and the bias of each point's viewing direction."""
-        return _colour(self.field, self._weights, y, direction_bias, self._texture)
+        """Return rgb from :meth:`density`'s features and the bias of each point's viewing direction."""
+        return _colour(self.field, self._weights, features, direction_bias, self._texture)
 
 
 @torch.no_grad()

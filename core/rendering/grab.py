@@ -17,8 +17,8 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
-_ACROSS = 9  # rays along each side of a square around the pixel
-_REACH = 0.05  # half the side of that square, relative to the image's height
+_SIDE_RAYS = 9  # rays along each side of a square around the pixel
+_HALF_SIDE = 0.05  # half the side of that square, relative to the image's height
 _SAMPLES, _KEPT = 96, 24  # samples of a ray, and the number of them that are differentiated
 _RIDGE = 1e-4  # squared gradient per px far below which there is no motion, as on a plain surface
 
@@ -52,8 +52,8 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
     Empty if the square around the point (a tenth of the image's height) shows no object.
     """
     basis = model.codes.shape_space.basis[:count].to(model.device)
-    step = 2 * _REACH * camera.height / (_ACROSS - 1)
-    along = (torch.arange(_ACROSS, device=model.device) - (_ACROSS - 1) / 2) * step
+    step = 2 * _HALF_SIDE * camera.height / (_SIDE_RAYS - 1)
+    along = (torch.arange(_SIDE_RAYS, device=model.device) - (_SIDE_RAYS - 1) / 2) * step
     down, right = torch.meshgrid(along, along, indexing="ij")
     pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
     rays = rays_at_pixels(pixels - model.pixel_offset, camera, model.extent_tensor)[None, None]
@@ -66,9 +66,9 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
     found = render_with_jacobian(model, rays, _SAMPLES, _KEPT, *model.field.biases(shape, texture), moves)
     if float(found.channels[..., 3].max()) < 0.5:
         return []
-    changes = found.codes[0, 0].unflatten(0, (_ACROSS, _ACROSS))
+    changes = found.codes[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS))
     effects = changes.square().mean((0, 1, 2)).sqrt().tolist()
-    motions = image_motion(found.channels[0, 0].unflatten(0, (_ACROSS, _ACROSS)), changes, step).tolist()
+    motions = image_motion(found.channels[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS)), changes, step).tolist()
     pulls = [Pull(index, effect, (x, y)) for index, (effect, (x, y)) in enumerate(zip(effects, motions, strict=True))]
     return sorted(pulls, key=lambda pull: -pull.effect)
 

@@ -1,8 +1,8 @@
 """The jacobian of rendered rays: the derivatives of every channel with respect to ray and codes.
 
 Rays are independent, so one backward pass through the field differentiates one channel of all rays. Here the gradients
-of all channels (red, green, blue, opacity, depth) propagate together; autograd would need a pass for each. They are
-summed over each ray, then mapped from the field's biases to the estimated coordinates of the codes.
+of all channels propagate together; autograd would need a pass for each. They are summed over each ray, then mapped from
+the field's biases to the estimated coordinates of the codes.
 """
 
 from collections.abc import Iterator, Sequence

@@ -25,9 +25,9 @@ from core.models.photo_detail import BACKGROUND, PhotoView
 FADED = 1.5  # distance of an edited shape, in standard deviations, at which the detail has vanished
 _UNSURE, _SURE = 0.5, 0.7  # confidence of the cameras below which no detail is shown, and above which all of it is
 _HEIGHT = 512  # px of the photo in a map of distances
-_AROUND = _HEIGHT // 8  # px of background added around the photo
-_AGREEING = 0.97  # least coherence of a symmetric object
-_CHECKED = 64  # height of the image in px, and samples of a ray, for the coherence
+_PADDING = _HEIGHT // 8  # px of background added around the photo
+_SYMMETRIC_ABOVE = 0.97  # least coherence of a symmetric object
+_COHERENCE_SAMPLES = 64  # height of the image in px, and samples of a ray, for the coherence
 
 
 def shown_share(model: Model, codes: Codes) -> float:
@@ -98,17 +98,17 @@ def coherence(silhouette: Silhouette, extent: tuple[float, float, float]) -> flo
     1 for a symmetric object and the right camera.
     """
     camera, _ = _distances(silhouette.view)
-    wide = max(1, round(_CHECKED * camera.width / camera.height))
-    rays = camera_rays(camera.resized(wide, _CHECKED), torch.tensor(extent))
-    points = ray_points(rays, midpoints(uniform_edges(rays, _CHECKED)))
-    on_mask = silhouette.share(points.select(-2, _CHECKED // 2)) == 1
+    wide = max(1, round(_COHERENCE_SAMPLES * camera.width / camera.height))
+    rays = camera_rays(camera.resized(wide, _COHERENCE_SAMPLES), torch.tensor(extent))
+    points = ray_points(rays, midpoints(uniform_edges(rays, _COHERENCE_SAMPLES)))
+    on_mask = silhouette.share(points.select(-2, _COHERENCE_SAMPLES // 2)) == 1
     crossed = (silhouette.share(_mirror(points)) > 0).any(-1)
     return float((on_mask & crossed).sum() / on_mask.sum().clamp_min(1))
 
 
 @lru_cache(maxsize=16)
 def _is_symmetric(silhouette: Silhouette, extent: tuple[float, float, float]) -> bool:
-    return coherence(silhouette, extent) >= _AGREEING
+    return coherence(silhouette, extent) >= _SYMMETRIC_ABOVE
 
 
 @lru_cache(maxsize=16)
@@ -119,9 +119,9 @@ def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns
     height, width = _HEIGHT, max(1, round(_HEIGHT * view.camera.width / view.camera.height))
     opacity = torch.from_numpy(view.pixels()[None, ..., 3].copy()).float() / 255
     background = functional.adaptive_avg_pool2d(opacity, (height, width))[0].numpy() < BACKGROUND
-    outside = np.pad(background, _AROUND, constant_values=True)
+    outside = np.pad(background, _PADDING, constant_values=True)
     camera = view.camera.resized(width, height)
-    camera = replace(camera, width=width + 2 * _AROUND, height=height + 2 * _AROUND)
+    camera = replace(camera, width=width + 2 * _PADDING, height=height + 2 * _PADDING)
     with torch.inference_mode(False):  # cached
         distance = torch.from_numpy(distance_transform_edt(outside).astype(np.float32))
         return camera, ((distance - 0.5).clamp_min(0) / camera.focal)[None, None]  # the edge lies between pixels

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from core.fitting.category_check import describe_category, describe_difference, likelier_model
+from core.fitting.category_check import describe_category, describe_difference, likeliest_model
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
 from core.fitting.settings import PaperSettings
 from core.models.model import Model
@@ -109,6 +109,6 @@ def _doubt(cut: CutOut, about_category: str) -> str:
 
 
 def _choose(models: OpenModels, here: Model, guess: Mapping[str, float]) -> Model:
-    category = likelier_model(guess) if guess else here.category
+    category = likeliest_model(guess) if guess else here.category
     stays = here.category == category and not models.is_former(here)
     return here if stays else models.of_category(category) or here

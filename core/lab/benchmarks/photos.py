@@ -14,7 +14,7 @@ from pathlib import Path
 
 import torch
 
-from core.fitting.category_check import likelier_model
+from core.fitting.category_check import likeliest_model
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera, camera_rotation
 from core.lab.benchmarks.csv_files import read_results
@@ -95,7 +95,7 @@ def measure_photo(path: Path, seen: Sequence[Judgement], preset: str) -> PhotoTr
     """Fit one photo and compare it with its labels."""
     began = time.process_time()
     cut = cut_out(read_rgba(path))
-    taken_for = likelier_model(cut.categories)
+    taken_for = likeliest_model(cut.categories)
     model = load_model(taken_for)
     bank = run_to_end(build_view_bank(model))
     *_, last = fit(model, FitJob((prepare_photo(cut, model, bank),), bank, PRESETS[preset]))
