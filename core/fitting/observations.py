@@ -133,6 +133,7 @@ def _certainty(mask: np.ndarray, edge_error: float) -> np.ndarray:
 
 
 def _strata(mask: np.ndarray, seen: np.ndarray) -> tuple[tuple[Tensor, ...], tuple[float, ...]]:
+    """Return :attr:`Observation.strata` and :attr:`Observation.fractions`; ``seen`` marks known background."""
     left, top, right, bottom = bounding_box(mask)
     size = max(right - left, bottom - top)
     near = distance_transform_edt(~mask) <= max(2.0, _NEAR_MARGIN * size)

@@ -75,6 +75,7 @@ def photo_view(
 
 
 def _outline_margin(photo: Photo, camera: Camera) -> float | None:
+    """Return :attr:`PhotoView.outline_margin`; None for a doubtful mask."""
     if photo.mask_confidence < DOUBTFUL_MASK:
         return None
     return (_MARGIN * camera.height + photo.edge_error) / camera.focal

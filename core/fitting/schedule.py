@@ -33,7 +33,7 @@ class Schedule(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """Largest number of steps: the last stage may end early."""
+        """Number of steps in all stages."""
         return sum(stage.steps for stage in self.stages)
 
 

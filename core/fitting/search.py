@@ -110,7 +110,7 @@ def select(
 
 
 def with_runner_up(problem: Problem, winner: HypothesisBatch, among: HypothesisBatch) -> SearchResult:
-    """Pair the winner with the best hypothesis of another basin."""
+    """Pair the winner with the best hypothesis of another basin; the margin is infinite if there is none."""
     runner_up = best_other_basin(winner, among, problem.unknown)
     margin = math.log(max(float(runner_up.loss), _LOSS_FLOOR) / max(float(winner.loss), _LOSS_FLOOR))
     return SearchResult(winner, runner_up, margin)

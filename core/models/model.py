@@ -256,6 +256,7 @@ def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:
 
 
 def _rendering_tensors(model: Model) -> dict[str, Tensor]:
+    """Return the tensors that determine renders, by name: field and codes. The fingerprint is their hash."""
     tensors = {f"field.{name}": tensor for name, tensor in model.field.state_dict().items()}
     tensors |= {"codes.shapes": model.codes.shapes, "codes.textures": model.codes.textures}
     return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}

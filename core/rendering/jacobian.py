@@ -153,6 +153,12 @@ def _composite(
     transmittance: Float[Tensor, "objects views rays"],
     top: Int[Tensor, "objects kept"],
 ) -> _Composited:
+    """Composite rays (Eq. 3) and differentiate them.
+
+    Args:
+        colours: of the chosen samples; the others take the mean colour of their ray.
+        top: indices of the chosen samples into (views, rays, samples).
+    """
     samples = sample_weights.shape[-1]
     objects, count = len(transmittance), transmittance[0].numel()
     ray = top // samples
@@ -248,7 +254,7 @@ def _backward(
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    # Texture does not change opacity and depth: their channels enter with the density.
+    # Texture does not change opacity: its channel enters with the density.
     gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
     gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
     gradient, texture = _backward_blocks(gradient, activations.texture[:-1], weights.texture_blocks)
