@@ -18,14 +18,14 @@ from core.rendering.shape_cells import shape_cells
 
 CAMERA_PARAMETERS = 8  # of one view: azimuth, elevation, log distance, log focal length; log scale, roll, shift x and y
 _BASIN = math.radians(25)  # cameras closer than this mostly converge to the same one
-_SIMILAR_FOCAL = 0.2  # for similar focal lengths: difference of their logarithms
+_SIMILAR_FOCAL = 0.2  # difference of the logarithms of focal lengths below which they are similar
 _OPPOSITE_COSINE = -0.6  # cosine of the azimuth difference of cameras on opposite sides
-MAX_ZOOM = 1.5  # logarithm of the longest focal length over the given one; beyond, no perspective is visible
+MAX_ZOOM = 1.5  # log of the longest focal length over the given one: with a longer one, perspective is invisible
 _MAX_ELEVATION = math.radians(89.9)
 
 
 class DivergedError(ValueError):
-    """No hypothesis is finite."""
+    """Raised if no hypothesis has a finite loss."""
 
     def __init__(self) -> None:
         super().__init__("the fit diverged from every start")
@@ -51,12 +51,12 @@ class Parameters(NamedTuple):
 
     angles: Float[Tensor, "hypotheses views 2"]  # azimuth, elevation; rad
     distance: Float[Tensor, "hypotheses views"]
-    """logarithm of the distance over the model's, without the change that compensates for the focal length"""
+    """log of the distance over the model's; the camera's distance is the model's times exp(distance + zoom)"""
     zoom: Float[Tensor, "hypotheses views"]
-    """Logarithm of the focal length over the given one. The camera moves away in proportion, so that the object keeps
-    its size and only the perspective changes."""
+    """Log of the focal length over the given one. The camera moves away in proportion, so that the object keeps its
+    size and only the perspective changes."""
     crop_transform: Float[Tensor, "hypotheses views 4"]
-    """Map from the camera's image to the photo: log scale (a crop is a zoom from the same place), roll (rad,
+    """Map from the camera's image to the photo: log scale (a crop zooms without moving the camera), roll (rad,
     clockwise), and position of the optical axis (x right, y down, in given focal lengths)."""
     shape: Float[Tensor, "hypotheses shape_rank"]
     """standard deviations along the principal directions; in the paper's recipe the code itself"""
@@ -71,7 +71,7 @@ class HypothesisBatch:
     loss: Float[Tensor, "hypotheses"]
     """for ranking: running mean of the objective, weighted by the viewpoint classifier; infinite if diverged"""
     squared_error: Float[Tensor, "hypotheses"]  # see ObjectiveValue
-    origin: Int[Tensor, "hypotheses"]
+    origin: Int[Tensor, "hypotheses"]  # number of the initial hypothesis that each comes from
 
     @classmethod
     def of(cls, parameters: Parameters) -> "HypothesisBatch":
@@ -83,12 +83,13 @@ class HypothesisBatch:
         return len(self.loss)
 
     def __getitem__(self, index: Int[Tensor, "some"]) -> "HypothesisBatch":
+        """Return the batch of some hypotheses, in the order of ``index``."""
         parameters = Parameters(*(part[index] for part in self.parameters))
         return HypothesisBatch(parameters, self.loss[index], self.squared_error[index], self.origin[index])
 
     @property
     def leader(self) -> int:
-        """Return the index of the least loss. Raises :class:`DivergedError` if all have diverged."""
+        """Index of the hypothesis of least loss. Raises :class:`DivergedError` if all have diverged."""
         best = int(self.loss.argmin())
         if not math.isfinite(float(self.loss[best])):
             raise DivergedError
@@ -96,19 +97,19 @@ class HypothesisBatch:
 
     @property
     def best(self) -> "HypothesisBatch":
-        """The leader alone."""
+        """The leader, as a batch of one."""
         return self[torch.tensor([self.leader])]
 
 
 def concatenate(*batches: HypothesisBatch) -> HypothesisBatch:
-    """Concatenate batches."""
+    """Concatenate batches of the same photos and code sizes."""
     names = ("loss", "squared_error", "origin")
     parameters = Parameters(*map(torch.cat, zip(*(batch.parameters for batch in batches), strict=True)))
     return HypothesisBatch(parameters, *(torch.cat([getattr(batch, name) for batch in batches]) for name in names))
 
 
 def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
-    """Return the last batch with the mean parameters of all batches."""
+    """Average the parameters of batches of equal size; loss, error and origin are those of the last batch."""
     parameters = (torch.stack(parts).mean(0) for parts in zip(*(batch.parameters for batch in batches), strict=True))
     return replace(batches[-1], parameters=Parameters(*parameters))
 
@@ -140,10 +141,11 @@ def hypothesis_rays(
 ) -> Rays:
     """Cast the rays of some pixels, (hypotheses, views, all rays), on the model's device.
 
-    Rays are clipped to the box or, if the network paints the background, to its training depths.
+    Rays are clipped to the box or, if the network paints the background, to depths within 0.5 of the origin's.
 
     Args:
-        jitter: (views, all rays) in [-0.5, 0.5], shift of a ray's samples in intervals.
+        samples: intervals of each ray, the unit of ``jitter``.
+        jitter: shift of each ray's samples, in [-0.5, 0.5].
     """
     device = model.device
     distance = (model.distance * (parameters.distance + parameters.zoom).exp()).to(device)[..., None]
@@ -186,7 +188,7 @@ def known_cells(
 
 
 def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Parameters:
-    """Clamp elevations, distances, focal lengths and crop transforms of some views to the searched range."""
+    """Clamp the camera parameters of the marked views, except azimuths, to the searched range."""
     azimuth, elevation = parameters.angles.unbind(-1)
     elevation = elevation.clamp(-_MAX_ELEVATION, _MAX_ELEVATION).where(views, elevation)
     return parameters._replace(
@@ -201,7 +203,7 @@ def to_cameras(model: Model, parameters: Parameters, index: int, cameras: Sequen
     """Return the cameras of one hypothesis.
 
     Args:
-        cameras: one per view, with its size and focal length.
+        cameras: one per view, with the photo's size and the given focal length.
     """
     found = []
     for view, camera in enumerate(cameras):
@@ -242,13 +244,13 @@ def to_hypotheses(
 
 
 def opposite_views(batch: HypothesisBatch, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, "hypotheses"]:
-    """Mark hypotheses that see any view from roughly the opposite side (azimuth + 180 degrees) of ``index``'s."""
+    """Mark hypotheses with any view roughly opposite (azimuth + 180 degrees) to that of hypothesis ``index``."""
     turn = batch.parameters.angles[:, views, 0] - batch.parameters.angles[index, views, 0]
     return (turn.cos() < _OPPOSITE_COSINE).any(-1)
 
 
 def flip_azimuth(one: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
-    """Return the hypotheses seen from the opposite side in these views: the front/back ambiguity."""
+    """Return the hypotheses with the marked views turned to the opposite side: the front/back ambiguity."""
     angles = one.parameters.angles.clone()
     angles[:, views, 0] += math.pi
     return replace(one, parameters=one.parameters._replace(angles=angles))
