@@ -33,6 +33,11 @@ _SHAPE: dict[str, tuple[str, str, float]] = {
     "upper width": ("wider top", "narrower top", 0.08),
     "upper depth": ("longer top", "shorter top", 0.08),
 }  # by measure: words for an increase and a decrease, and the least visible change (the unit of visibility)
+AXES = {
+    word: (axis, sign)
+    for axis, name in enumerate(("width", "depth", "height"))
+    for word, sign in zip(_SHAPE[name][:2], (1, -1), strict=True)
+}  # of words for sizes: world axis, and 1 for growth along it
 _TEXTURE: dict[str, tuple[str, str, float]] = {
     "lightness": ("lighter", "darker", 8.0),
     "red": ("redder", "greener", 7.0),

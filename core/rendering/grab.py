@@ -5,6 +5,8 @@ gradient times the motion; the motion is the least-squares solution over rays an
 iterative image registration technique", IJCAI 1981).
 """
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -15,11 +17,14 @@ from core.geometry.camera import Camera
 from core.geometry.rays import rays_at_pixels
 from core.models.codes import Codes
 from core.models.model import Model
+from core.rendering.direction_words import AXES
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
 _SIDE_RAYS = 9  # rays along each side of a square around the pixel
 _HALF_SIDE = 0.05  # half the side of that square, relative to the image's height
 _SAMPLES, _KEPT = 96, 24  # samples of a ray, and the number of them that are differentiated
+_FELT = 0.2  # effect of a direction, relative to the largest at the pixel, from which a drag may choose it
+_SLOWEST = 4.0  # px per standard deviation, where hardly any motion is measured
 _RIDGE = 1e-4  # squared gradient per px far below which there is no motion, as on a plain surface
 
 
@@ -71,6 +76,34 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
     motions = image_motion(found.channels[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS)), changes, step).tolist()
     pulls = [Pull(index, effect, (x, y)) for index, (effect, (x, y)) in enumerate(zip(effects, motions, strict=True))]
     return sorted(pulls, key=lambda pull: -pull.effect)
+
+
+def dragged_pull(
+    pulls: Sequence[Pull],
+    words: Sequence[str],
+    camera: Camera,
+    point: tuple[float, float],
+    drag: tuple[float, float],
+) -> Pull:
+    """Return the pull whose word names the axis of a drag, such as *taller* for one upwards; else the largest.
+
+    Args:
+        pulls: from :func:`pulls_at`, not empty.
+        words: of the shape directions (:func:`core.rendering.direction_words.direction_words`).
+        point: px, where the drag began. Sizes grow when it moves away from the object's middle.
+        drag: px, right and down.
+    """
+    middle, *ends = camera.project(torch.cat((torch.zeros(1, 3), 0.1 * torch.eye(3)))).tolist()
+    axes = [(end[0] - middle[0], end[1] - middle[1]) for end in ends]
+    along = max(range(3), key=lambda axis: abs(axes[axis][0] * drag[0] + axes[axis][1] * drag[1]))
+    (right, down), length = axes[along], math.hypot(*axes[along])
+    outside = math.copysign(1.0, right * (point[0] - middle[0]) + down * (point[1] - middle[1]))
+    for pull in pulls:
+        axis, sign = AXES.get(words[pull.direction] if pull.direction < len(words) else "", (None, 0))
+        if axis == along and pull.effect >= _FELT * pulls[0].effect:
+            speed = sign * outside * max(math.hypot(*pull.motion), _SLOWEST) / length
+            return pull._replace(motion=(speed * right, speed * down))
+    return pulls[0]
 
 
 def image_motion(

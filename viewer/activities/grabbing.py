@@ -1,6 +1,10 @@
-"""Pulls of the shape by the mouse, along the principal direction that moves the surface there most."""
+"""Pulls of the shape by the mouse, along the principal direction of the drag's axis, or the largest there."""
 
-from core.rendering.grab import Pull
+import math
+from collections.abc import Sequence
+
+from core.geometry.camera import Camera
+from core.rendering.grab import Pull, dragged_pull
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
@@ -8,6 +12,7 @@ from viewer.services.worker import Job
 from viewer.values.direction import Direction
 
 _DETAIL = 256  # px of the view's shorter side when measuring pulls
+_BEGUN = 4.0  # px of the view after which a drag's direction is known
 _REACH = 3.0  # standard deviations to either side of the mean, as for sliders
 
 Place = tuple[float, float]  # fractions of the view's width and height
@@ -19,6 +24,7 @@ class Grabbing:
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self.pull: Pull | None = None  # pull under the mouse; None until it is known, and off the object
+        self._found: tuple[list[Pull], Camera, tuple[float, float]] | None = None  # pulls, and the px of their search
         self._at: tuple[object, ...] = ()  # codes, camera and place of the newest search
         self._held: tuple[Direction, float] | None = None  # pulled direction, and its strength when the pull began
 
@@ -38,15 +44,24 @@ class Grabbing:
 
         def keep(found: list[Pull]) -> None:
             self.pull = found[0] if found else None
+            self._found = (found, crop.camera, point) if found else None
 
         ended, codes = self._jobs.reporting("Cannot grab the object"), request.codes
         self._jobs.submit(Job("pull", lambda: (pulls(model, codes, crop.camera, point),), keep, ended, urgent=True))
 
-    def drag(self, drag: tuple[float, float]) -> None:
-        """Move the surface by ``drag`` px of the view (right, down) from where the pull began."""
-        if self.pull is None or (self._held is None and self._jobs.busy("pull")):
+    def drag(self, drag: tuple[float, float], words: Sequence[str] = ()) -> None:
+        """Move the surface by ``drag`` px of the view (right, down) from where the pull began.
+
+        Args:
+            words: of the shape directions.
+        """
+        if self.pull is None or self._found is None:
             return
         if self._held is None:
+            if self._jobs.busy("pull") or math.hypot(*drag) < _BEGUN:
+                return
+            pulls, camera, point = self._found
+            self.pull = dragged_pull(pulls, words, camera, point, drag)
             direction = Direction.principal(self._editor.model.codes, "shape", self.pull.direction)
             self._held = direction, self._editor.strength(direction)
         direction, start = self._held

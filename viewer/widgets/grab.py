@@ -1,5 +1,7 @@
 """The tool that pulls the shape while G is held; a ring names the direction of change under the mouse."""
 
+from collections.abc import Sequence
+
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.context import PanelContext
@@ -18,9 +20,10 @@ class Grab:
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw the ring over the view, imgui's last item; return whether the tool takes the mouse."""
         grabbing, mouse = context.session.grabbing, imgui.get_mouse_pos()
+        words = (context.session.words or {}).get("shape", ())
         if self._start is not None:
             if imgui.is_item_active():
-                grabbing.drag((mouse.x - self._start.x, mouse.y - self._start.y))
+                grabbing.drag((mouse.x - self._start.x, mouse.y - self._start.y), words)
             else:
                 self._start = None
                 grabbing.release()
@@ -33,11 +36,11 @@ class Grab:
             grabbing.look(((mouse.x - corner.x) / size.x, (mouse.y - corner.y) / size.y))
             if imgui.is_item_activated():
                 self._start = mouse
-        _draw_ring(context, mouse, _RING * min(size.x, size.y))
+        _draw_ring(context, mouse, _RING * min(size.x, size.y), words)
         return True
 
 
-def _draw_ring(context: PanelContext, mouse: ImVec2, radius: float) -> None:
+def _draw_ring(context: PanelContext, mouse: ImVec2, radius: float, words: Sequence[str]) -> None:
     """Draw the ring, a line along the surface's motion, and the direction's word."""
     pull, em, draw = context.session.grabbing.pull, hello_imgui.em_size(), imgui.get_window_draw_list()
     colour = packed(context.palette.accent if pull else context.palette.quiet)
@@ -48,7 +51,6 @@ def _draw_ring(context: PanelContext, mouse: ImVec2, radius: float) -> None:
     if length := (along.x**2 + along.y**2) ** 0.5:
         reach = along * (1.6 * radius / length)
         draw.add_line(mouse - reach, mouse + reach, colour, 2.0)
-    words = (context.session.words or {}).get("shape", ())
     word = words[pull.direction] if pull.direction < len(words) else ""
     if not word:
         return

@@ -7,7 +7,7 @@ import torch
 
 from core.geometry.camera import Camera
 from core.models.model import Model
-from core.rendering.grab import Pull, image_motion, pulls_at
+from core.rendering.grab import Pull, dragged_pull, image_motion, pulls_at
 from core.rendering.reference import render_exact
 
 
@@ -51,3 +51,19 @@ def test_a_drag_along_the_motion_moves_and_one_across_does_not() -> None:
     assert pull.amount((10.0, -20.0)) == pytest.approx(1.0)
     assert pull.amount((20.0, 10.0)) == pytest.approx(0.0)
     assert Pull(2, 0.4, (0.0, 0.0)).amount((5.0, 5.0)) == 0.0
+
+
+def test_a_drag_chooses_the_direction_that_names_its_axis() -> None:
+    camera = Camera(1.57, 0.1, 2.0, 300.0, 128, 128)  # from the front: width is across, height up
+    pulls, words = (
+        [Pull(0, 0.5, (9.0, 9.0)), Pull(1, 0.3, (0.0, 5.0)), Pull(2, 0.3, (3.0, 4.0))],
+        ("", "lower", "wider"),
+    )
+    top, bottom = (64.0, 30.0), (64.0, 98.0)
+    up = dragged_pull(pulls, words, camera, top, (1.0, -8.0))
+    assert up.direction == 1 and up.amount((0.0, -5.0)) == pytest.approx(-1.0, abs=0.01)
+    assert dragged_pull(pulls, words, camera, bottom, (1.0, 8.0)).amount((0.0, 5.0)) == pytest.approx(-1.0, abs=0.01)
+    side = dragged_pull(pulls, words, camera, (98.0, 64.0), (8.0, 1.0))
+    assert side.direction == 2 and side.amount((5.0, 0.0)) == pytest.approx(1.0, abs=0.01)
+    assert dragged_pull(pulls, ("", "", ""), camera, top, (0.0, -8.0)) == pulls[0]
+    assert dragged_pull([pulls[0], pulls[1]._replace(effect=0.01)], words, camera, top, (0.0, -8.0)) == pulls[0]
