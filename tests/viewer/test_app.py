@@ -4,7 +4,6 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +11,9 @@ import pytest
 from imgui_bundle import hello_imgui, imgui
 from PIL import Image
 
-from core.models.model import Model
-from core.models.scene import Scene
-from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.machine import slowness
-from tests.viewer.stand_ins import endless_fit, quick_frames, small_video
+from tests.viewer.stand_ins import endless_fit, small_video
 from viewer import app
 from viewer.panels import all_panels
 from viewer.services.backend import Backend
@@ -385,51 +381,6 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(drive: Drive) -> 
         assert editor.history is not before
 
     drive(act)
-
-
-def test_bad_files_are_reported_and_change_nothing(
-    drive: Drive, bad_files: dict[str, Path], tmp_path: Path, model: Model
-) -> None:
-    Scene(replace(model.codes[0], model="another"), model.camera(0, 0)).save(tmp_path / "other.json")
-    (tmp_path / "torn.json").write_text('{"model": ')
-
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        before = editor.history
-        for path in (*bad_files.values(), tmp_path / "other.json", tmp_path / "torn.json"):
-            session.messages.clear()
-            window.context.drop([str(path)])
-            window.wait(lambda: bool(session.messages.errors))
-            window.wait()
-            assert editor.history is before, path.name
-            assert not session.fitting.running
-        window.context.drop([])
-
-    drive(act)
-
-
-def test_objects_have_their_thumbnails_at_once_at_the_next_launch(
-    drive: Drive, backend: Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("CODENERF_CACHE", str(tmp_path / "cache"))
-    rendered = list[int]()
-
-    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-        rendered.append(job.camera.width)
-        return quick_frames(model, job)
-
-    def tiles(window: Driver) -> None:
-        objects, thumbnails = window.session.editor.objects, window.session.thumbnails
-        window.wait(lambda: all(thumbnails.of_object(objects[name].codes) for name in objects.names[:2]))
-        window.wait()
-        counts.append(rendered.count(32))  # coarse ones, which come before all others
-
-    counts = list[int]()
-    for _ in range(2):
-        rendered.clear()
-        drive(tiles, replace(backend, frames=counted), folder=tmp_path / "config")
-    assert counts[0] > counts[1]
-    assert len(list((tmp_path / "cache" / "thumbnails").iterdir())) == 1
 
 
 def test_a_car_beside_a_chair_both_fitted_edited_undone_and_filmed(

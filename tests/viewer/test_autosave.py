@@ -50,6 +50,15 @@ def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple
     return session, Autosave(session, folder, clock)
 
 
+def kill(autosave: Autosave, folder: Path, clock: Clock) -> None:
+    """Saves a session, and makes its file that of a run that has ended."""
+    clock.now += 10.0
+    autosave.tick()
+    autosave.finish()
+    (written,) = folder.glob("session-*.codenerf")
+    written.rename(folder / "session-999999999.codenerf")
+
+
 def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
     autosave = Autosave(session, tmp_path, clock)
     clock.now = 10.0
@@ -120,31 +129,6 @@ def test_a_fit_under_way_and_those_that_wait_go_on(
     assert session.editor.objects.names[:2] == ["block other", "block"]
 
 
-def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
-) -> None:
-    session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
-    session.editor.show_object("object 2")
-    session.fitting.start(photo)
-    deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    clock.now += 10.0
-    autosave.tick()
-    autosave.finish()
-    (written,) = tmp_path.glob("session-*.codenerf")
-    written.rename(tmp_path / "session-999999999.codenerf")  # nothing more is written: the run is no more
-    session.close()
-    session, autosave = begun(worker, backend, tmp_path, clock)
-    assert not session.editor.history.past
-    assert len(autosave.recoverable) == 1
-    autosave.restore()
-    assert not autosave.recoverable
-    assert session.fitting.running
-    finish(session, lambda: not session.fitting.running)
-    assert session.editor.objects.names[0] == "block"
-    assert len(session.editor.history.past) == 1
-    assert "block" in session.fitting.results.unseen
-
-
 _RUN = """
 import sys
 from dataclasses import replace
@@ -207,12 +191,8 @@ def test_restoring_adds_to_what_was_made_meanwhile(
 ) -> None:
     session, autosave = begun(worker, backend, tmp_path, clock)
     edit(session, photo)
-    clock.now += 10.0
-    autosave.tick()
-    autosave.finish()
     lost = session.editor.history
-    (written,) = tmp_path.glob("session-*.codenerf")
-    written.rename(tmp_path / "session-999999999.codenerf")
+    kill(autosave, tmp_path, clock)
     session, autosave = begun(worker, backend, tmp_path, clock)
     session.editor.show_object("object 5")
     before = session.editor.history
@@ -242,11 +222,7 @@ def test_a_photo_whose_fit_was_interrupted_makes_one_object(
     session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
     session.fitting.start(photo)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    clock.now += 10.0
-    autosave.tick()
-    autosave.finish()
-    (written,) = tmp_path.glob("session-*.codenerf")
-    written.rename(tmp_path / "session-999999999.codenerf")
+    kill(autosave, tmp_path, clock)
     session.fitting.stop()  # its object is kept, the end of the fit is written no more
     session.tick()
     session, autosave = begun(worker, backend, tmp_path, clock)
@@ -268,11 +244,7 @@ def test_an_object_of_another_photo_of_the_same_name_stays(
     session.jobs.backend = replace(backend, fit=endless_fit)
     session.fitting.start(photo)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    clock.now += 10.0
-    autosave.tick()
-    autosave.finish()
-    (written,) = tmp_path.glob("session-*.codenerf")
-    written.rename(tmp_path / "session-999999999.codenerf")
+    kill(autosave, tmp_path, clock)
     session.fitting.close()
     session.tick()
     session, autosave = begun(worker, backend, tmp_path, clock)

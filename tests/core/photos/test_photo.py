@@ -1,6 +1,5 @@
 import math
 import struct
-import time
 import zlib
 from pathlib import Path
 
@@ -97,15 +96,6 @@ def test_grey_images_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
     photo = load_photo(saved(image, tmp_path / ("a.tif" if mode in ("I", "F") else "a.png")), tiny, tiny_bank())
     assert photo.cropped
     assert float(photo.pixels[photo.mask].mean()) < 0.3
-
-
-def test_16_bit_colour(tmp_path: Path, tiny: Model):
-    # Pillow reads such files but writes none.
-    values = (np.asarray(drawing()).astype(">u2") * 257).astype(">u2")
-    rows = b"".join(b"\0" + row.tobytes() for row in values)
-    header = struct.pack(">IIBBBBB", 300, 200, 16, 2, 0, 0, 0)
-    write_png(tmp_path / "a.png", header, zlib.compress(rows))
-    check_found(load_photo(str(tmp_path / "a.png"), tiny, tiny_bank()), tiny)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -370,9 +360,7 @@ def test_what_would_take_a_gigabyte_is_refused_by_its_header(
     row = bytes(1 + side * bits * (3 if kind else 1) // 8)
     pixels = b"".join(packer.compress(row) for _ in range(20)) + packer.flush()
     write_png(tmp_path / "a.png", struct.pack(">IIBBBBB", side, side, bits, kind, 0, 0, 0), pixels)
-    began = time.perf_counter()
     assert f"too large ({side}x{side} px)" in refused(tmp_path / "a.png", tiny)
-    assert time.perf_counter() - began < 1
 
 
 @pytest.mark.parametrize("colour", ["white", "black", (10, 200, 30)])
@@ -387,23 +375,6 @@ def test_nothing_but_clear(tmp_path: Path, tiny: Model):
 def test_noise_is_not_refused(tmp_path: Path, tiny: Model):
     noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
     assert load_photo(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny, tiny_bank()).mask.any()
-
-
-def test_a_pose_that_is_not_there(tmp_path: Path, tiny: Model):
-    assert "no such pose" in refused(saved(drawing(), tmp_path / "a.png"), tiny, tmp_path / "gone.txt")
-
-
-@pytest.mark.parametrize("text", ["", "1 2 3", "a b c", "0 " * 16, "nan " * 16])
-def test_what_is_no_pose(tmp_path: Path, tiny: Model, text: str):
-    pose = tmp_path / "pose.txt"
-    pose.write_text(text)
-    assert "pose" in refused(saved(drawing(), tmp_path / "a.png"), tiny, pose)
-
-
-@pytest.mark.parametrize("shape", [(20, 20), (20, 20, 2), (20, 20, 5)])
-def test_arrays_of_other_shapes(tiny: Model, shape: tuple[int, ...]):
-    with pytest.raises((ValueError, TypeError)):
-        photo_from_array(np.zeros(shape, dtype=np.uint8), tiny, tiny_bank())
 
 
 def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):

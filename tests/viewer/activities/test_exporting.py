@@ -7,21 +7,7 @@ from PIL import Image
 from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.session import Session
-from viewer.values import orbit
 from viewer.values.share_settings import TURN, ShareSettings
-
-
-def test_a_saved_image_brings_its_scene_back_exactly(session: Session, editor: Editor, tmp_path: Path) -> None:
-    editor.sample()
-    editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
-    scene = editor.scene
-    session.exporting.share(tmp_path / "mine.png", ShareSettings("picture", size=24))
-    editor.show_object("object 5")
-    finish(session)
-    session.open_scene(tmp_path / "mine.png")
-    assert editor.scene == scene
-    editor.undo()
-    assert editor.scene.codes == editor.objects["object 5"].codes
 
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
@@ -32,16 +18,6 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
     with Image.open(tmp_path / "turn.gif") as video:
         assert (video.n_frames, video.size) == (TURN, (16, 16))
     assert session.messages.errors == []
-
-
-def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) -> None:
-    session.exporting.share(tmp_path / "turn.mp4", ShareSettings(size=256))
-    while session.exporting.progress == 0:
-        session.jobs.worker.deliver()
-    assert session.exporting.remaining > 0
-    session.exporting.cancel()
-    finish(session, lambda: not list(tmp_path.iterdir()))
-    assert not session.exporting.running
 
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn", "missing/turn.mp4", "missing/turn.gif"])
