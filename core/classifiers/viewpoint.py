@@ -32,10 +32,6 @@ _KERNEL_WIDTH = math.radians(12)  # Width of the Gaussian that spreads a directi
 _WITNESS_RIGHT, _WITNESS_MIRRORED, _WITNESS_WRONG = 0.66, 0.23, 0.11
 _WITNESS_WIDTH = math.radians(15)
 """Frequencies of Objectron's azimuth, its mirror image and neither, on renders of validation and foreign chairs."""
-_WITNESS_ALONE = 0.25
-"""Weight of the mixture in which the classifier determines the elevation only. From 0 to 0.25 the likelihood of 27
-composites of validation chairs is constant; that of other renders falls by 0.07.
-"""
 
 
 class ViewpointClassifier(nn.Module):
@@ -111,8 +107,7 @@ def with_witness(
 ) -> Float[Tensor, "directions"]:
     """Combine the probabilities of directions with the camera (rad) that a second witness predicts.
 
-    The witness may confuse front and back (-azimuth) or be wrong altogether. The classifier may be confident and wrong,
-    so part of the mixture takes the azimuth from the witness alone.
+    The witness may confuse front and back (-azimuth) or be wrong altogether.
     """
     azimuths, elevations = directions()[0][:AZIMUTHS], directions()[1][::AZIMUTHS]
     likelihood = torch.full((AZIMUTHS,), _WITNESS_WRONG / AZIMUTHS)
@@ -121,10 +116,8 @@ def with_witness(
         near = _gaussian(apart, _WITNESS_WIDTH)
         likelihood += share * near / near.sum()
     near = (1 - _WITNESS_WRONG) * _gaussian(elevations - elevation, _WITNESS_WIDTH) + _WITNESS_WRONG
-    by_elevation = probability.reshape(-1, AZIMUTHS) * near[:, None]
-    by_elevation = by_elevation / by_elevation.sum()
-    both = by_elevation * likelihood / (by_elevation * likelihood).sum()
-    return torch.lerp(both, by_elevation.sum(1, keepdim=True) * likelihood, _WITNESS_ALONE).flatten()
+    both = probability.reshape(-1, AZIMUTHS) * near[:, None] * likelihood
+    return (both / both.sum()).flatten()
 
 
 def _gaussian(values: Float[Tensor, "*shape"], width: float) -> Float[Tensor, "*shape"]:

@@ -77,13 +77,12 @@ def test_a_witness_raises_its_direction_most_and_its_mirror_image_next():
     torch.testing.assert_close(with_witness(uniform, math.radians(60 - 720), math.radians(25)), found)
 
 
-def test_where_both_disagree_neither_rules():
+def test_a_witness_that_contradicts_a_certain_classifier_raises_its_own_direction():
     azimuth, elevation = directions()
-    certain = torch.full_like(azimuth, 1e-6)
-    certain[30] = 1.0
-    found = with_witness(certain / certain.sum(), float(azimuth[30]) + math.pi / 2, float(elevation[30]))
-    there = found[elevation == elevation[30]]
-    assert float(there.sum()) > 0.99
-    assert 0.7 < float(found[30]) < 0.8
-    told = int((azimuth - azimuth[30] - math.pi / 2).abs().argmin())
-    assert float(there[told % len(there)]) > 0.02
+    certain = torch.full_like(azimuth, 0.05 / len(azimuth))
+    certain[30] += 0.95
+    found = with_witness(certain, float(azimuth[30]) + math.pi / 2, float(elevation[30]))
+    told = 30 + 6
+    assert elevation[told] == elevation[30]
+    assert 0.8 < float(found[30]) < 0.95 < 50 * float(found[told])
+    assert float(found[told]) > 10 * float(certain[told])
