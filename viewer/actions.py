@@ -54,7 +54,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "View": (
         Gesture("Drag, or arrow keys", "turn the object; finer with Shift"),
         Gesture("Wheel, or + and -", "zoom"),
-        Gesture("Hold G and drag", "pull the shape under the mouse; a ring names what changes"),
+        Gesture("Hold G and drag", "pull the shape under the mouse: up for taller, sideways for wider or longer"),
         Gesture("Middle or right drag", "pan: move the object in the view"),
         Gesture("Double click", "the first view again, with the object in the middle"),
         Action("reset_view", "Reset view", "Home", "the first view again, with the object in the middle"),
