@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from core.cli.argument_types import box, count, degrees, edits, paints, point, view_numbers
+from core.cli.argument_types import box, count, degrees, edits, image_size, paints, point, view_numbers
 from core.cli.bench_parser import add_bench
 from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_seed
 from core.fitting.settings import PRESETS
@@ -93,7 +93,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
 def _add_render(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "render", "render.render", "render one image")
     _add_scene_options(command)
-    command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
+    command.add_argument("--size", type=image_size, default=(128, 128), metavar="PX|WxH", help="(default: 128)")
     command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
     command.add_argument("--out", type=Path, required=True, metavar="X.png")
 
@@ -104,7 +104,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
     command.add_argument("--frames", type=count, default=72, metavar="N", help="number of frames")
     command.add_argument("--fps", type=count, default=24, metavar="N", help="frames per second")
-    command.add_argument("--size", type=count, default=512, metavar="PX", help="width and height")
+    command.add_argument("--size", type=image_size, default=(512, 512), metavar="PX|WxH", help="(default: 512)")
     command.add_argument("--quality", type=count, default=85, metavar="N", help="1 to 100 (gif: colours)")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument("--shadow", action="store_true", help="the object's shadow on the ground (no transparent gif)")

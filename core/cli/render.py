@@ -31,9 +31,9 @@ def render(chosen: argparse.Namespace) -> None:
     """Run ``render``: write one image."""
     model, codes, camera = _load_view(chosen)
     require_writable(chosen.out)
+    camera = camera.resized(*chosen.size)
     if chosen.distance is None and not chosen.scene:
         (codes, camera), *_ = filling_frame(model, [View(codes, camera)])
-    camera = camera.resized(chosen.size, chosen.size)
     if chosen.exact:
         image = to_bytes(render_reference(model, codes, camera).colour)
     else:
@@ -44,8 +44,9 @@ def render(chosen: argparse.Namespace) -> None:
 def turntable(chosen: argparse.Namespace) -> None:
     """Run ``turntable``: write a video of one turn; with ``--morph-to``, into another object and back."""
     model, codes, camera = _load_view(chosen)
+    camera = camera.resized(*chosen.size)
     background = None if chosen.transparent else WHITE
-    settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
+    settings = VideoSettings(chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
     shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
         there = View(model.codes[chosen.morph_to], camera)

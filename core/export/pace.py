@@ -15,6 +15,7 @@ from core.export.video_frames import (
     are_few,
     bake_views,
     count_objects,
+    count_pixels,
     few_samples,
     key_views,
     over,
@@ -42,27 +43,28 @@ class Pace:
     baked: bool = False  # False if baking is impossible, so that all frames are rendered
     coding: Mapping[str, Coding] = field(default_factory=dict)  # of a written pixel, by the ending of the file's name
 
-    def seconds(self, views: Sequence[View], suffix: str, size: int, exact: bool = False) -> float:
+    def seconds(self, views: Sequence[View], suffix: str, exact: bool = False) -> float:
         """Return the expected duration of a video of these views, or of an image of one view, in s.
 
         Args:
             suffix: ending of the file's name; images are written in no time.
         """
         coding = self.coding.get(suffix, Coding(0.0, 0.0))
-        pixels = len(views) * size**2
-        parts = self._rendering(views, size, exact), pixels * coding.frame
+        pixels = count_pixels(views)
+        parts = self._rendering(views, exact), pixels * coding.frame
         # Encoding runs in another thread, at the same time if there is another core.
         return (max(parts) if (os.cpu_count() or 1) > 1 else sum(parts)) + pixels * coding.end
 
-    def _rendering(self, views: Sequence[View], size: int, exact: bool) -> float:
-        few = are_few(views, size) and not exact
+    def _rendering(self, views: Sequence[View], exact: bool) -> float:
+        few = are_few(views) and not exact
         if few or exact or not self.baked:
             samples = few_samples(views) if few else RenderSettings.samples
-            return len(views) * size**2 * self.exact * samples / RenderSettings.samples
+            return count_pixels(views) * self.exact * samples / RenderSettings.samples
         keys, objects = len(key_views(views)), count_objects(views)
         baking = objects * self.start + max(0, keys - objects - 1) * self.view
         finer = STILL_STEPS / MAX_STEPS if len(views) == 1 else 1.0
-        return baking + len(views) * (self.frame + (size * supersampling(size)) ** 2 * self.ray * finer)
+        rays = count_pixels(views) * supersampling(views[0].camera) ** 2
+        return baking + len(views) * self.frame + rays * self.ray * finer
 
 
 def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
@@ -78,7 +80,7 @@ def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
         return
     first = yield from baked.at(0)
     second, another = yield from _timed(baked.at(len(views) - 1))
-    with OffscreenRenderer(_DRAWN) as large, OffscreenRenderer(_SMALL) as small:
+    with OffscreenRenderer((_DRAWN,) * 2) as large, OffscreenRenderer((_SMALL,) * 2) as small:
         for renderer in (large, small):  # the first one uploads and compiles
             renderer.draw(first, view.camera)
         began = time.perf_counter()
@@ -114,7 +116,4 @@ def _timed(stream: Generator[None, None, T]) -> Generator[None, None, tuple[T, f
 def _coding(frame: Frame) -> dict[str, Coding]:
     image = over(frame, (255, 255, 255)).repeat(4, 0).repeat(4, 1)
     with tempfile.TemporaryDirectory() as folder:
-        return {
-            suffix: coding_of(image, Path(folder) / f"frame{suffix}", VideoSettings(image.shape[0]))
-            for suffix in FORMATS
-        }
+        return {suffix: coding_of(image, Path(folder) / f"frame{suffix}", VideoSettings()) for suffix in FORMATS}

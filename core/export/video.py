@@ -31,7 +31,6 @@ _WAITING = 4  # frames queued for the encoder, at most
 class VideoSettings:
     """Options of a video. Raises ``ValueError`` for values out of range."""
 
-    size: int = 512  # px, width and height
     rate: int = 24  # frames per second
     quality: int = 85  # 1 to 100, of mp4 and webp; for gif, the fraction of its 256 colours
     background: Background | None = WHITE  # None is transparent
@@ -39,23 +38,22 @@ class VideoSettings:
     shadow: bool = False  # of the object on the ground
 
     def __post_init__(self) -> None:
-        if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
+        if not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
             raise ValueError(
-                f"a video has 2 to 4096 px, 1 to 100 frames per second, quality 1 to 100; "
-                f"got {self.size} px, {self.rate}, {self.quality}"
+                f"a video has 1 to 100 frames per second, quality 1 to 100; got {self.rate}, {self.quality}"
             )
 
 
 def write_video(
     models: Model | OpenModels, views: Sequence[View], path: Path, settings: VideoSettings | None = None
 ) -> Generator[int, None, None]:
-    """Render and write views in order.
+    """Render and write views in order, as large as their cameras.
 
     Yields the number of finished frames, many times a frame so that a worker can interleave other tasks. The file
     appears only when it is complete: to cancel, close the generator. Another thread encodes.
 
-    Raises ``ValueError`` for an unknown format, a transparent background in a format without transparency, or a path
-    that cannot be written.
+    Raises ``ValueError`` for an unknown format, sizes that differ or are below 2 px, a transparent background in a
+    format without transparency, or a path that cannot be written.
     """
     settings, suffix = settings or VideoSettings(), path.suffix.lower()
     if suffix not in FORMATS:
@@ -64,9 +62,12 @@ def write_video(
     if settings.background is None and not chosen.transparent:
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
+    sizes = {(view.camera.width, view.camera.height) for view in views}
+    if len(sizes) != 1 or min(min(sizes)) < 2:
+        raise ValueError(f"frames of a video have one size, of at least 2 px, got {sorted(sizes)}")
     atomic = atomic_folder if chosen.folder else atomic_file
     shadow = settings.shadow and chosen.shows_shadow(settings.background)
-    frames = render_frames(models, views, settings.size, settings.background, settings.exact, shadow)
+    frames = render_frames(models, views, settings.background, settings.exact, shadow)
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
         for image in frames:
@@ -95,7 +96,7 @@ def coding_of(image: UInt8[np.ndarray, "height width channels"], path: Path, set
             sink.add(np.roll(image, 3 * turn, axis=1))
         middle = time.perf_counter()
         sink.finish()
-    pixels = count * settings.size**2
+    pixels = count * image.shape[0] * image.shape[1]
     return Coding((middle - began) / pixels, (time.perf_counter() - middle) / pixels)
 
 
@@ -141,13 +142,13 @@ class _Mp4:
         # From nearly lossless (12) at 100 to blocks (40) at 1; 85 looks like the original.
         crf = f"{40 - 0.28 * settings.quality:.0f}"
         self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
-        # H.264 with 4:2:0 colour needs even sizes.
-        self._stream.width = self._stream.height = settings.size - settings.size % 2
         self._stream.pix_fmt = "yuv420p"
         self._stream.time_base = Fraction(1, settings.rate)
         self._label(self._stream.codec_context)
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        if not self._stream.codec_context.is_open:  # H.264 with 4:2:0 colour needs even sizes
+            self._stream.height, self._stream.width = (side - side % 2 for side in image.shape[:2])
         even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
         frame = self._av.VideoFrame.from_ndarray(even, format="rgb24")
         converted = frame.reformat(format="yuv420p", dst_colorspace=_BT709, dst_color_range=_LIMITED_RANGE)

@@ -36,8 +36,8 @@ TARGET = 45.0  # dB between a baked frame and its exact render
 LEVELS = (128, 192, 256, 320)  # cells of the grid along each axis of the scene's box, from coarse to fine
 MAX_TURN = math.radians(20)
 """largest angle around the object between two key views, or an equally large change of position"""
-_RAYS = 512  # smallest number of rays across a frame, by supersampling; beyond this no change is visible
-_PROBE = 128  # px, of the frame compared with the exact render
+_RAYS = 512  # rays from top to bottom of a frame at least, by supersampling; beyond this no change is visible
+_PROBE = 128  # px, height of the frame compared with the exact render
 FEW_PIXELS = 300_000  # of all frames of an object together: up to this many, rendering is faster than baking
 FEW_SAMPLES = 96  # of a ray of few frames: half the time of exact rays, and 49 dB from them on average, 45 dB at worst
 STILL_STEPS = 384  # of a ray through a baked object in a single image: a still eye sees banding with fewer
@@ -46,16 +46,16 @@ STILL_STEPS = 384  # of a ray through a baked object in a single image: a still 
 def render_frames(
     models: Model | OpenModels,
     views: Sequence[View],
-    size: int,
     background: Background | None,
     exact: bool = False,
     shadow: bool = False,
 ) -> Iterator[Image | None]:
-    """Yield every frame, with None many times in between; baked unless rendering is faster or requested.
+    """Yield every frame, as large as its camera, with None many times in between.
+
+    Frames are baked unless rendering is faster or requested.
 
     Args:
         models: one for all views, or the open ones; views of another model begin another part.
-        size: px, width and height.
         exact: render every frame with the network.
         shadow: include the object's shadow on the ground.
     """
@@ -63,16 +63,21 @@ def render_frames(
         shots = list(part)
         model = model_of(models, shots[0].codes)
         if exact:
-            yield from exact_frames(model, shots, size, background, shadow)
-        elif are_few(shots, size):
-            yield from exact_frames(model, shots, size, background, shadow, few_samples(views))
+            yield from exact_frames(model, shots, background, shadow)
+        elif are_few(shots):
+            yield from exact_frames(model, shots, background, shadow, few_samples(views))
         else:
-            yield from baked_frames(model, shots, size, background, shadow)
+            yield from baked_frames(model, shots, background, shadow)
 
 
-def are_few(views: Sequence[View], size: int) -> bool:
-    """True if the network renders these frames (``size`` px wide) faster than their objects are baked."""
-    return len(views) * size**2 <= FEW_PIXELS * count_objects(views)
+def are_few(views: Sequence[View]) -> bool:
+    """True if the network renders these frames faster than their objects are baked."""
+    return count_pixels(views) <= FEW_PIXELS * count_objects(views)
+
+
+def count_pixels(views: Sequence[View]) -> int:
+    """Count the pixels of all frames."""
+    return sum(view.camera.width * view.camera.height for view in views)
 
 
 def few_samples(views: Sequence[View]) -> int:
@@ -88,7 +93,6 @@ def count_objects(views: Sequence[View]) -> int:
 def exact_frames(
     model: Model,
     views: Sequence[View],
-    size: int,
     background: Background | None,
     shadow: bool = False,
     samples: int = RenderSettings.samples,
@@ -100,13 +104,12 @@ def exact_frames(
     """
     settings = RenderSettings(samples, (1,))
     for view in views:
-        camera = view.camera.resized(size, size)
-        for frame in render_progressively(model, RenderJob(view.codes, camera, settings, shadow=shadow)):
-            yield over(frame, background, camera) if frame else None
+        for frame in render_progressively(model, RenderJob(*view, settings, shadow=shadow)):
+            yield over(frame, background, view.camera) if frame else None
 
 
 def baked_frames(
-    model: Model, views: Sequence[View], size: int, background: Background | None, shadow: bool = False
+    model: Model, views: Sequence[View], background: Background | None, shadow: bool = False
 ) -> Iterator[Image | None]:
     """Yield every frame rasterised from bakes that are fine enough, with None many times in between.
 
@@ -114,9 +117,10 @@ def baked_frames(
     """
     baked = yield from bake_views(model, views)
     if baked is None:
-        yield from exact_frames(model, views, size, background, shadow)
+        yield from exact_frames(model, views, background, shadow)
         return
-    with OffscreenRenderer(size, supersampling(size), background) as renderer:
+    first = views[0].camera
+    with OffscreenRenderer((first.width, first.height), supersampling(first), background) as renderer:
         for index, view in enumerate(views):
             field = yield from baked.at(index)
             detail = yield from detail_maps(model, view.codes)
@@ -124,30 +128,31 @@ def baked_frames(
             yield renderer.draw(replace(field, detail=detail, shadow=cast), view.camera)
 
 
-def draw_still(baked: BakedField, camera: Camera, size: int, shadow: bool) -> Image | None:
+def draw_still(baked: BakedField, camera: Camera, shadow: bool) -> Image | None:
     """Rasterise one transparent image of a baked object; None if the machine has no OpenGL."""
     try:
-        with OffscreenRenderer(size, supersampling(size), None) as renderer:
+        with OffscreenRenderer((camera.width, camera.height), supersampling(camera), None) as renderer:
             return renderer.draw(baked if shadow else replace(baked, shadow=None), camera)
     except RuntimeError:
         return None
 
 
-def supersampling(size: int) -> int:
-    """Return the rays along each side of a pixel for frames ``size`` px wide."""
-    return min(4, -(-_RAYS // size))
+def supersampling(camera: Camera) -> int:
+    """Return the rays along each side of a pixel of a frame."""
+    return min(4, -(-_RAYS // camera.height))
 
 
 def bake_views(
     model: Model, views: Sequence[View], target: float = TARGET
 ) -> Generator[None, None, "BakedViews | None"]:
     """Bake the views on the coarsest grid that reaches ``target`` dB; None if no grid does, or without OpenGL."""
+    index = _probe_frame(key_views(views))
+    camera = views[index].camera
+    camera = camera.resized(max(1, round(_PROBE * camera.width / camera.height)), _PROBE)
     try:
-        renderer = OffscreenRenderer(_PROBE)
+        renderer = OffscreenRenderer((camera.width, camera.height))
     except RuntimeError:
         return None
-    index = _probe_frame(key_views(views))
-    camera = views[index].camera.resized(_PROBE, _PROBE)
     with renderer:
         rendered = yield from render_steps(model, views[index].codes, camera, RenderSettings.samples)
         exact = rendered.colour.clamp(0, 1).cpu().numpy()

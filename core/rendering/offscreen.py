@@ -47,20 +47,24 @@ class OffscreenRenderer:
     Raises ``RuntimeError`` if the machine has no OpenGL.
     """
 
-    def __init__(self, size: int, supersampling: int = 1, background: Background | None = (255,) * 3) -> None:
+    def __init__(
+        self, size: tuple[int, int], supersampling: int = 1, background: Background | None = (255,) * 3
+    ) -> None:
+        """Prepare images of ``size`` (width, height), px."""
         try:
             self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
         except Exception as error:  # moderngl raises bare Exception
             raise RuntimeError(f"no OpenGL 3.3 through EGL: {error}") from error
-        context, fine = self._context, size * supersampling
-        self._size, self._fine_size, self._transparent = size, fine, background is None
+        context, (width, height) = self._context, size
+        self._size, self._fine_size = size, (width * supersampling, height * supersampling)
+        self._transparent = background is None
         self._shader, self._ground = BakedShader(context), GroundShader(context)
-        self._samples = context.texture((fine, fine), 4)
+        self._samples = context.texture(self._fine_size, 4)
         self._fine = context.framebuffer([self._samples])
-        self._result = context.framebuffer([context.renderbuffer((size, size), 4)])
+        self._result = context.framebuffer([context.renderbuffer(size, 4)])
         resolve = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         resolve["factor"] = supersampling
-        resolve["height"] = float(size if background else 0)
+        resolve["height"] = float(height if background else 0)
         for name, edge in zip(("top", "bottom"), edges(background or (0, 0, 0)), strict=True):
             resolve[name] = tuple(part / 255 for part in edge)
         self._resolve = context.vertex_array(resolve, [])
@@ -73,7 +77,7 @@ class OffscreenRenderer:
     ) -> None:
         self._context.release()
 
-    def draw(self, baked: BakedField, camera: Camera) -> UInt8[np.ndarray, "size size channels"]:
+    def draw(self, baked: BakedField, camera: Camera) -> UInt8[np.ndarray, "height width channels"]:
         """Draw the camera's image, with the field's shadow if it has one.
 
         RGB on the background; without a background, RGB and straight alpha.
@@ -83,7 +87,7 @@ class OffscreenRenderer:
             self._shader.upload(baked)
             self._fine.use()
             self._fine.clear()
-            fine, size = camera.resized(self._fine_size, self._fine_size), (self._fine_size,) * 2
+            fine, size = camera.resized(*self._fine_size), self._fine_size
             if baked.shadow:
                 self._ground.draw(baked.shadow, fine, size)
             self._shader.draw(fine, size)
@@ -93,4 +97,4 @@ class OffscreenRenderer:
             self._resolve.render(moderngl.TRIANGLES, vertices=3)
             channels = 4 if self._transparent else 3
             pixels = np.frombuffer(self._result.read(components=channels, alignment=1), np.uint8)
-        return pixels.reshape(self._size, self._size, channels)
+        return pixels.reshape(*self._size[::-1], channels)

@@ -68,20 +68,20 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
 def quick_pictures(
     model: Model,
     views: Sequence[View],
-    size: int,
     background: Background | None,
     exact: bool = False,
     shadow: bool = False,
 ) -> Iterator[np.ndarray | None]:
     """Frames of :func:`quick_frames`, one for each view."""
     for codes, camera in views:
-        for frame in quick_frames(model, RenderJob(codes, camera.resized(size, size), RenderSettings(divisors=(1,)))):
+        for frame in quick_frames(model, RenderJob(codes, camera, RenderSettings(divisors=(1,)))):
             yield over(frame, background) if frame else None
 
 
 def small_video(models: OpenModels, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
     """A film with a sixteenth of the pixels along each side."""
-    return write_video(models, views, path, replace(settings, size=settings.size // 16))
+    small = [View(codes, camera.resized(camera.width // 16, camera.height // 16)) for codes, camera in views]
+    return write_video(models, small, path, settings)
 
 
 def quick_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:

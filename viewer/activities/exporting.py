@@ -96,7 +96,7 @@ class Exporting:
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(self._jobs.models, scene, self._editor.state.timeline)[0]
-        about = settings.size, settings.behind, settings.exact, settings.shows_shadow
+        about = settings.behind, settings.exact, settings.shows_shadow
         for image in self._jobs.backend.pictures(self._jobs.models, [view], *about):
             if image is not None:
                 save_image(image, path, scene)

@@ -13,7 +13,7 @@ from viewer.services.jobs import TILES_SHARE, Jobs
 from viewer.services.worker import Job
 from viewer.values.share_settings import ShareSettings
 
-_SIZE = 256  # px
+_SIZE = 256  # px, height
 _NAME, _PACE = "share preview", "share pace"  # jobs
 
 
@@ -37,7 +37,7 @@ class SharePreview:
         if settings.kind == "video" and not self._editor.state.timeline.keys:
             return
         state, models = self._editor.state, self._jobs.models
-        framing = settings.kind, settings.fill, settings.shows_shadow
+        framing = settings.kind, settings.fill, settings.wide, settings.shows_shadow
         wanted = state.scene, state.timeline, framing
         finer = baked_copy(self._copied[0]) if self._copied else None
         is_coarse = self._copied is not None and finer is not None and finer.cells > self._copied[1]
@@ -49,11 +49,11 @@ class SharePreview:
         def stream() -> Iterator[tuple[Image, tuple[Codes, int] | None] | None]:
             view = small.views(models, state.scene, state.timeline)[0]
             baked, backend = baked_copy(view.codes), self._jobs.backend
-            drawn = backend.draw(baked, view.camera, _SIZE, shadow) if baked else None
+            drawn = backend.draw(baked, view.camera, shadow) if baked else None
             if baked and drawn is not None:
                 yield drawn, (view.codes, baked.cells)
                 return
-            for image in backend.pictures(models, [view], _SIZE, None, False, shadow):
+            for image in backend.pictures(models, [view], None, False, shadow):
                 yield None if image is None else (image, None)
 
         def rendered(found: tuple[Image, tuple[Codes, int] | None]) -> None:
@@ -79,7 +79,7 @@ class SharePreview:
         about = self.pace, state.scene, state.timeline, settings
         if self._known is None or self._known[0] != about:
             views = settings.unframed_views(self._jobs.models, state.scene, state.timeline)
-            self._known = about, self.pace.seconds(views, settings.suffix, settings.size, settings.exact)
+            self._known = about, self.pace.seconds(views, settings.suffix, settings.exact)
         return self._known[1]
 
     def _measured(self, pace: Pace) -> None:

@@ -115,7 +115,8 @@ def _left_by_escape() -> bool:
 
 def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
     top, bottom = (_rgb(colour) for colour in context.palette.background)
-    return replace(settings, view_background=(top, bottom))
+    wide = context.session.editor.model.category == "cars"
+    return replace(settings, view_background=(top, bottom), wide=wide)
 
 
 def _rgb(colour: Colour) -> Rgb:
@@ -242,7 +243,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             context.files.ask(FileRequest(title, share, (settings.suffix,), True, name))
         if ready and settings.kind != "mesh":
             imgui.same_line()
-            _draw_estimate(exporting.estimate(settings))
+            _draw_estimate(exporting.estimate(_as_in_view(context, settings)))
         if not ready:
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:

@@ -49,7 +49,7 @@ class Backend:
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Generator[float, None, ViewBank]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
-    draw: Callable[[BakedField, Camera, int, bool], Image | None] = draw_still
+    draw: Callable[[BakedField, Camera, bool], Image | None] = draw_still
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
     pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh

@@ -13,6 +13,7 @@ from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient
 
 KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # labels
+WIDE = 16 / 9  # width of a wide image over its height
 TURN, RATE = 72, 24  # frames of a turntable's turn, and frames per second of every video
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
 """Labels of the backgrounds."""
@@ -26,7 +27,8 @@ class ShareSettings:
     video: str = ".mp4"  # ending of a video's or turntable's name
     picture: str = ".png"  # ending of an image's name
     mesh: str = ".glb"  # ending of a mesh's name
-    size: int = 512  # px, width and height
+    size: int = 512  # px, height
+    wide: bool = False  # 16:9, for cars; else square
     fill: bool = True  # the object fills the frame; else it is as large as in the view
     background: str = "view"  # one of :data:`BACKGROUNDS`
     red: int = 255  # 0..255, of the background "colour"
@@ -51,7 +53,8 @@ class ShareSettings:
             raise ValueError(f"a colour has parts of 0 to 255, got {self}")
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
-        VideoSettings(self.size)
+        if not 2 <= self.size <= 4096:
+            raise ValueError(f"a file has 2 to 4096 px, got {self.size}")
         MeshSettings(None, self.metres or 1.0, self.texture, self.triangles)
 
     @property
@@ -83,7 +86,7 @@ class ShareSettings:
     @property
     def video_settings(self) -> VideoSettings:
         """The settings for writing a video."""
-        return VideoSettings(self.size, RATE, background=self.behind, exact=self.exact, shadow=self.shows_shadow)
+        return VideoSettings(RATE, background=self.behind, exact=self.exact, shadow=self.shows_shadow)
 
     def mesh_settings(self, usual: float) -> MeshSettings:
         """Return the settings for writing a mesh that stands on the ground, in metres.
@@ -113,4 +116,5 @@ class ShareSettings:
             shots = timeline.views(RATE)
         else:
             shots = [View(scene.codes, scene.camera)]
-        return [View(codes, camera.resized(self.size, self.size)) for codes, camera in shots]
+        width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
+        return [View(codes, camera.resized(width, self.size)) for codes, camera in shots]

@@ -111,7 +111,7 @@ def _exact(samples: int) -> _Films:
 
 
 def _default(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
-    few = are_few(shown.views, shown.views[0].camera.width)
+    few = are_few(shown.views)
     return (_exact(FEW_SAMPLES) if few else _baked(None))(model, shown)
 
 
@@ -123,7 +123,7 @@ def _baked(cells: int | None) -> _Films:
         baked = BakedViews(model, views, cells) if cells else run_to_end(bake_views(model, views))
         if baked is None:
             raise ValueError(f"no grid is fine enough for {model.category}, or there is no OpenGL")
-        with OffscreenRenderer(views[0].camera.width) as pictures:
+        with OffscreenRenderer((SIZE, SIZE)) as pictures:
             frames = [pictures.draw(run_to_end(baked.at(index)), view.camera) for index, view in enumerate(views)]
         return baked.cells, time.process_time() - began, [frames[index] for index in shown.compared]
 

@@ -165,7 +165,7 @@ def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, codes: Co
     baked = replace(shadowed, shadow=None)
     beside = tiny.camera(1.4, 0.4).resized(96, 96)
     try:
-        pictures = OffscreenRenderer(96)
+        pictures = OffscreenRenderer((96, 96))
     except RuntimeError as error:
         no_opengl(error)
     with pictures:

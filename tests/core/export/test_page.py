@@ -69,7 +69,7 @@ def test_it_shows_the_programs_own_picture(
     chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
     *_, baked = filter(None, bake(tiny, codes))
     try:
-        pictures = OffscreenRenderer(SIZE, background=None)
+        pictures = OffscreenRenderer((SIZE, SIZE), background=None)
     except RuntimeError as error:
         no_opengl(error)
     with pictures:

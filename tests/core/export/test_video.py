@@ -15,16 +15,17 @@ from core.models.model import Model
 from tests.core.tiny import tiny_model
 
 
-def turn(model: Model, path: Path, frames: int = 5, exact: bool = True, **about: Any):
+def turn(model: Model, path: Path, frames: int = 5, exact: bool = True, size: tuple[int, int] = (32, 32), **about: Any):
     """Exact frames, which take least where there are few: how others are drawn is tested with them."""
     about |= {"exact": exact}
-    return write_video(model, turntable(model.codes[0], model.camera(0.0, 0.3), frames), path, VideoSettings(**about))
+    views = turntable(model.codes[0], model.camera(0.0, 0.3).resized(*size), frames)
+    return write_video(model, views, path, VideoSettings(**about))
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
-    counts = list(turn(model, path, 5, size=31))
+    counts = list(turn(model, path, 5, size=(31, 31)))
     assert counts == sorted(counts)
     assert set(counts) == {0, 1, 2, 3, 4, 5}
     if suffix == ".mp4":
@@ -48,7 +49,7 @@ def test_frames_are_drawn_from_a_baked_copy_unless_exact_ones_are_wanted(
     monkeypatch.setattr("core.export.video_frames.FEW_PIXELS", 0)
     model, shown = tiny_model(), list[np.ndarray]()
     for exact in (False, True):
-        list(turn(model, tmp_path / f"{exact}.frames", 1, exact, size=32))
+        list(turn(model, tmp_path / f"{exact}.frames", 1, exact))
         with Image.open(tmp_path / f"{exact}.frames/00000.png") as image:
             shown.append(np.asarray(image).astype(int))
     assert 0 < np.abs(shown[0] - shown[1]).max() < 25
@@ -61,7 +62,7 @@ def test_a_cancelled_video_leaves_nothing_and_keeps_what_was_there(suffix: str, 
     if suffix != ".frames":
         path.write_text("before")
     before = [entry.name for entry in tmp_path.iterdir()]
-    stream = turn(model, path, 5, size=32)
+    stream = turn(model, path, 5)
     next(stream)
     stream.close()
     assert [entry.name for entry in tmp_path.iterdir()] == before
@@ -78,7 +79,7 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
 @pytest.mark.parametrize("suffix", [name for name, one in FORMATS.items() if one.transparent])
 def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
-    list(turn(model, path, 2, size=32, background=None))
+    list(turn(model, path, 2, background=None))
     opacity = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
     with Image.open(path / "00000.png" if suffix == ".frames" else path) as image:
         alpha = np.asarray(image.convert("RGBA"))[..., 3]
@@ -96,11 +97,11 @@ def test_transparent_pixels_on_white_are_the_render(model: Model) -> None:
 
 def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
     model = tiny_model()
-    camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance)
+    camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance).resized(48, 48)
     views, files = turntable(model.codes[0], camera, 2), list[Path]()
     for shadow, background in ((True, None), (False, None), (True, (255, 255, 255)), (False, (255, 255, 255))):
         files.append(tmp_path / f"{shadow}{background is None}.GIF")
-        for _ in write_video(model, views, files[-1], VideoSettings(48, background=background, shadow=shadow)):
+        for _ in write_video(model, views, files[-1], VideoSettings(background=background, shadow=shadow)):
             pass
     transparent, bare, white, plain = (path.read_bytes() for path in files)
     assert transparent == bare
@@ -108,7 +109,7 @@ def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
 
 
 def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> None:
-    list(turn(model, tmp_path / "a.frames", 2, size=32, background=(10, 120, 200)))
+    list(turn(model, tmp_path / "a.frames", 2, background=(10, 120, 200)))
     frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
     with Image.open(tmp_path / "a.frames/00000.png") as image:
         seen = np.asarray(image).astype(float)
@@ -119,7 +120,7 @@ def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("suffix", [".gif", ".webp"])
 def test_a_video_has_its_duration(suffix: str, model: Model, tmp_path: Path) -> None:
-    list(turn(model, tmp_path / f"turn{suffix}", 15, size=16, rate=30))
+    list(turn(model, tmp_path / f"turn{suffix}", 15, size=(16, 16), rate=30))
     with Image.open(tmp_path / f"turn{suffix}") as video:
         lasted = 0
         for index in range(video.n_frames):
@@ -132,18 +133,14 @@ def test_a_video_has_its_duration(suffix: str, model: Model, tmp_path: Path) -> 
 @pytest.mark.parametrize("suffix", [".mp4", ".webp", ".gif"])
 def test_less_quality_is_a_smaller_file(suffix: str, model: Model, tmp_path: Path) -> None:
     for quality in (10, 95):
-        list(turn(model, tmp_path / f"{quality}{suffix}", 3, size=64, quality=quality))
+        list(turn(model, tmp_path / f"{quality}{suffix}", 3, size=(64, 64), quality=quality))
     assert (tmp_path / f"10{suffix}").stat().st_size < (tmp_path / f"95{suffix}").stat().st_size
 
 
 def test_a_timeline_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
-    camera = model.camera(0.0, 0.3)
+    camera = model.camera(0.0, 0.3).resized(32, 32)
     keys = Keyframe(0.0, View(model.codes[0], camera)), Keyframe(0.5, View(model.codes[1], camera))
-    list(
-        write_video(
-            model, Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(size=32, exact=True)
-        )
-    )
+    list(write_video(model, Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(exact=True)))
     for index, code in ((0, 0), (4, 1)):
         turned = model.camera(np.pi * code, 0.3).resized(32, 32)
         expected = render_frame(model, model.codes[code], turned).image.astype(int)
@@ -154,7 +151,7 @@ def test_a_timeline_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
 def test_an_mp4_has_the_colours_of_its_frames_and_says_how(model: Model, tmp_path: Path) -> None:
     """Players that are told nothing take small videos for BT.601, and large ones for BT.709."""
     for name in ("a.mp4", "a.frames"):
-        list(turn(model, tmp_path / name, 2, size=64, quality=100, background=(30, 160, 90)))
+        list(turn(model, tmp_path / name, 2, size=(64, 64), quality=100, background=(30, 160, 90)))
     with av.open(str(tmp_path / "a.mp4")) as video:
         coded = video.streams.video[0].codec_context
         assert (coded.colorspace, coded.color_range, coded.color_primaries, coded.color_trc) == (1, 1, 1, 1)
@@ -173,5 +170,7 @@ def test_what_no_video_is_called_is_refused(model: Model, tmp_path: Path) -> Non
         turn(model, tmp_path / "t.gif", 0)
     with pytest.raises(ValueError, match="transparent"):
         next(turn(model, tmp_path / "t.mp4", background=None))
+    with pytest.raises(ValueError, match="at least 2 px"):
+        next(turn(model, tmp_path / "t.mp4", size=(1, 1)))
     with pytest.raises(ValueError, match="quality"):
         VideoSettings(quality=0)

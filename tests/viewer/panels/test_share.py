@@ -130,8 +130,8 @@ def test_the_preview_becomes_finer_with_the_baked_copy(drive: Drive, backend: Ba
                 yield None
             yield baked
 
-    def draw(baked: BakedField, camera: Camera, size: int, shadow: bool) -> np.ndarray:
-        return np.full((size, size, 4), baked.cells, np.uint8)
+    def draw(baked: BakedField, camera: Camera, shadow: bool) -> np.ndarray:
+        return np.full((camera.height, camera.width, 4), baked.cells, np.uint8)
 
     def act(window: Driver) -> None:
         viewport, preview = window.session.viewport, window.session.exporting.preview
