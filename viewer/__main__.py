@@ -59,12 +59,12 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
         # Imported late, so that `--help`, a wrong argument and the splash appear before torch is loaded.
         from viewer.app import App
         from viewer.screenshot import Screenshot
-        from viewer.services.messages import MessageKind
+        from viewer.services.messages import Button, MessageKind
 
         app = App(session, chosen.size, folder, headless, instance=instance)
         if folder and is_temporary(folder):
             text = f"No home folder takes files: this session is kept in {folder}"
-            session.messages.notify(text, MessageKind.NOTE, lasts=True)
+            session.messages.notify(text, MessageKind.NOTE, buttons=(Button("OK", lambda: None),))
         if chosen.model:
             session.show_model(_found_again(chosen.model))
         if chosen.image:

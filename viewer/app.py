@@ -194,15 +194,16 @@ class App:
         return window
 
     def _draw_bare(self, panel: Panel) -> None:
-        """Draw a panel without a tab or scroll bar: overlays must not change the view's size."""
+        """Draw a panel without a tab; the view without a scroll bar too: overlays must not change its size."""
         bare = imgui.WindowClass()
         bare.dock_node_flags_override_set = imgui.DockNodeFlags_.auto_hide_tab_bar
         imgui.set_next_window_class(bare)
         fixed = (
             imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav_inputs
         )
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0))
-        shown = imgui.begin(panel.title, None, fixed)[0]
+        view = panel.dock == "View"
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0) if view else imgui.get_style().window_padding)
+        shown = imgui.begin(panel.title, None, fixed if view else 0)[0]
         imgui.pop_style_var()
         if shown:
             self._draw_panel(panel)
@@ -248,7 +249,11 @@ class App:
         self._gl = moderngl.get_context()
         self._software = window.in_software(self._gl)
         self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
-        self.context.baked_canvas, self.context.fast_opengl = BakedCanvas(self._gl), is_fast(self._gl)
+        # OpenGL in software shares the processor with the network, and takes seconds to say how slow it is.
+        self.context.baked_canvas, self.context.fast_opengl = (
+            BakedCanvas(self._gl),
+            not self._software and is_fast(self._gl),
+        )
         # imgui logs errors in a panel instead of ending the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False

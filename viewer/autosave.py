@@ -15,7 +15,7 @@ from viewer.services.messages import Button, MessageKind
 from viewer.session import PICTURES, Session
 from viewer.values.project import SUFFIX, Project, left_out
 
-_EVERY = 5.0  # least s between two saves
+EVERY = 5.0  # least s between two saves
 _EARLIER = 10  # replaced sessions that are kept
 _DAY = 86_400.0  # s after which a killed run's partial file is removed
 
@@ -23,15 +23,9 @@ _DAY = 86_400.0  # s after which a killed run's partial file is removed
 class Autosave:
     """Keeps one file per run, which the next run continues; a crashed run's file is offered to be restored."""
 
-    def __init__(
-        self,
-        session: Session,
-        folder: Path,
-        clock: Callable[[], float] = time.monotonic,
-        every: float = _EVERY,
-    ) -> None:
-        """Continue the session in ``folder``, save there every ``every`` s, and offer to restore crashed runs."""
-        self._session, self._clock, self.every = session, clock, every
+    def __init__(self, session: Session, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        """Continue the session in ``folder``, save there every few seconds, and offer to restore crashed runs."""
+        self._session, self._clock = session, clock
         self._kept_file, self._pictures_file = folder / f"session{SUFFIX}", folder / PICTURES
         self._earlier = folder / "earlier"
         self._own_file = folder / f"session-{secrets.token_hex(8)}{SUFFIX}"
@@ -62,7 +56,7 @@ class Autosave:
         state = self._session.tracked_state
         if self._session.editor.history.gesture or _are_same(state, self._written):
             return
-        if self._writing is None and self._clock() - self._when >= self.every:
+        if self._writing is None and self._clock() - self._when >= EVERY:
             self._when, self._written = self._clock(), state
             if not (project := self._session.project()).is_empty:
                 write_pictures(self._pictures_file, self._session.pictures)
@@ -87,7 +81,7 @@ class Autosave:
         when = datetime.fromtimestamp(path.stat().st_mtime)
         text = f"A session did not end well: {held}, saved on {when:%d %B at %H:%M}"
         buttons = Button("Restore", self.restore), Button("Discard", self.discard)
-        self._session.messages.notify(text, MessageKind.NOTE, buttons=buttons, lasts=True)
+        self._session.messages.notify(text, MessageKind.NOTE, buttons=buttons)
 
     def restore(self) -> None:
         """Add the newest crashed run to the session; on failure keep its file and offer it again."""

@@ -74,7 +74,7 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
         assert editor.state == made[0].past[-1]
         window.menu("File/###new_project")
         assert not window.session.editor.history.past
-        assert window.session.editor.objects.names[0] == "block"
+        assert window.session.editor.objects.own[0] == "block"
         window.menu("File/Recent/###earlier 1")
         assert window.session.editor.history.past == made[0].past[:-1]
 
@@ -107,7 +107,7 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
         editor = window.session.editor
         assert window.session.messages.errors == []
         assert editor.history == made[0]
-        assert editor.objects.names[0] == "block"
+        assert editor.objects.own[0] == "block"
         assert not window.context.autosave.recoverable
         window.click(f"Messages/###show {len(window.session.messages.shown) - 1}")
         assert editor.state.mix.a.shape == "block"
@@ -137,7 +137,7 @@ def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, 
         editor = window.session.editor
         assert window.session.messages.errors == []
         assert editor.history == made[0]
-        assert editor.objects.names[0] == "block"
+        assert editor.objects.own[0] == "block"
 
     made: list[History] = []
     with pytest.raises(RuntimeError, match="exited before"):  # as the toolkit says where a test ends the program

@@ -126,7 +126,7 @@ def test_a_fit_under_way_and_those_that_wait_go_on(
     assert len(session.fitting.queue) == 1
     finish(session, lambda: not session.fitting.pending)
     assert session.messages.errors == []
-    assert session.editor.objects.names[:2] == ["block other", "block"]
+    assert session.editor.objects.own[:2] == ["block other", "block"]
 
 
 _RUN = """
@@ -140,7 +140,7 @@ from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
 from core.runtime import reading
 from tests.viewer.driver import deliver
 from tests.viewer.stand_ins import endless_fit, no_guess, quick_bank, quick_frames, quick_photo, two_models
-from viewer.autosave import Autosave
+from viewer import autosave as autosave_module
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
@@ -149,7 +149,8 @@ folder, photo = map(Path, sys.argv[1:3])
 backend = Backend(two_models().__getitem__, frame_photo=quick_photo, frames=quick_frames, fit=endless_fit)
 backend = replace(backend, view_bank=quick_bank, guess_category=no_guess)
 session = Session(Worker(), backend)
-autosave = Autosave(session, folder, every=0.0)
+autosave_module.EVERY = 0.0
+autosave = autosave_module.Autosave(session, folder)
 session.editor.show_object("car 2")
 session.editor.show_object("object 1")
 session.fitting.start(photo)
@@ -182,7 +183,7 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
     assert len(session.editor.history.past) >= 3
     assert session.fitting.running
     finish(session, lambda: not session.fitting.running)
-    assert session.editor.objects.names[0] == "block"
+    assert session.editor.objects.own[0] == "block"
     assert session.editor.history.states[1].mix.a.shape == "car 2"
 
 
@@ -296,13 +297,13 @@ def test_new_begins_afresh_and_keeps_what_there_was(
     session.new()
     editor = session.editor
     assert not (editor.history.past or editor.state.timeline.keys)
-    assert editor.objects.names[0] == "block"  # it is mine
+    assert editor.objects.own[0] == "block"  # it is mine
     (earlier,) = autosave.earlier
     session.new()
     assert len(autosave.earlier) == 1  # nothing had been made
     session.open_project(earlier)
     assert session.editor.history == history
-    assert session.editor.objects.names.count("block") == 1
+    assert session.editor.objects.own.count("block") == 1
     session.new()
     autosave.close()
     session, autosave = begun(worker, backend, tmp_path, clock)

@@ -20,7 +20,7 @@ from viewer.values.project import Project
 
 
 def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, tmp_path: Path, model: Model) -> None:
-    session.exporting.scene(tmp_path / "saved.json")
+    session.exporting.scene(tmp_path / "saved.json", session.editor.scene)
     edits = (
         lambda: editor.set_camera(orbit.dragged(editor.scene.camera, 0.2, 0.1)),
         lambda: editor.show_object("object 2"),
@@ -130,7 +130,7 @@ def test_another_b_takes_over_what_is_mixed_in(editor: Editor) -> None:
 def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
     empty = replace(model, codes=CodeBook(model.codes.shapes, model.codes.textures, ()))
     editor = Editor(open_models(empty), empty, torch.Generator())
-    assert editor.objects.names == ["mean"]
+    assert editor.objects.families == {empty.fingerprint: {"mean": ()}}
     assert editor.scene.codes == empty.codes.mean
 
 

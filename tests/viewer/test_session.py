@@ -65,11 +65,11 @@ def test_scenes_come_back_exactly(session: Session, editor: Editor, tmp_path: Pa
     editor.sample()
     editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
     scene = editor.scene
-    session.exporting.scene(tmp_path / "mine.json")
+    session.exporting.scene(tmp_path / "mine.json", editor.scene)
     editor.show_object("object 5")
     session.open_scene(tmp_path / "mine.json")
     assert editor.scene == scene
-    assert editor.objects.names[0] == editor.state.mix.a.shape == editor.state.mix.a.texture == "mine"
+    assert editor.objects.own[0] == editor.state.mix.a.shape == editor.state.mix.a.texture == "mine"
     assert editor.objects.added[0].codes == scene.codes
 
 
@@ -86,7 +86,7 @@ def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, edito
     (tmp_path / "torn.codenerf").write_bytes((tmp_path / "a.codenerf").read_bytes()[:500])
     before = editor.history
     for name in ("torn", "missing"):
-        session.messages.clear()
+        session.messages.all.clear()
         session.open_project(tmp_path / f"{name}.codenerf")
         finish(session)
         assert session.editor.history is before, name
@@ -95,7 +95,7 @@ def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, edito
 
 
 def test_scenes_that_cannot_be_opened_change_nothing(session: Session, editor: Editor, tmp_path: Path) -> None:
-    session.exporting.scene(tmp_path / "scene.json")
+    session.exporting.scene(tmp_path / "scene.json", session.editor.scene)
     about = json.loads((tmp_path / "scene.json").read_text())
     (tmp_path / "other.json").write_text(json.dumps(about | {"model": "0" * 16}))
     (tmp_path / "short.json").write_text(json.dumps(about | {"shape": [1.0]}))
@@ -105,12 +105,12 @@ def test_scenes_that_cannot_be_opened_change_nothing(session: Session, editor: E
     (tmp_path / "binary.json").write_bytes(bytes(range(256)))
     before = editor.history
     for name in ("other", "short", "nan", "camera", "list", "binary", "missing"):
-        session.messages.clear()
+        session.messages.all.clear()
         session.open_scene(tmp_path / f"{name}.json")
         finish(session)
         assert editor.history is before, name
         assert len(session.messages.errors) == 1, name
-    session.exporting.scene(tmp_path / "no such folder" / "scene.json")
+    session.exporting.scene(tmp_path / "no such folder" / "scene.json", session.editor.scene)
     assert session.messages.errors[-1].startswith("Cannot save the scene")
 
 

@@ -85,10 +85,10 @@ class Exporting:
             self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
-    def scene(self, path: Path, scene: Scene | None = None) -> None:
-        """Write a scene, by default the one on screen, as JSON, and report the result."""
+    def scene(self, path: Path, scene: Scene) -> None:
+        """Write a scene as JSON, and report the result."""
         try:
-            (scene or self._editor.scene).save(path)
+            scene.save(path)
         except ValueError as error:
             self._jobs.messages.report("Cannot save the scene", error)
         else:

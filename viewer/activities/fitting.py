@@ -120,8 +120,8 @@ class Fitting:
         """Move a request's question to the front."""
         self.questions = tuple(sorted(self.questions, key=lambda one: one.request is not request))
 
-    def fit(self, *sources: PhotoSource, model: str = "") -> bool:
-        """Begin or queue a fit of photos, dropping questions about them; return False without photos.
+    def fit(self, *sources: PhotoSource, model: str = "") -> None:
+        """Begin or queue a fit of photos, if any, dropping questions about them.
 
         Args:
             model: the model's fingerprint; empty chooses by the category of the first photo.
@@ -130,7 +130,6 @@ class Fitting:
         self.questions = tuple(one for one in self.questions if one.source.path not in paths)
         if sources:
             self._begin(FitRequest(FitHistory(sources, model=model)))
-        return bool(sources)
 
     def add_photo(self, history: FitHistory, path: Path) -> None:
         """Fit an object again with another photo."""

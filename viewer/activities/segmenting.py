@@ -33,7 +33,7 @@ class Segmentation:
 class Segmenting:
     """Segments one photo at a time. A running segmentation is shown before the newest hints are segmented."""
 
-    def __init__(self, jobs: Jobs, fit: Callable[..., bool]) -> None:
+    def __init__(self, jobs: Jobs, fit: Callable[..., None]) -> None:
         """Fit segmented photos by ``fit``, which is :meth:`Fitting.fit`."""
         self._jobs, self._fit = jobs, fit
         self.close()
@@ -106,8 +106,8 @@ class Segmenting:
     def fit(self) -> None:
         """Fit the photos with the current hints, after a running fit, and close."""
         source = self.sources[self.index]._replace(hints=self.hints)
-        if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._model):
-            self.close()
+        self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._model)
+        self.close()
 
     def _start(self) -> None:
         image, hints = self._image, self.hints

@@ -25,7 +25,7 @@ class SharePreview:
         self.image: Image | None = None  # on transparent; None until it is rendered
         self._shown: tuple[object, ...] = ()  # inputs of the current or next image
         self._copied: tuple[Codes, int] | None = None  # object and cells of the baked copy it shows
-        self.pace: Pace | None = None  # of videos of this model on this machine; None until it is measured
+        self._paces = dict[str, Pace]()  # measured pace of videos on this machine, by the model's fingerprint
         self._known: tuple[tuple[object, ...], float] | None = None
 
     def update(self, settings: ShareSettings, baked_copy: Callable[[Codes], BakedField | None]) -> None:
@@ -61,10 +61,12 @@ class SharePreview:
 
         self._jobs.submit(Job(_NAME, stream, rendered, self._jobs.reporting("Cannot render the preview"), urgent=True))
         if self.pace is None and not self._jobs.busy(_PACE):
-            view = View(state.scene.codes, state.scene.camera)
-            measured, model = self._jobs.backend.pace, self._editor.model
-            ended = self._unmeasured
-            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, ended, share=TILES_SHARE))
+            self._measure(View(state.scene.codes, state.scene.camera))
+
+    @property
+    def pace(self) -> Pace | None:
+        """Pace of videos of the shown object's model; None until it is measured."""
+        return self._paces.get(self._editor.model.fingerprint)
 
     @property
     def stale(self) -> bool:
@@ -82,11 +84,14 @@ class SharePreview:
             self._known = about, self.pace.seconds(views, settings.suffix, settings.exact)
         return self._known[1]
 
-    def _measured(self, pace: Pace) -> None:
-        self.pace = pace
+    def _measure(self, view: View) -> None:
+        """Measure the pace; ignore errors, which the preview reports too."""
+        backend, model = self._jobs.backend, self._editor.model
 
-    def _unmeasured(self, error: Exception | None) -> None:
-        """Ignore the error: only the estimate is missing, and the preview reports errors of rendering."""
+        def measured(pace: Pace) -> None:
+            self._paces[model.fingerprint] = pace
+
+        self._jobs.submit(Job(_PACE, lambda: backend.pace(model, view), measured, share=TILES_SHARE))
 
     def close(self) -> None:
         """Stop rendering."""

@@ -58,9 +58,9 @@ def _detail_digest(detail: PhotoDetail) -> bytes:
     return hashlib.blake2b(about.encode(), digest_size=16).digest()
 
 
-def digest(codes: Codes, camera: Camera, samples: int = 0) -> str:
+def digest(codes: Codes, camera: Camera) -> str:
     """Return a hash of an image's inputs, for file names."""
-    return _key(codes, camera, samples).digest
+    return _key(codes, camera, 0).digest
 
 
 def _coarse(key: _Key) -> _Key:
@@ -101,11 +101,6 @@ class Thumbnails:
         self._queue: dict[_Key, Codes] = {}  # requests of this frame
         self._failed: set[_Key] = set()  # keys whose rendering failed, not tried again
 
-    @property
-    def count(self) -> int:
-        """The number of cached thumbnails."""
-        return len(self._frames)
-
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
         """Return the thumbnail of an object from its model's first view, as :meth:`get`.
 
@@ -122,7 +117,7 @@ class Thumbnails:
                 self._frames[key] = frame_of(found, samples)
         return self._get(key, codes)
 
-    def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
+    def get(self, codes: Codes, camera: Camera, soon: bool = False) -> Frame | None:
         """Return the thumbnail at the camera's size; until it is rendered, a coarse one or None.
 
         Call in every frame that shows the thumbnail. Coarse thumbnails are rendered first, as they are fast.
@@ -130,7 +125,7 @@ class Thumbnails:
         Args:
             soon: render before other requests.
         """
-        return self._get(_key(codes, camera, samples), codes, soon)
+        return self._get(_key(codes, camera, _SAMPLES), codes, soon)
 
     def _get(self, key: _Key, codes: Codes, soon: bool = False) -> Frame | None:
         if key not in self._frames and (found := self._of_session.get(key.digest)) is not None:

@@ -14,14 +14,14 @@ from viewer.values.variety import family, readable
 from viewer.widgets import object_tiles, user_objects, waiting_tiles
 from viewer.widgets.controls import action_button, draw_choice, tooltip
 from viewer.widgets.object_tiles import unmixable
-from viewer.widgets.text import caption, heading, paint_caption, small_height
+from viewer.widgets.text import caption, heading, paint_caption, push_small, small_height
 from viewer.widgets.welcome import Welcome
 
 _INVITATION = "What you fit to photos comes here."
 _STRIP = 9.0  # em: a lower panel is a strip
 _ALL, _MINE = "all", "mine"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
-_OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
+_OPEN = icons_fontawesome_4.ICON_FA_CARET_DOWN
 
 
 class LibraryPanel(Panel):
@@ -29,6 +29,7 @@ class LibraryPanel(Panel):
 
     title = "Library"
     dock = "Left"
+    bare = True
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
@@ -113,8 +114,9 @@ class LibraryPanel(Panel):
     def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
         """Draw the button that shows or folds an object's variants, in the corner of its thumbnail."""
         unfolded, em = name in self._unfolded, hello_imgui.em_size()
-        label = f"{_OPEN if unfolded else _SHUT} {count}"
-        size = imgui.calc_text_size(label) + ImVec2(0.5 * em, 0)
+        label = _OPEN if unfolded else str(count)
+        push_small()
+        size = imgui.calc_text_size(label) + ImVec2(0.6 * em, 0)
         low = corner + ImVec2(side, side) - size
         imgui.set_cursor_screen_pos(low)
         if object_tiles.tile_button(f"variants of {name}", size):
@@ -125,7 +127,8 @@ class LibraryPanel(Panel):
         )
         draw = imgui.get_window_draw_list()
         draw.add_rect_filled(low, low + size, packed(colour, 0.85), object_tiles.rounding())
-        draw.add_text(low + ImVec2(0.25 * em, 0), packed(context.palette.text), label)
+        draw.add_text(low + ImVec2(0.3 * em, 0), packed(context.palette.text), label)
+        imgui.pop_font()
 
 
 def _range(low: float, high: float, step: float, count: int) -> range:

@@ -65,7 +65,7 @@ def _draw(context: PanelContext, message: Message, number: int, room: float) -> 
         if imgui.small_button(f"{one.label}###{one.label.lower()} {number}"):
             context.session.messages.dismiss(message)
             one.press()
-    if message.kind is MessageKind.PROBLEM:
+    if message.kind is MessageKind.PROBLEM or message.buttons:
         imgui.same_line()
         if imgui.small_button(f"{icons_fontawesome_4.ICON_FA_TIMES}###dismiss {number}"):
             context.session.messages.dismiss(message)

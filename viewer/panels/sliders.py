@@ -30,12 +30,8 @@ class SlidersPanel(Panel):
 
     def __init__(self) -> None:
         self._basis: Codes | None = None  # base of the thumbnails: the object before the drag began
-        self._influence: tuple[CodeKind, Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
-
-    @property
-    def influence(self) -> tuple[CodeKind, CodeInfluence] | None:
-        """The code of the slider under the mouse, and its effect."""
-        return (self._influence[0], self._influence[3]) if self._influence else None
+        self._compared: tuple[Frame, Frame] | None = None  # the object at less and at more of a direction
+        self.influence: CodeInfluence | None = None  # the difference between these
 
     def draw(self, context: PanelContext) -> None:
         """Draw the buttons (random, reset, locks), then the sliders."""
@@ -100,11 +96,10 @@ class SlidersPanel(Panel):
         low, high = (context.session.thumbnails.get(one, camera, soon=True) for one in ends)
         if low is None or high is None or low.resolution != high.resolution:  # one is still the coarse thumbnail
             return ""
-        if self._influence is None or self._influence[1:3] != (low, high):
-            self._influence = direction.kind, low, high, CodeInfluence.between(low, high)
-        found = self._influence[3]
-        context.overlay = found.image
-        moves = "moves" if found.leak > 0 else "stays, exactly"
+        if self.influence is None or self._compared != (low, high):
+            self._compared, self.influence = (low, high), CodeInfluence.between(low, high)
+        context.overlay = self.influence.image
+        moves = "moves" if self.influence.leak > 0 else "stays, exactly"
         return f"\nThe glow over the object shows where. Its outline {moves}."
 
     def _draw_strip(self, context: PanelContext, direction: Direction) -> None:

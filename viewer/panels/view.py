@@ -64,17 +64,22 @@ class ViewPanel(Panel):
             return
         _turn_idly(context)
         texture = self._texture(context, pixels)
-        imgui.get_window_draw_list().add_image_rounded(
-            texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
-        )
+        draw = imgui.get_window_draw_list()
+        draw.add_image_rounded(texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4))
         _draw_overlay(context, corner, size)
+        # Buttons first: a press in the frame that moves the mouse onto one is that button's. They are drawn on top.
+        draw.channels_split(2)
+        draw.channels_set_current(1)
+        _draw_buttons(context, corner, size)
+        draw.channels_set_current(0)
+        imgui.set_cursor_screen_pos(corner)
         imgui.set_next_item_allow_overlap()
         buttons = imgui.ButtonFlags_
         every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
         imgui.invisible_button("orbit", size, every)
         if not self._over.draw(context, corner, size):
             self._react(context, size)
-        _draw_buttons(context, corner, size)
+        draw.channels_merge()
         if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
             self._draw_hint(corner, size)
         if begins:
@@ -112,7 +117,7 @@ class ViewPanel(Panel):
 
     def _react(self, context: PanelContext, size: ImVec2) -> None:
         editor, io = context.session.editor, imgui.get_io()
-        if imgui.is_item_active() and (io.mouse_delta.x or io.mouse_delta.y):
+        if imgui.is_item_active() and not imgui.is_item_activated() and any(io.mouse_delta):
             share = (_FINE if io.key_shift else 1.0) / min(size.x, size.y)
             across, down = io.mouse_delta.x * share, io.mouse_delta.y * share
             if imgui.is_mouse_down(imgui.MouseButton_.left):

@@ -16,7 +16,7 @@ import torch
 from viewer.values.printable import printable
 
 _MAX_OLDER, _MAX_ERRORS = 3, 2  # older messages kept beside a new one; errors shown at a time
-_SHORT, _LONG = 5.0, 10.0  # s on screen: messages of success; notes, problems and messages with buttons
+_SHORT, _LONG = 5.0, 10.0  # s on screen: messages of success; notes and problems
 _LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
@@ -47,15 +47,14 @@ class Message:
     kind: MessageKind = MessageKind.DONE
     detail: str = ""  # text of an unexpected error, for the log
     buttons: tuple[Button, ...] = ()
-    lasts: bool = False  # stays on screen until it is answered or dismissed
     born: float = field(default_factory=time.monotonic)  # s on the monotonic clock, for fading
     written: datetime = field(default_factory=datetime.now)  # for the log
 
     @property
     def faded(self) -> bool:
-        """True once the message is old enough to leave the screen."""
-        short = self.kind is MessageKind.DONE and not self.buttons
-        return not self.lasts and time.monotonic() - self.born > (_SHORT if short else _LONG)
+        """True once the message leaves the screen by age; one with buttons stays until it is answered."""
+        longest = _SHORT if self.kind is MessageKind.DONE else _LONG
+        return not self.buttons and time.monotonic() - self.born > longest
 
 
 class Messages:
@@ -83,7 +82,7 @@ class Messages:
         if "detail" in more:
             more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
-        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.lasts]
+        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.buttons]
         gone = [message for message in passing if message.faded or message not in passing[-_MAX_OLDER:]]
         newest = Message(text, kind, **more)
         self.all = [*(message for message in left if message not in gone), newest][-_LOGGED:]
@@ -100,10 +99,6 @@ class Messages:
     def dismiss(self, message: Message) -> None:
         """Remove a message."""
         self.all = [other for other in self.all if other is not message]
-
-    def clear(self) -> None:
-        """Remove every message."""
-        self.all = []
 
 
 def error_text(error: Exception) -> str:

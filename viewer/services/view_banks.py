@@ -16,10 +16,6 @@ class ViewBanks:
         self._under_way: dict[str, Generator[float, None, ViewBank]] = {}  # unfinished builds, by fingerprint
         self.shares: dict[str, float] = {}  # finished fraction of each begun bank, 0..1, by fingerprint
 
-    def is_built(self, model: Model) -> bool:
-        """True if a model's bank is ready."""
-        return model.fingerprint in self._built
-
     def wait(self, model: Model) -> Generator[None, None, ViewBank]:
         """Build the rest of a model's bank, a step per value, and return the bank."""
         key = model.fingerprint

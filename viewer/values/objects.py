@@ -3,7 +3,6 @@
 import re
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import torch
 
@@ -61,12 +60,6 @@ class ObjectLibrary:
 
     def __contains__(self, name: object) -> bool:
         return name in self._added or name in self._trained
-
-    @property
-    def names(self) -> list[str]:
-        """All listed names: added objects, the newest first; then of each model all forms and all variants."""
-        forms = self.families.values()
-        return [*self.own, *(name for one in forms for name in (*one, *chain.from_iterable(one.values())))]
 
     @property
     def own(self) -> list[str]:

@@ -116,7 +116,7 @@ def labelled_slider(
         columns: widths in em of label and value.
     """
     em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
-    before, after = (columns[0] * em if label else 0.0), columns[1] * em
+    before, after = columns[0] * em, columns[1] * em
     if before + after > 0.6 * room:  # narrow: the label has a line of its own
         imgui.text(label)
         before = 0.0

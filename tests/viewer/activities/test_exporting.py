@@ -30,7 +30,7 @@ def test_a_turntable_that_cannot_be_written_is_reported(session: Session, tmp_pa
 
 def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(session: Session, tmp_path: Path) -> None:
     for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
-        session.messages.clear()
+        session.messages.all.clear()
         session.exporting.share(tmp_path / name, ShareSettings("mesh", cells=16))
         finish(session)
         assert len(session.messages.errors) == 1, name

@@ -32,7 +32,7 @@ def test_a_fit_joins_the_objects_and_becomes_current(
     assert editor.scene.codes == model.codes[3]
     assert editor.scene.camera.azimuth == pytest.approx(1.0)
     assert editor.scene.camera.width == model.image_size
-    assert editor.objects.names[0] == "block"
+    assert editor.objects.own[0] == "block"
     assert editor.state.mix.a == ("block", "block")
     session.thumbnails.of_object(editor.objects["block"].codes)
     finish(session)
@@ -43,14 +43,14 @@ def test_a_fit_joins_the_objects_and_becomes_current(
     assert session.fitting.history.progress == 1.0
     editor.undo()
     assert editor.state == before
-    assert "block" in editor.objects.names
+    assert "block" in editor.objects.own
 
 
 def test_a_second_fit_of_the_same_file_has_a_name_of_its_own(session: Session, editor: Editor, photo: Path) -> None:
     for _ in range(2):
         session.fitting.start(photo)
         finish(session, lambda: not session.fitting.running)
-    assert editor.objects.names[:2] == ["block (2)", "block"]
+    assert editor.objects.own[:2] == ["block (2)", "block"]
 
 
 def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, editor: Editor, photo: Path) -> None:
@@ -65,7 +65,7 @@ def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, editor: Edi
     assert not session.fitting.running
     assert editor.scene.codes == session.fitting.history.steps[-1].codes
     assert editor.scene.codes.detail is not None, "the photo's detail"
-    assert editor.objects.names[0] == "block"
+    assert editor.objects.own[0] == "block"
 
 
 def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Session, editor: Editor, photo: Path) -> None:
@@ -92,11 +92,11 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Sessio
 
 def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
-    before, names = editor.history, editor.objects.names
+    before, names = editor.history, editor.objects.own
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
     assert editor.history is before
-    assert editor.objects.names == names
+    assert editor.objects.own == names
     assert session.messages.errors == ["Cannot fit this image: the loss is not finite"]
 
 
@@ -146,7 +146,7 @@ def test_files_that_are_no_images_are_reported_and_change_nothing(
     finish(session, lambda: not session.fitting.running)
     before, history = editor.history, session.fitting.history
     for path in bad_files.values():
-        session.messages.clear()
+        session.messages.all.clear()
         session.fitting.start(path)
         finish(session, lambda: not session.fitting.running)
         assert editor.history is before
@@ -339,7 +339,7 @@ def test_a_result_does_not_take_over_what_is_edited(session: Session, editor: Ed
     before = editor.state
     session.fitting.stop()
     assert editor.state is before
-    assert editor.objects.names[0] == "block"
+    assert editor.objects.own[0] == "block"
     assert "block" in session.fitting.results.unseen
     (show,) = session.messages.all[-1].buttons
     show.press()

@@ -20,7 +20,7 @@ def test_a_image_that_is_segmented_by_hand_must_be_one(
 ) -> None:
     before = editor.history
     for path in bad_files.values():
-        session.messages.clear()
+        session.messages.all.clear()
         session.segmenting.open((PhotoSource(path),), 0)
         finish(session)
         assert editor.history is before
@@ -45,6 +45,6 @@ def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
     fitting.start(tmp_path / "street.png")
     finish(session, lambda: not fitting.running)
     assert not session.segmenting.active
-    assert session.editor.objects.names[0] == "street"
+    assert session.editor.objects.own[0] == "street"
     assert fitting.history.photo is not None
     assert fitting.history.photo.photo.cropped

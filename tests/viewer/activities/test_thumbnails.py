@@ -10,7 +10,6 @@ from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_frames
 from viewer.activities.thumbnails import SIZE, Thumbnails
-from viewer.editor import Editor
 from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.session import Session
 
@@ -39,10 +38,10 @@ def test_what_is_requested_no_more_is_not_rendered(session: Session, model: Mode
     for index in range(40):
         session.thumbnails.get(model.codes[index % 6].mixed(model.codes[0], index / 40, 0.0), camera)
     finish(session)
-    before = session.thumbnails.count
+    before = len(session.thumbnails.newest)
     assert 0 < before < 40
     finish(session)
-    assert session.thumbnails.count == before
+    assert len(session.thumbnails.newest) == before
 
 
 def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, model: Model) -> None:
@@ -53,7 +52,7 @@ def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, 
     session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
     assert session.messages.errors == ["Cannot render the thumbnails: no image today"]
-    session.messages.clear()
+    session.messages.all.clear()
     session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
     assert session.messages.errors == []
@@ -62,21 +61,19 @@ def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, 
 def test_another_model_has_other_thumbnails(session: Session, model: Model) -> None:
     session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
-    assert session.thumbnails.count == 1
+    assert len(session.thumbnails.newest) == 1
     session.new()
     finish(session)
-    assert session.thumbnails.count == 0
+    assert not session.thumbnails.newest
 
 
-def test_thumbnails_are_rendered_when_they_are_requested(session: Session, editor: Editor, model: Model) -> None:
-    names = editor.objects.names
-    assert len(names) == len(model.codes)
-    assert [session.thumbnails.of_object(editor.objects[name].codes) for name in names[:2]] == [None, None]
+def test_thumbnails_are_rendered_when_they_are_requested(session: Session, model: Model) -> None:
+    assert [session.thumbnails.of_object(model.codes[index]) for index in (0, 1)] == [None, None]
     finish(session)
-    assert all(session.thumbnails.of_object(editor.objects[name].codes) for name in names[:2])
-    assert session.thumbnails.of_object(editor.objects[names[2]].codes) is None
+    assert all(session.thumbnails.of_object(model.codes[index]) for index in (0, 1))
+    assert session.thumbnails.of_object(model.codes[2]) is None
     finish(session)
-    assert session.thumbnails.of_object(editor.objects[names[2]].codes)
+    assert session.thumbnails.of_object(model.codes[2])
 
 
 @pytest.fixture

@@ -120,7 +120,9 @@ def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(drive: 
         window.press(key.right_arrow)
         focused = imgui.internal.get_focus_id()
         (name,) = (
-            name for name in editor.objects.names if window.ctx.item_info(f"//Library/**/show {name}").id_ == focused
+            name
+            for name in next(iter(editor.objects.families.values()))
+            if window.ctx.item_info(f"//Library/**/show {name}").id_ == focused
         )
         box = window.ctx.item_info(f"//Library/**/show {name}").rect_full
         around = window.capture()[int(box.min.y) - 6 : int(box.max.y) + 6, int(box.min.x) - 6 : int(box.max.x) + 6]

@@ -14,7 +14,7 @@ def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path
         session, editor = window.session, window.session.editor
         window.drag("View/orbit", 80)
         scene = editor.scene
-        session.exporting.scene(tmp_path / "mine.json")
+        session.exporting.scene(tmp_path / "mine.json", session.editor.scene)
         window.context.drop([str(tmp_path / "mine.json")])
         window.context.drop([str(photo)])
         window.wait(lambda: not session.fitting.running)
@@ -114,10 +114,10 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
         assert "xclip" in session.messages.errors[1]
         window.menu("Edit/###paste")
         window.wait(lambda: bool(session.fitting.history.steps) and not session.fitting.running)
-        assert editor.objects.names[0] == "block"
+        assert editor.objects.own[0] == "block"
         imgui.set_clipboard_text(photo.as_uri())
         window.press(imgui.Key.mod_ctrl, imgui.Key.v)
-        window.wait(lambda: editor.objects.names[0] == "block (2)")
+        window.wait(lambda: editor.objects.own[0] == "block (2)")
 
     drive(act)
 

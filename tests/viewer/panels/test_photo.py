@@ -47,7 +47,7 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
         assert editor.scene.codes == model.codes[3]
         window.click("Photo/###share")  # what one does next is there
         window.press(imgui.Key.escape)
-        assert editor.objects.names[0] == "block"
+        assert editor.objects.own[0] == "block"
         assert window.exists("Library/**/show block")
         window.undo()
         assert editor.state == before
@@ -132,7 +132,7 @@ def test_a_fit_is_begun_again_in_several_ways(drive: Drive, backend: Backend, ph
         window.click("**/###resume from view")
         window.wait(lambda: not fitting.running)
         assert orbit.same_direction(fitting.view.camera, turned)
-        assert editor.objects.names[:2] == ["block (2)", "block"]
+        assert editor.objects.own[:2] == ["block (2)", "block"]
         window.click("Photo/###again")
         window.click("**/###restart")
         window.wait(lambda: not fitting.running)
@@ -300,7 +300,7 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, pho
         window.click("Photo/###stop fit")
         assert not fitting.running
         window.wait()
-        assert editor.objects.names[0] == "block"
+        assert editor.objects.own[0] == "block"
 
     drive(act, replace(backend, fit=endless_fit))
 
@@ -332,7 +332,7 @@ def test_several_photos_are_fitted_together_with_known_poses(
         window.context.drop([str(photo), str(tmp_path / "other.txt")])
         assert session.messages.shown[-1].text == "Left out other.txt: neither image nor pose"
         window.wait(lambda: not fitting.running)
-        session.messages.clear()
+        session.messages.all.clear()
         window.context.drop([str(tmp_path / "other.txt")])
         assert len(session.messages.errors) == 1
         assert not fitting.running

@@ -160,7 +160,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         window.click("Cut out###segment/**/###fit segmentation")
         assert not segmenting.active
         window.wait(lambda: not session.fitting.running)
-        assert session.editor.objects.names[0] == "busy"
+        assert session.editor.objects.own[0] == "busy"
         fitted = session.fitting.history.photo
         assert fitted is not None
         assert fitted.source.hints == hints

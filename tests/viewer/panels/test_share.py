@@ -278,7 +278,7 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
         editor = window.session.editor
         window.drag("View/orbit", 90, -20)
         scene = editor.scene
-        window.session.exporting.scene(tmp_path / "mine.json")
+        window.session.exporting.scene(tmp_path / "mine.json", window.session.editor.scene)
         window.menu("File/###share")
         window.click("Share/###picture")
         window.click("Share/###save")
@@ -334,6 +334,6 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
         editor.show_object("object 4")
         window.context.drop([str(tmp_path / "mine.png"), str(photo)])  # both are taken
         assert editor.scene == scene
-        window.wait(lambda: "block" in editor.objects.names)
+        window.wait(lambda: "block" in editor.objects.own)
 
     drive(act)

@@ -290,7 +290,7 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
         shown = crop.cropped(render_frame(stools, editor.scene.codes, crop.camera)).opacity > 0.2
         assert viewport.settings.covered > 50  # by the card with the samples
         assert not shown[round(len(shown) * (1 - viewport.settings.covered / height)) :].any()
-        window.click(f"Library/**/show {editor.objects.names[2]}")
+        window.click(f"Library/**/show {[*next(iter(editor.objects.families.values()))][2]}")
         assert filled() == pytest.approx(0.75, abs=0.06)
         assert len(editor.history.past) == 1
         assert viewport.settings.covered == 0

@@ -33,8 +33,6 @@ def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
         ({}, 5),
         ({"kind": MessageKind.NOTE}, 10),
         ({"kind": MessageKind.PROBLEM}, 10),
-        ({"buttons": (Button("Show", lambda: None),)}, 10),
-        ({"lasts": True}, 3600),
     ],
 )
 def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
@@ -42,12 +40,13 @@ def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     messages.notify("news", **more)
     (message,) = messages.shown
     assert not replace(message, born=message.born - seconds + 1).faded
-    assert replace(message, born=message.born - seconds - 1).faded or message.lasts
+    assert replace(message, born=message.born - seconds - 1).faded
 
 
-def test_an_offer_outlasts_later_news() -> None:
+def test_an_offer_outlasts_time_and_later_news() -> None:
     messages = Messages()
-    messages.notify("restore it?", lasts=True)
+    messages.notify("restore it?", buttons=(Button("Show", lambda: None),))
+    messages.all = [replace(message, born=message.born - 3600) for message in messages.all]
     for number in range(9):
         messages.notify(f"news {number}")
     assert messages.shown[0].text == "restore it?"

@@ -15,7 +15,7 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         window.fit(photo)
         colour = user_objects.colour_of(editor.objects["block"])
         window.fit(photo)
-        assert editor.objects.names[:2] == ["block (2)", "block"]
+        assert editor.objects.own[:2] == ["block (2)", "block"]
         window.ctx.mouse_move("//View/orbit")
         whole, box = window.capture(), window.ctx.item_info("//Library/**/show block").rect_full
         tile = whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
@@ -25,7 +25,7 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         window.ctx.item_click("//**/##new name")
         window.ctx.key_chars_replace_enter("Red chair")
         window.ctx.yield_(3)
-        assert editor.objects.names[:2] == ["block (2)", "Red chair"]
+        assert editor.objects.own[:2] == ["block (2)", "Red chair"]
         window.undo()
         assert editor.state.mix.a.shape == "Red chair"
         window.choose("Red chair", "###export object")
@@ -35,7 +35,7 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         window.ctx.item_click("//**/###remove object")
         window.ctx.item_click("//**/###remove for good")
         window.ctx.yield_(3)
-        assert editor.objects.names[0] == "Red chair"
+        assert editor.objects.own[0] == "Red chair"
         window.redo()  # undo comes back to what was removed
         assert editor.state.mix.a.shape == "block (2)"
 
