@@ -1,5 +1,6 @@
 """The window of a session: its panels, dialogs and callbacks."""
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -32,6 +33,7 @@ an idle turn."""
 _TOUCHED = 0.7  # s after an input during which the window counts as touched
 _INSPECTOR, _LIBRARY = (300.0, 0.185), (140.0, 0.09)  # least width, px at 96 ppi; fraction of the window's width
 _NARROW = 1100.0  # px at 96 ppi: in a narrower window the library is a strip below the view
+_OTHER_WIDTH = 0.25  # natural logarithm of a change of width after which panels are placed again
 _STRIP, _DRAWER = 105.0, 170.0  # px at 96 ppi: heights of the strip and of the drawer
 
 
@@ -120,17 +122,17 @@ class App:
             self.params.docking_params,
             imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor(),
         )
-        docking.docking_splits, self._narrow = self._splits(*size), size.x < _NARROW
+        docking.docking_splits, self._width = self._splits(*size), size.x
         docking.layout_reset = True
 
     def _follow_width(self) -> None:
-        """Place the panels again when the library becomes a strip or stops being one."""
+        """Place the panels again in a window of quite another width, and where the library becomes a strip or is one."""
         width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor()
         if not width:  # there is no window yet
             return
         if self._placed:
-            self._narrow, self._placed = width < _NARROW, False
-        if self._narrow != (width < _NARROW):
+            self._width, self._placed = width, False
+        if (width < _NARROW) != (self._width < _NARROW) or abs(math.log(width / self._width)) > _OTHER_WIDTH:
             self._place_panels()
 
     def _fold_panels(self) -> None:
@@ -164,7 +166,7 @@ class App:
         window_params.show_menu_app = window_params.show_menu_view = False
         window_params.show_menu_view_themes = False
         docking = self.params.docking_params
-        docking.docking_splits, self._narrow = self._splits(*self._size), self._size[0] < _NARROW
+        docking.docking_splits, self._width = self._splits(*self._size), float(self._size[0])
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
     @staticmethod

@@ -15,7 +15,7 @@ from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import packed
 from viewer.values.fit_history import FitHistory, Question
 from viewer.widgets import user_objects
-from viewer.widgets.comparison import photo_pixels
+from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
     action_button,
     button,
@@ -101,7 +101,7 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     _draw_photos(fitting, shown)
     seen = photo.seen if photo else fitting.view.seen if shown is fitting.history else None
     view = session.photo_view
-    pixels = seen.pixels if seen else photo_pixels(view.image) if view else photo.pixels if photo else None
+    pixels = seen.pixels if seen else object_pixels(view.image) if view else photo.pixels if photo else None
     if pixels is not None:
         boxes = seen.boxes if seen else ()
         draw_cut_out(context, pixels, boxes, partial(fitting.choose, shown.sources, shown.photo_index))

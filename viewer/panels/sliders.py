@@ -14,7 +14,7 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, begin_tooltip_beside, button, end_gesture, flow
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
-_DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_UNDO_ALT
+_DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_UNDO
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _REACH = 3.0  # standard deviations to either side of the mean
 _STEPS = (-2, 0, 2)  # standard deviations of the previews beside a slider
@@ -43,7 +43,7 @@ class SlidersPanel(Panel):
         action_button(context, "reset", f"{_RESET}  Reset")
         for number, kind in enumerate(CODE_KINDS):
             if number:
-                flow(f"{_LOCKS[0]} {kind}")
+                flow(f"{_LOCKS[0]}  {kind}")
             _draw_lock(context, kind)
         words = context.session.words
         if words is None:
@@ -122,5 +122,5 @@ def _draw_lock(context: PanelContext, kind: CodeKind) -> None:
     locked = kind in editor.locked
     what = f"Let the {kind} change again" if locked else f"Keep the {kind}, whatever is picked or sampled"
     colour = context.palette.accent if locked else None
-    if button(f"{_LOCKS[locked]} {kind.capitalize()}###lock {kind}", what, colour=colour):
+    if button(f"{_LOCKS[locked]}  {kind.capitalize()}###lock {kind}", what, colour=colour):
         editor.lock(kind, not locked)

@@ -6,6 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from jaxtyping import UInt8
 
+from core.geometry.pixels import bounding_box
 from core.models.photo_detail import PhotoView, decompressed
 from viewer.context import PanelContext
 from viewer.screen.theme import mixed, packed
@@ -53,3 +54,11 @@ def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[Ph
 def photo_pixels(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
     """Return the pixels of a photo's file; cached, so that the same file keeps its texture."""
     return decompressed(file)
+
+
+@lru_cache(maxsize=4)
+def object_pixels(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
+    """Return the pixels of the object in a photo's file, the same array for the same file."""
+    pixels = photo_pixels(file)
+    left, top, right, bottom = bounding_box(pixels[..., 3] > 0)
+    return pixels[top:bottom, left:right].copy()
