@@ -126,7 +126,7 @@ class App:
         docking.layout_reset = True
 
     def _follow_width(self) -> None:
-        """Place the panels again in a window of quite another width, and where the library becomes a strip or is one."""
+        """Place the panels again after a large change of width, and where the library becomes a strip."""
         width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor()
         if not width:  # there is no window yet
             return
