@@ -33,9 +33,7 @@ class Action:
 
     def checked(self, context: PanelContext) -> bool:
         """True if the action is a switch that is on."""
-        if self.id in _TOGGLES:
-            return bool(getattr(context.preferences, self.id))
-        return self.id in _CHECKED and _CHECKED[self.id](context)
+        return self.id in _TOGGLES and bool(getattr(context.preferences, self.id))
 
     def hint(self) -> str:
         """Return the tooltip of the action's button: effect and keys."""
@@ -91,7 +89,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("play", "Play", "Space", "play the timeline in the view, or pause"),
         Action("previous_key", "Previous keyframe", ",", "show the previous keyframe"),
         Action("next_key", "Next keyframe", ".", "show the next keyframe"),
-        Gesture("Click or drag a keyframe", "show it, or move it in time; right click for more"),
+        Gesture("Click or drag a keyframe", "show it, or move it in time"),
     ),
     "History": (Gesture("Click a thumbnail", "go to that state"),),
     "Photo": (
@@ -186,9 +184,6 @@ _ENABLED: dict[str, Test] = {
     "larger_text": lambda c: c.preferences.text < LARGEST,
     "smaller_text": lambda c: c.preferences.text > SMALLEST,
 }
-_CHECKED: dict[str, Test] = {
-    "help": lambda c: c.help_open,
-}
 
 
 def run_keys(context: PanelContext, in_view: bool = False) -> None:
@@ -264,13 +259,3 @@ _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
     ".": [(imgui.Key.period,)],
     "?": [(imgui.Key.mod_shift, imgui.Key.slash)],
 }
-
-
-def markdown_table() -> str:
-    """Return the table of actions for the viewer's README."""
-    lines = ["| where | keys and mouse | |", "|---|---|---|"]
-    for place, rows in TABLE.items():
-        for number, row in enumerate(rows):
-            keys = f"`{'`, `'.join(row.keys.split(', '))}`" if isinstance(row, Action) and row.keys else row.words
-            lines.append(f"| {'' if number else f'**{place}**'} | {keys} | {row.tooltip} |")
-    return "\n".join(lines) + "\n"

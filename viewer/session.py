@@ -265,7 +265,6 @@ class Session:
             tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
             tuple(objects.removed),
             FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
-            fitting.candidates.saved(),
             fitting.pending,
             self.models.names,
             self.project_path,
@@ -288,8 +287,6 @@ class Session:
         """
         self._add_models()
         self.editor.restore(project)
-        if not self.fitting.history.sources:
-            self.fitting.candidates.restore(project.tiles)
         self.fitting.restore(project.fit, project.pending)
 
     def save_project(self, path: Path) -> bool:

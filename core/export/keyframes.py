@@ -68,11 +68,6 @@ class Timeline:
         left = [key for key in self.keys if abs(key.seconds - seconds) >= MIN_GAP]
         return replace(self, keys=tuple(sorted((*left, Keyframe(seconds, view)), key=lambda key: key.seconds)))
 
-    def replaced(self, index: int, view: View) -> "Timeline":
-        """Replace the view of a key."""
-        key = Keyframe(self.keys[index].seconds, view)
-        return replace(self, keys=(*self.keys[:index], key, *self.keys[index + 1 :]))
-
     def removed(self, index: int) -> "Timeline":
         """Remove a key."""
         return replace(self, keys=(*self.keys[:index], *self.keys[index + 1 :]))

@@ -16,6 +16,7 @@ from tests.viewer.machine import slowness
 from tests.viewer.stand_ins import endless_fit, small_video
 from viewer import app
 from viewer.panels import all_panels
+from viewer.screen.window import resize
 from viewer.services.backend import Backend
 from viewer.services.messages import UNFORESEEN
 from viewer.values import orbit
@@ -276,6 +277,16 @@ def test_the_view_is_most_of_a_window_of_any_size(drive: Drive, size: tuple[int,
         assert len(editor.history.past) == 2
 
     drive(act, size=size)
+
+
+def test_the_view_stays_most_of_a_window_that_is_made_smaller(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        resize(1280, 800)
+        window.ctx.yield_(5)
+        low, high = window.context.view
+        assert (high.x - low.x) * (high.y - low.y) > 0.62 * 1280 * 800
+
+    drive(act, size=(1920, 1080))
 
 
 def too_wide() -> dict[str, float]:

@@ -14,8 +14,6 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.share_settings import RATE, TURN, ShareSettings
 
-_MOST_SLOWER = 4.0  # limit of the correction of estimates, either way
-
 
 class Exporting:
     """Exports one file at a time."""
@@ -28,8 +26,6 @@ class Exporting:
         self.saved: Path | None = None  # the last written file
         self.progress = 0.0  # finished fraction of the current file, 0..1
         self._began = 0.0  # s on the monotonic clock
-        self._expected: float | None = None  # s, estimated for the current file
-        self._slower = 1.0  # actual over estimated time of the last file, as other work runs beside
 
     @property
     def running(self) -> bool:
@@ -43,11 +39,6 @@ class Exporting:
             return None
         return (time.monotonic() - self._began) * (1 / self.progress - 1)
 
-    def estimate(self, settings: ShareSettings) -> float | None:
-        """Return the seconds that a video or an image will take; None while unknown."""
-        seconds = self.preview.seconds(settings)
-        return None if seconds is None else seconds * self._slower
-
     def share(self, path: Path, settings: ShareSettings) -> None:
         """Begin to write a turntable, video, image or mesh, in the format of the path's ending.
 
@@ -55,8 +46,6 @@ class Exporting:
         ending is a folder of frames; a PNG also holds the scene.
         """
         timeline, backend, models = self._editor.state.timeline, self._jobs.backend, self._jobs.models
-        if not self.running:
-            self._expected = self.preview.seconds(settings)
         if settings.kind == "mesh":
             model, camera = self._editor.model, _camera(self._editor.scene)
             about = settings.mesh_settings(model.metres)
@@ -119,9 +108,6 @@ class Exporting:
         if path and error:
             self._jobs.messages.report(f"Cannot export {path.name}", error)
         elif path:
-            if self._expected and self.kind != "mixes":
-                took = time.monotonic() - self._began
-                self._slower = min(_MOST_SLOWER, max(1 / _MOST_SLOWER, took / self._expected))
             self.saved = path
             self._jobs.messages.notify(f"Saved {path.name}")
 

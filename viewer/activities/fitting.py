@@ -9,7 +9,6 @@ from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_views import with_photo_detail
 from core.models.model import Model
 from core.photos.segmentation import CutOut, Hints
-from viewer.activities.candidates import Candidates
 from viewer.activities.fit_results import FitResults
 from viewer.activities.fit_stream import Doubt, FitOptions, Remark, fit_stream
 from viewer.activities.fit_view import FitView
@@ -36,14 +35,13 @@ class Fitting:
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions) -> None:
         self._jobs, self._editor, self._viewport, self.options = jobs, editor, viewport, options
-        self.candidates = Candidates(jobs)
         self.view = FitView(editor, viewport, jobs.models)
         self.results = FitResults(editor, viewport)
         self.request: FitRequest | None = None  # the running fit's
         self.queue: tuple[FitRequest, ...] = ()  # the next first
         self.questions: tuple[Question, ...] = ()  # the oldest first
         self._shown_fit, self._fits = "", dict[str, FitHistory]()  # name of the shown fit's object; fits by name
-        self._before = self.history, self.candidates.tiles  # fit and tiles shown before the last fit began
+        self._before = self.history  # the fit shown before the last one began
 
     @property
     def history(self) -> FitHistory:
@@ -89,7 +87,6 @@ class Fitting:
             return
         self._shown_fit = name
         self.view.show(self._fits[name])
-        self.candidates.reset()
 
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
         """Show a saved fit, unless a fit is shown, and continue unfinished requests."""
@@ -201,10 +198,8 @@ class Fitting:
             self._next()
 
     def _undo_beginning(self) -> None:
-        history, tiles = self._before
         self._drop()
-        self.view.show(history)
-        self.candidates.reset(tiles)
+        self.view.show(self._before)
 
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
         """Remove the request of these photos from queue and questions."""
@@ -246,15 +241,13 @@ class Fitting:
     def _drop(self) -> None:
         """Cancel the running fit without a result."""
         self._jobs.cancel("fit")
-        self.candidates.close()
         self.view.close()
         self.request = self.results.checking = None
 
     def _run(self, request: FitRequest, follow: bool = True, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
-        self._before = before, tiles = self.history, self.candidates.tiles
+        self._before = before = self.history
         history, resume_from = request.history, request.resume_from
         self._drop()
-        self.candidates.reset(tiles if resume_from else ())
         self.view.show(history)
         self.request = request
         if follow:
@@ -265,7 +258,6 @@ class Fitting:
         def ended(error: Exception | None) -> None:
             if error and len(self.history.steps) == len(history.steps):
                 self.view.show(before)
-                self.candidates.reset(tiles)
             self._ended(error)
             self._next()
 
@@ -287,7 +279,6 @@ class Fitting:
         else:
             if value.restart and not self.results.checking and self.history.last:
                 self._hand_over(self.history.last)
-            self.candidates.update(value)
             self.view.add_step(value)
 
     def _ask(self, doubt: Doubt) -> None:
@@ -305,12 +296,10 @@ class Fitting:
             self._finish("Fitted")
             return
         self.request = self.results.checking = None
-        self.candidates.finish()
         self._viewport.unfollow()
         self._jobs.messages.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:
-        self.candidates.finish()
         last, checking = self.history.last, self.results.checking
         if last is None:
             self._jobs.messages.notify(f"{how} before there was a result", MessageKind.NOTE)

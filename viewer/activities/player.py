@@ -124,11 +124,6 @@ class Player:
         self.seconds = seconds
         self._jobs.messages.notify(f"Keyframe {(self.key or 0) + 1} of {len(self.timeline.keys)}, at {seconds:.1f} s")
 
-    def replace_key(self, index: int) -> None:
-        """Replace a keyframe by the view."""
-        self.pause()
-        self._editor.set_timeline(self.timeline.replaced(index, self._shown))
-
     def remove_key(self, index: int) -> None:
         """Remove a keyframe."""
         self.pause()

@@ -6,14 +6,13 @@ from dataclasses import replace
 from statistics import median
 from typing import Any
 
-from imgui_bundle import ImVec2, hello_imgui, imgui
+from imgui_bundle import hello_imgui, imgui
 
+from core.fitting.hypotheses import Hypothesis
 from core.rendering.progressive import Frame
 from core.runtime.caches import CACHE
 from core.runtime.precision import matmul_dtype
-from viewer.activities.candidates import Tile
 from viewer.context import Panel, PanelContext
-from viewer.screen.theme import packed
 from viewer.services.messages import MessageKind
 from viewer.values import orbit
 from viewer.values.view_modes import MODES
@@ -23,8 +22,9 @@ from viewer.widgets.fit_numbers import draw_fit_numbers
 from viewer.widgets.text import caption
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
-_NUMBER, _TILE = 9, 3.4  # em: width of a number to drag, and side of a candidate
-_FADING, _FADED = 2.0, 0.75  # s of the fit in which an eliminated candidate fades; opacity of the final shade
+_NUMBER, _TILE = 9, 3.4  # em: a number to drag, and a candidate
+_EVERY = 8  # steps of a fit for which its candidates stay, so that all are rendered
+_SIZE, _CLOSER = 32, 1.5  # px of a candidate's image, and its zoom: photos have a margin around the object
 _FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
 
 
@@ -122,45 +122,38 @@ def _row(*cells: str) -> None:
 
 
 def _draw_candidates(context: PanelContext) -> None:
-    """Draw the hypotheses of a fit, ranked by loss; a click continues the fit from a hypothesis."""
-    tiles, side = context.session.fitting.candidates.tiles, _TILE * hello_imgui.em_size()
-    if not tiles:
+    """Draw the hypotheses of a fit, the best first; a click prefers one to all others."""
+    fitting, side = context.session.fitting, _TILE * hello_imgui.em_size()
+    steps = fitting.history.steps
+    if not steps:
         caption(context, "While a photo is fitted: the cameras and shapes that are tried for it, the best first")
-    for rank, tile in enumerate(tiles):
+        return
+    newest = (len(steps) - 1) // _EVERY * _EVERY if fitting.running else -1
+    for rank, hypothesis in enumerate(steps[newest].hypotheses):
         if rank:
             flow("candidate", _TILE)
-        _draw_tile(context, tile, rank, side)
+        _draw_candidate(context, hypothesis, rank, side)
 
 
-def _draw_tile(context: PanelContext, tile: Tile, rank: int, side: float) -> None:
+def _draw_candidate(context: PanelContext, hypothesis: Hypothesis, rank: int, side: float) -> None:
     fitting, corner = context.session.fitting, imgui.get_cursor_screen_pos()
-    preferable = fitting.can_resume(tile.hypothesis)
+    preferable = fitting.can_resume(hypothesis)
     if object_tiles.tile_button(f"candidate {rank + 1}", (side, side)) and preferable:
-        fitting.resume(tile.hypothesis)
-    tooltip(_label(tile, rank, preferable))
-    object_tiles.paint_frame(context, tile.frame, corner, side)
-    if faded := _fading(context, tile):
-        veil = packed(context.palette.panel, _FADED * faded)
-        imgui.get_window_draw_list().add_rect_filled(corner, corner + ImVec2(side, side), veil)
+        fitting.resume(hypothesis)
+    tooltip(_label(hypothesis, rank, preferable))
+    camera = hypothesis.cameras[0].resized(_SIZE, _SIZE)
+    frame = context.session.thumbnails.get(hypothesis.codes, replace(camera, focal=_CLOSER * camera.focal))
+    object_tiles.paint_frame(context, frame, corner, side)
     if rank == 0:
         object_tiles.outline(corner, side, context.palette.accent)
 
 
-def _fading(context: PanelContext, tile: Tile) -> float:
-    """Return how far an eliminated tile has faded, 0..1; 0 for an active one."""
-    last = context.session.fitting.history.last
-    if tile.eliminated_at is None or last is None:
-        return 0.0
-    return min(1.0, 0.3 + (last.seconds - tile.eliminated_at) / _FADING)
-
-
-def _label(tile: Tile, rank: int, preferable: bool) -> str:
-    camera = tile.hypothesis.cameras[0]
+def _label(hypothesis: Hypothesis, rank: int, preferable: bool) -> str:
+    camera = hypothesis.cameras[0]
     place = f"azimuth {math.degrees(camera.azimuth):.0f}, elevation {math.degrees(camera.elevation):.0f} degrees"
     place += f"\ndistance {camera.distance:.2f}, focal length {camera.focal / camera.height:.2f} of the image's height"
-    state = f"Rank {rank + 1}" if tile.eliminated_at is None else f"Eliminated after {tile.eliminated_at:.1f} s"
     prefer = "\nClick to prefer it: the search continues from here alone" if preferable else ""
-    return f"{state}, loss {tile.hypothesis.loss:.4f}\n{place}{prefer}"
+    return f"Rank {rank + 1}, loss {hypothesis.loss:.4f}\n{place}{prefer}"
 
 
 def _draw_messages(context: PanelContext) -> None:

@@ -243,7 +243,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             context.files.ask(FileRequest(title, share, (settings.suffix,), True, name))
         if ready and settings.kind != "mesh":
             imgui.same_line()
-            _draw_estimate(exporting.estimate(_as_in_view(context, settings)))
+            _draw_estimate(exporting.preview.seconds(_as_in_view(context, settings)))
         if not ready:
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:

@@ -87,13 +87,7 @@ def _draw_key(
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):
         player.move_key(index, player.timeline.keys[index].seconds + across / width * player.timeline.length)
     end_gesture(context)
-    tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it in time, right click to choose")
-    if imgui.begin_popup_context_item():
-        if imgui.menu_item_simple("Replace with what is shown"):
-            player.replace_key(index)
-        if imgui.menu_item_simple("Remove"):
-            player.remove_key(index)
-        imgui.end_popup()
+    tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it in time; Delete removes the shown one")
     thumbnail = context.session.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
     object_tiles.paint_frame(context, thumbnail, corner, side)
     chosen = player.key == index

@@ -12,7 +12,6 @@ from typing import Any, Literal, NamedTuple
 import torch
 from safetensors.torch import load, save
 
-from core.fitting.fit import Hypothesis
 from core.models.open_models import OpenModels
 from core.runtime.files import atomic_file
 from core.runtime.reading import TooLargeError, open_zip, parse_json, reading, typed
@@ -26,14 +25,6 @@ _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
 _MAX_BYTES = 100_000_000  # limit of the unpacked content; a day's work takes a few million bytes
 
 
-class SavedTile(NamedTuple):
-    """A candidate of a fit without its thumbnail (:class:`viewer.activities.candidates.Tile`)."""
-
-    number: int
-    hypothesis: Hypothesis
-    eliminated_at: float | None  # s of the fit; None if it is active
-
-
 @dataclass(frozen=True, eq=False)
 class Project:
     """Everything needed to resume a session."""
@@ -42,7 +33,6 @@ class Project:
     objects: tuple[EditableObject, ...] = ()  # added objects, the oldest first
     removed: tuple[str, ...] = ()  # names of removed ones among them
     fit: FitHistory = field(default_factory=FitHistory)  # the last finished fit
-    tiles: tuple[SavedTile, ...] = ()  # candidates of that fit
     pending: tuple[FitRequest, ...] = ()  # the running fit and the waiting ones
     models: tuple[str, ...] = ()  # names and paths of the open models
     path: Path | None = None  # file that a person saved it to, only in autosaved sessions
@@ -77,14 +67,12 @@ class Project:
             names[one.name] = unique_name(one.name, taken)
             taken.add(names[one.name])
         before = earlier.history.renamed(names)
-        fitted = self if self.fit.sources else earlier
         return replace(
             self,
             history=self.history.after(before),
             objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
             removed=(*(names.get(name, name) for name in earlier.removed), *self.removed),
-            fit=fitted.fit,
-            tiles=fitted.tiles,
+            fit=self.fit if self.fit.sources else earlier.fit,
             pending=(*self.pending, *earlier.pending),
         )
 

@@ -110,9 +110,6 @@ def test_a_fit_is_begun_again_and_resumed(session: Session, photo: Path) -> None
     fitting.refit()
     finish(session, lambda: not fitting.running)
     assert len(fitting.history.steps) == 10
-    assert len(fitting.candidates.tiles) == 4
-    assert [tile.eliminated_at is None for tile in fitting.candidates.tiles] == [True, True, False, False]
-    assert all(tile.frame for tile in fitting.candidates.tiles)
     kept = fitting.history.steps
     fitting.resume()
     finish(session, lambda: not fitting.running)
@@ -125,7 +122,7 @@ def test_a_fit_is_begun_again_and_resumed(session: Session, photo: Path) -> None
 def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, photo: Path) -> None:
     session.fitting.start(photo)
     finish(session)
-    history, tiles = session.fitting.history, session.fitting.candidates.tiles
+    history = session.fitting.history
 
     def failing(model: Model, job: FitJob) -> Iterator[FitStep]:
         raise ValueError("the fit diverged from every start")
@@ -135,7 +132,6 @@ def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, photo
     session.fitting.resume()
     finish(session, lambda: not session.fitting.running)
     assert session.fitting.history is history
-    assert session.fitting.candidates.tiles is tiles
     assert session.messages.errors == ["Cannot fit this image: the fit diverged from every start"]
 
 

@@ -50,8 +50,6 @@ def test_a_key_at_the_end_of_a_loop_is_the_one_it_stands_on(player: Player) -> N
     player.seek(player.timeline.length)
     player.add_key()
     assert player.key == 2
-    player.replace_key(2)
-    assert len(player.timeline.keys) == 3
 
 
 def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> None:

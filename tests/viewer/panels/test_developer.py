@@ -31,14 +31,13 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
     def act(window: Driver) -> None:
         editor, fitting = window.session.editor, window.session.fitting
         window.fit(photo)
-        assert [tile.frame is not None for tile in fitting.candidates.tiles] == [True] * 4
         window.context.drop([str(photo)])
-        window.wait(lambda: len(fitting.candidates.tiles) == 4 and fitting.running)
-        third = fitting.candidates.tiles[2].hypothesis
+        window.wait(lambda: fitting.running and bool(fitting.history.steps))
+        third = fitting.history.last.hypotheses[2]
         window.show("Developer")
         window.click("Developer/**/candidate 3")
-        window.wait(lambda: fitting.running and fitting.candidates.tiles[0].hypothesis.origin == third.origin)
-        assert fitting.candidates.tiles[0].hypothesis.cameras[0].azimuth == third.cameras[0].azimuth
+        window.wait(lambda: fitting.running and fitting.history.last.hypotheses[0].origin == third.origin)
+        assert fitting.history.last.cameras[0].azimuth == third.cameras[0].azimuth
         window.show("Photo")
         window.click("Photo/###stop fit")
         assert editor.scene.camera.azimuth == third.cameras[0].azimuth

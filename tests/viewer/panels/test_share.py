@@ -257,10 +257,10 @@ def test_what_it_takes_is_said_before_and_it_can_be_given_up_in_the_title_row(
             window.click(f"Share/###{name}")
             settings = window.context.preferences.share
             assert settings.size == size
-            seconds.append(exporting.estimate(settings))
+            seconds.append(exporting.preview.seconds(settings))
         assert seconds[0] == seconds[1] < seconds[2]  # as many rays in a small frame
-        assert exporting.estimate(replace(settings, exact=True)) > 10 * seconds[2]
-        assert exporting.estimate(replace(settings, kind="video")) is None  # no keyframes
+        assert exporting.preview.seconds(replace(settings, exact=True)) > 10 * seconds[2]
+        assert exporting.preview.seconds(replace(settings, kind="video")) is None  # no keyframes
         window.click("Share/###save")
         window.type(str(tmp_path / "turn.mp4"))
         window.wait(lambda: exporting.progress > 0)

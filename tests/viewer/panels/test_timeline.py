@@ -45,8 +45,8 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         assert len(made.timeline.keys) == 3
         window.press(imgui.Key.delete)
         assert len(made.timeline.keys) == 2
-        window.click("Timeline/key 2", 1)
-        window.click("**/Remove")
+        window.click("Timeline/key 2")
+        window.press(imgui.Key.delete)
         assert len(made.timeline.keys) == 1
         window.undo()
         window.click("Timeline/Loop")

@@ -59,6 +59,8 @@ def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene
     views = ShareSettings(size=40, fill=False).views(open_models(model), scene, Timeline())
     assert len(views) == TURN
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
+    wide = ShareSettings(size=40, fill=False, wide=True).views(open_models(model), scene, Timeline())
+    assert {(view.camera.width, view.camera.height, view.camera.focal) for view in wide} == {(72, 40, 41.0)}
 
 
 @pytest.mark.parametrize(("fill", "nearest"), [(True, 1.0), (False, 0.4)])
