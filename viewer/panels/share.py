@@ -19,7 +19,7 @@ from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed
 from viewer.values.duration import duration
 from viewer.values.printable import printable
-from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
+from viewer.values.share_settings import BACKGROUNDS, KINDS, WIDE, ShareSettings
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, choose, draw_progress, flow, tooltip
 
@@ -96,7 +96,7 @@ class ShareDialog:
         if settings.kind == "video" and not context.session.player.timeline.keys:
             image = None
         if image is None or context.images is None:
-            imgui.dummy((side, side))
+            imgui.dummy((side, side / WIDE if settings.wide else side))
             return
         if self._shown is None or self._shown[0] is not image or self._shown[1] != settings.behind:
             self._shown = image, settings.behind, _on_background(image, settings.behind)

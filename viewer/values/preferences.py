@@ -1,12 +1,10 @@
 """Preferences, kept between launches in a file that may be missing or damaged."""
 
-import math
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from core.runtime.files import write_json
-from core.runtime.reading import optional, read_json
+from core.runtime.reading import optional, read_json, typed
 from viewer.values.share_settings import ShareSettings
 
 _FILE = "preferences.json"
@@ -40,36 +38,6 @@ class Preferences:
 
     @classmethod
     def load(cls, folder: Path) -> "Preferences":
-        """Read the preferences of a folder; missing or invalid values get their defaults."""
-        stored = optional(lambda: read_json(folder / _FILE))
-        if not isinstance(stored, dict):
-            return cls()
-        default, kept = cls(), _kept(cls(), stored)
-        recent = stored.get("recent")
-        names = tuple(name for name in recent if isinstance(name, str)) if isinstance(recent, list) else ()
-        share = _share(stored.get("share"))
-        return cls(**kept, share=share, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
-
-
-def _share(stored: object) -> ShareSettings:
-    """Read the choices of the Share dialog, all of them or none."""
-    try:
-        return ShareSettings(**_kept(ShareSettings(), stored)) if isinstance(stored, dict) else ShareSettings()
-    except ValueError:
-        return ShareSettings()
-
-
-def _kept(default: Any, stored: dict) -> dict[str, Any]:
-    """Return the stored truth values, numbers and texts that have the type of the default."""
-    return {
-        one.name: stored[one.name]
-        for one in fields(default)
-        if isinstance(getattr(default, one.name), bool | int | float | str)
-        and _same_type(stored.get(one.name), getattr(default, one.name))
-    }
-
-
-def _same_type(value: object, default: object) -> bool:
-    if isinstance(default, float):
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    return type(value) is type(default)
+        """Read the preferences of a folder; the initial ones if the file is missing or invalid."""
+        stored = optional(lambda: typed(cls, read_json(folder / _FILE), name="preferences")) or cls()
+        return replace(stored.with_text_size(stored.text), recent=stored.recent[:_RECENT])
