@@ -251,11 +251,9 @@ class App:
         self._gl = moderngl.get_context()
         self._software = window.in_software(self._gl)
         self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
+        self.context.baked_canvas = BakedCanvas(self._gl)
         # OpenGL in software shares the processor with the network, and takes seconds to say how slow it is.
-        self.context.baked_canvas, self.context.fast_opengl = (
-            BakedCanvas(self._gl),
-            not self._software and is_fast(self._gl),
-        )
+        self.context.fast_opengl = not self._software and is_fast(self._gl)
         # imgui logs errors in a panel instead of ending the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
