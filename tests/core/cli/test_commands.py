@@ -79,12 +79,13 @@ def test_render_draws_objects_scenes_and_the_mean_fast_or_exactly(file: str, mod
     Scene(model.codes[2], model.camera(np.radians(30), np.radians(10))).save(Path("s.json"))
     run(f"render --model {file} --scene s.json --size 24 --out b.png")
     run(f"render --model {file} --scene s.json --size 24 --out exact.png --exact")
-    run(f"render --model {file} --size 24 --out mean.png")
+    run(f"render --model {file} --size 36x24 --out mean.png")
     a, b, exact, mean = map(pixels, ("a.png", "b.png", "exact.png", "mean.png"))
     assert a.shape == (24, 24, 3)
     assert np.array_equal(a, b)
     assert 0 < np.abs(b - exact).mean() < 4
-    assert not np.array_equal(a, mean)
+    assert mean.shape == (24, 36, 3)
+    assert not np.array_equal(a, mean[:, 6:-6])
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str):
@@ -191,9 +192,11 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
         ("render --out . --model {file}", "it is a folder"),
         ("render --out a.xyz --model {file} --size 8", "must end in"),
         ("render --out a.png --size none", "--size"),
+        ("render --out a.png --size 8x0", "854x480"),
+        ("turntable --out t.mp4 --model {file} --size 1", "at least 2 px"),
         ("render --out a.png --azimuth nan", "--azimuth"),
         ("turntable --out t.avi --model {file}", "mp4"),
-        ("turntable --out t.mp4 --model {file} --quality 101", "got 512 px, 24, 101"),
+        ("turntable --out t.mp4 --model {file} --quality 101", "got 24, 101"),
         ("mesh --out a.dae --model {file}", "glb"),
         ("convert {file} --out a.safetensors", "hpam.json"),
         ("convert {file} --config {file} --out a.pth", "safetensors"),
