@@ -1,8 +1,5 @@
 import math
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,10 +13,8 @@ from core.models.photo_detail import Erasure
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import ViewBank
-from tests.conftest import open_models, random_model
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import (
-    broken_fit,
     crowded,
     detailed_fit,
     doubted,
@@ -365,20 +360,6 @@ def test_several_photos_agree_or_not_by_a_dot(
     drive(act, replace(backend, fit=rated))
 
 
-@pytest.mark.usefixtures("lasting_messages")
-def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backend, photo: Path) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        before = editor.history
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(session.messages.errors))
-        assert editor.history is before
-        window.click("Messages/###dismiss 0")
-        assert session.messages.errors == []
-
-    drive(act, replace(backend, fit=broken_fit))
-
-
 def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
         editor = window.session.editor
@@ -394,28 +375,3 @@ def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, 
         assert editor.state == before
 
     drive(act)
-
-
-def test_a_window_killed_after_an_erasure_has_it_again(tmp_path: Path, opengl: None) -> None:
-    """A process of its own with the real window; it is killed as soon as the stroke has been written."""
-    program = [sys.executable, "-m", "tests.viewer.panels.erase_and_wait", tmp_path]
-    root = Path(__file__).parents[3]
-    with subprocess.Popen(program, stdout=subprocess.DEVNULL, cwd=root) as run:
-        try:
-            _wait_for(lambda: any(_erased(path) for path in tmp_path.glob("session-*.codenerf")))
-        finally:
-            run.kill()
-    (left,) = tmp_path.glob("session-*.codenerf")
-    assert _erased(left)
-
-
-def _erased(path: Path) -> bool:
-    detail = Project.load(path, open_models(random_model())).history.now.scene.codes.detail
-    return detail is not None and len(detail.views[0].erased) == 1
-
-
-def _wait_for(what: Callable[[], bool], longest: float = 240.0) -> None:
-    end = time.monotonic() + longest
-    while not what():
-        assert time.monotonic() < end
-        time.sleep(0.1)
