@@ -288,6 +288,8 @@ class Session:
         self._add_models()
         self.editor.restore(project)
         self.fitting.restore(project.fit, project.pending)
+        if self.viewport.source != "none":
+            self.viewport.begin(self._pictures)
 
     def save_project(self, path: Path) -> bool:
         """Save everything as a project file for any machine; report an error and return False if that fails."""

@@ -491,3 +491,21 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once_and_no_other_object(
     np.testing.assert_array_equal(frame.image, shown.image)
     assert tile is not None and tile.resolution == (64, 64)
     second.close()
+
+
+def test_a_crashed_session_that_is_restored_shows_its_view_at_once(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    session.start()
+    session.editor.show_object("object 3")
+    finish(session, lambda: session.viewport.sharp)
+    shown = session.viewport.frame
+    kill(autosave, tmp_path, clock)
+    session.close()
+    again, second = begun(worker, backend, tmp_path, clock)
+    again.start()
+    second.restore()
+    assert shown is not None and again.viewport.frame is not None
+    np.testing.assert_array_equal(again.viewport.frame.image, shown.image)
+    second.close()

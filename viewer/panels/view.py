@@ -84,6 +84,7 @@ class ViewPanel(Panel):
             self._draw_hint(corner, size)
         if begins:
             self._welcome.draw(context, corner, size)
+            context.covered = max(context.covered, self._welcome.covered)
         if not begins or context.session.editor.history.past:
             _draw_badge(viewport, viewport.frame, corner + ImVec2(0, size.y - context.covered))
             _draw_progress(context, corner, size)
