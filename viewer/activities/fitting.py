@@ -328,8 +328,9 @@ class Fitting:
 
     def _tell(self, text: str, found: Ready) -> None:
         """Report a result, with a button to show it if something else is being edited."""
-        waits, show = found.name in self.results.unseen, Button("Show", lambda: self.results.show(found.name))
-        self._jobs.messages.notify(text, buttons=(show,) if waits else ())
+        show, unseen = Button("Show", lambda: self.results.show(found.name)), self.results.unseen
+        buttons = (show,) if found.name in unseen else ()
+        self._jobs.messages.notify(text, buttons=buttons, relevant=lambda: not buttons or found.name in unseen)
 
     def _with_detail(self, step: FitStep) -> FitStep:
         """Return a stopped fit's step with photo detail, which only full fits end with."""

@@ -15,7 +15,11 @@ import torch
 
 from viewer.values.printable import printable
 
-_MAX_OLDER, _MAX_ERRORS = 3, 2  # older messages kept beside a new one; errors shown at a time
+_MAX_OLDER, _MAX_ERRORS, _MAX_OFFERS = (
+    3,
+    2,
+    3,
+)  # older messages kept beside a new one; errors, and offers, shown at a time
 _SHORT, _LONG = 5.0, 10.0  # s on screen: messages of success; notes and problems
 _LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
@@ -47,14 +51,15 @@ class Message:
     kind: MessageKind = MessageKind.DONE
     detail: str = ""  # text of an unexpected error, for the log
     buttons: tuple[Button, ...] = ()
+    relevant: Callable[[], bool] = lambda: True  # False once the message is out of date
     born: float = field(default_factory=time.monotonic)  # s on the monotonic clock, for fading
     written: datetime = field(default_factory=datetime.now)  # for the log
 
     @property
     def faded(self) -> bool:
-        """True once the message leaves the screen by age; one with buttons stays until it is answered."""
+        """True once the message leaves the screen: out of date or, without buttons, old."""
         longest = _SHORT if self.kind is MessageKind.DONE else _LONG
-        return not self.buttons and time.monotonic() - self.born > longest
+        return not self.relevant() or (not self.buttons and time.monotonic() - self.born > longest)
 
 
 class Messages:
@@ -71,10 +76,12 @@ class Messages:
 
     @property
     def shown(self) -> list[Message]:
-        """Messages that have not faded, and of errors only the newest."""
+        """Messages that have not faded; of errors, and of those with buttons, only the newest."""
         due = [message for message in self.all if not message.faded]
-        errors = [message for message in due if message.kind is MessageKind.PROBLEM][-_MAX_ERRORS:]
-        return [message for message in due if message.kind is not MessageKind.PROBLEM or message in errors]
+        errors = [message for message in due if message.kind is MessageKind.PROBLEM]
+        offers = [message for message in due if message.buttons]
+        hidden = errors[:-_MAX_ERRORS] + offers[:-_MAX_OFFERS]
+        return [message for message in due if message not in hidden]
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
         """Show a message, replacing an equal one; ``more`` are fields of :class:`Message`."""

@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -41,6 +42,16 @@ def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     (message,) = messages.shown
     assert not replace(message, born=message.born - seconds + 1).faded
     assert replace(message, born=message.born - seconds - 1).faded
+
+
+def test_the_newest_offers_are_shown_while_they_are_relevant() -> None:
+    messages, relevant = Messages(), dict.fromkeys(range(6), True)
+    for number in relevant:
+        show = Button("Show", lambda: None)
+        messages.notify(f"offer {number}", buttons=(show,), relevant=partial(relevant.__getitem__, number))
+    assert [message.text for message in messages.shown] == ["offer 3", "offer 4", "offer 5"]
+    relevant[4] = False
+    assert [message.text for message in messages.shown] == ["offer 2", "offer 3", "offer 5"]
 
 
 def test_an_offer_outlasts_time_and_later_news() -> None:
