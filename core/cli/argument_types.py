@@ -4,8 +4,6 @@ import argparse
 import math
 import re
 
-from core.geometry.camera import MAX_SIDE
-
 
 def view_numbers(text: str) -> tuple[int, ...]:
     """Parse whole numbers separated by commas, ``V,V``."""
@@ -27,8 +25,8 @@ def image_size(text: str) -> tuple[int, int]:
     """Parse a width and height in px, ``WxH``, or one number for a square."""
     width, _, height = text.lower().partition("x")
     sides = width, height or width
-    if not all(side.isdecimal() and 1 <= int(side) <= MAX_SIDE for side in sides):
-        raise argparse.ArgumentTypeError(f"a size is PX or WxH, like 512 or 854x480, up to {MAX_SIDE}, not {text!r}")
+    if not all(side.isdecimal() and int(side) for side in sides):
+        raise argparse.ArgumentTypeError(f"a size is PX or WxH, like 512 or 854x480, not {text!r}")
     return int(sides[0]), int(sides[1])
 
 
