@@ -1,12 +1,16 @@
 """The paper's recipe."""
 
+import math
 from dataclasses import replace
+from itertools import count
 
 import pytest
 import torch
 
+from core.fitting import paper
 from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.hypotheses import Hypothesis
+from core.fitting.objective import ObjectiveValue
 from core.fitting.paper import fit
 from core.metrics import rotation_error
 from core.models.model import Model
@@ -60,3 +64,18 @@ def test_the_paper_resumes_from_a_given_camera(tiny: Model):
     begin = Hypothesis(0, 0.0, (truth,), tiny.codes.mean, torch.zeros(1, 4))
     first = next(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), tiny_bank(), PAPER, resume_from=begin)))
     assert rotation_error(first.cameras[0], truth) < 10  # AdamW's first step is its rate: 0.1 rad
+
+
+def test_steps_that_diverge_leave_the_best_before_them(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    calls, plain = count(), paper.paper_objective
+
+    def diverging(*arguments: object) -> ObjectiveValue:
+        found = plain(*arguments)
+        return found._replace(terms=found.terms * math.nan) if next(calls) > 13 else found
+
+    monkeypatch.setattr(paper, "paper_objective", diverging)
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
+    steps = list(fit(tiny, FitJob((photo,), tiny_bank(), replace(PAPER, steps=20))))
+    assert len(steps) == 20
+    (loss,) = {step.loss for step in steps[13:]}
+    assert math.isfinite(loss)
