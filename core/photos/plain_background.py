@@ -17,12 +17,7 @@ _FREE_BORDER = 0.02  # fraction of the border that an object may touch
 
 
 class NoBackgroundError(ValueError):
-    """The image has no plain background, so a person must point out the object."""
-
-    def __init__(self, message: str = "") -> None:
-        super().__init__(
-            message or "no plain background: draw a box around the object, or cut it out first (transparent background)"
-        )
+    """The object is not clear from its background, so a person must point it out."""
 
 
 class PlainBackground(NamedTuple):

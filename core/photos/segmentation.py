@@ -31,7 +31,7 @@ _RINGING = 3  # px beside a frame in which JPEG mixes colours
 _SAME_BOX = 0.5  # overlap with the detected box below which a frame was taken for a plain background
 _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
 _CONSTANT, _SCORE = -3.3, 7.2  # of the log-odds that a mask overlaps the true one by 0.75, fitted on 58 composites
-_POINTED_OUT = 0.5  # least confidence of a mask that a person pointed out
+_UNKNOWN = 0.5  # confidence of a mask without detection, and the least one of a mask that a person pointed out
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
 
@@ -192,8 +192,8 @@ def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints, found: tuple[Det
 def _mask_confidence(mask: Bool[np.ndarray, "height width"], found: tuple[Detection, ...], pointed_out: bool) -> float:
     """Return the probability that a mask is the object, by the score of the detection in its place."""
     seen = detection_of(mask, found)
-    likely = 1 / (1 + math.exp(-(_CONSTANT + _SCORE * (seen.score if seen else 0.0))))
-    return max(likely, _POINTED_OUT) if pointed_out else likely
+    likely = 1 / (1 + math.exp(-(_CONSTANT + _SCORE * seen.score))) if seen else _UNKNOWN
+    return max(likely, _UNKNOWN) if pointed_out else likely
 
 
 def _pointed_out(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> list[Box]:
@@ -220,7 +220,7 @@ def _on_white(pixels: Float[np.ndarray, "height width 3"], found: Candidate) -> 
         hint = "a larger image, or a box closer around the object, may help"
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
     if mask.mean() > 0.97:
-        raise NoBackgroundError
+        raise NoBackgroundError("no background found: draw a box around the object, or make the background transparent")
     # On white, half-covered pixels around the object are right; on a colour they are left out.
     near = binary_dilation(mask, iterations=2)
     shown = near if white else mask
