@@ -11,7 +11,7 @@ from torch import Tensor
 from core.geometry.rays import Rays, ray_points
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
-from core.rendering.folded_field import batch_colour, batch_density
+from core.rendering.folded_layers import batch_colour, batch_density
 from core.rendering.reference import sample_intervals
 
 MIN_WEIGHT = 1e-3  # fraction of a ray's light: most samples weigh less and are neither coloured nor differentiated

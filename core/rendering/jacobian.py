@@ -19,7 +19,7 @@ from core.models.density import density_derivative
 from core.models.field import encode
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
-from core.rendering.folded_field import batch_density, field_weights
+from core.rendering.folded_layers import batch_density, field_weights
 from core.rendering.importance import MIN_WEIGHT, largest_weights
 from core.rendering.reference import sample_intervals
 from core.runtime.layers import linear_relu, relu_, relu_backward_

@@ -1,9 +1,10 @@
-"""The outline of photos bounds the object: there is no density where a photo's camera saw background.
+"""The outline of photos bounds the object: nothing where a camera saw background, opaque where it saw the object.
 
 The field leaves fog around and between thin parts, where it is uncertain about edges; the mask of a photo shows where
-they are. A point's density is multiplied by its share in every mask: 1 inside, falling to 0 over a soft margin. If the
-photo also colours the other side, and the mask is symmetric, the share of the mirrored point (-x, y, z) is a further
-factor. Only renders are bounded, never the field during a fit.
+they are. A point's density is multiplied by its share in every mask: 1 inside, falling to 0 over a soft margin. Inside,
+it is multiplied by the gain that makes the fitted object opaque along the photo's ray. If the photo also colours the
+other side, and the mask is symmetric, share and gain of the mirrored point (-x, y, z) count too. Only renders are
+bounded, never the field during a fit.
 """
 
 from dataclasses import replace
@@ -21,12 +22,16 @@ from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, PhotoView
+from core.rendering.folded_layers import batch_density
+from core.rendering.shape_cells import shape_cells
 
 FADED = 1.5  # distance of an edited shape, in standard deviations, at which the detail has vanished
 _UNSURE, _SURE = 0.5, 0.7  # confidence of the cameras below which no detail is shown, and above which all of it is
 _HEIGHT = 512  # px of the photo in a map of distances
 _PADDING = _HEIGHT // 8  # px of background added around the photo
 _SYMMETRIC_ABOVE = 0.97  # least coherence of a symmetric object
+_OPAQUE, _MAX_GAIN = 3.0, 8.0  # optical depth to reach on a mask, and the largest gain for it
+_GAIN_HEIGHT, _GAIN_SAMPLES = 192, 64  # height of the map of gains in px, and samples of a ray
 _COHERENCE_SAMPLES = 64  # height of the image in px, and samples of a ray, for the coherence
 
 
@@ -45,21 +50,21 @@ def shown_share(model: Model, codes: Codes) -> float:
 
 
 class Silhouette(NamedTuple):
-    """A photo's mask with its margin; equal for equal photos."""
+    """A photo's mask with its margin, and the object fitted to the photo; equal for equal ones."""
 
     view: PhotoView
     margin: float  # focal lengths
+    model: Model
+    shape: tuple[float, ...]  # code of the fitted object
 
     def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return 1 for points that project within half the margin of the mask, 0 beyond the margin, linear between."""
         camera, distances = _distances(self.view)
-        local = camera.to_camera_axes(points)
-        scale = 2 * camera.focal / (-local[..., 2]).clamp_min(1e-6)
-        place = torch.stack((local[..., 0] * scale / camera.width, -local[..., 1] * scale / camera.height), -1)
-        distance = functional.grid_sample(
-            distances.to(points.device), place.reshape(1, 1, -1, 2), padding_mode="border", align_corners=False
-        )
-        return (2 - 2 * distance / self.margin).clamp(0, 1).reshape(points.shape[:-1])
+        return (2 - 2 * _look_up(distances, camera, points) / self.margin).clamp(0, 1)
+
+    def gain(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return the factor, at least 1, that makes the fitted object opaque along the ray through each point."""
+        return _look_up(_gains(self.model, self.shape, self.view), _distances(self.view)[0], points)
 
 
 class Outline(NamedTuple):
@@ -67,29 +72,30 @@ class Outline(NamedTuple):
 
     silhouettes: tuple[Silhouette, ...]
     mirrored: tuple[bool, ...]  # True: the silhouette also bounds mirrored points
+    strength: float  # of the gain, 0..1
 
-    def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-        """Return the factor on the density of points, 0..1."""
-        kept = torch.ones_like(points[..., 0])
+    def factor(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return the factor on the density of points: their share in all masks, and the largest gain."""
+        share, gain = torch.ones_like(points[..., 0]), torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
-            kept = kept * silhouette.share(points)
-            if mirrored:
-                kept = kept * silhouette.share(_mirror(points))
-        return kept
+            for place in (points, _mirror(points)) if mirrored else (points,):
+                share, gain = share * silhouette.share(place), torch.maximum(gain, silhouette.gain(place))
+        return share * (1 + self.strength * (gain - 1))
 
 
 def outline(model: Model, codes: Codes) -> Outline | None:
     """Return the outline that bounds an object; None without photo detail, or if no photo bounds it.
 
-    Margins widen without limit as photo detail fades, so the outline vanishes with it.
+    Margins widen without limit as photo detail fades, and gains shrink, so the outline vanishes with it.
     """
-    share, detail = shown_share(model, codes), codes.detail
-    if not share or detail is None:
+    strength, detail = shown_share(model, codes), codes.detail
+    if not strength or detail is None:
         return None
-    bounding = [Silhouette(view, view.outline_margin) for view in detail.views if view.outline_margin]
+    shape = tuple(detail.shape.tolist())
+    bounding = [Silhouette(view, view.outline_margin, model, shape) for view in detail.views if view.outline_margin]
     mirrored = tuple(detail.other_side != "model" and _is_symmetric(one, model.extent) for one in bounding)
-    widened = tuple(one._replace(margin=one.margin / share) for one in bounding)
-    return Outline(widened, mirrored) if bounding else None
+    widened = tuple(one._replace(margin=one.margin / strength) for one in bounding)
+    return Outline(widened, mirrored, strength) if bounding else None
 
 
 def coherence(silhouette: Silhouette, extent: tuple[float, float, float]) -> float:
@@ -125,6 +131,38 @@ def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns
     with torch.inference_mode(False):  # cached
         distance = torch.from_numpy(distance_transform_edt(outside).astype(np.float32))
         return camera, ((distance - 0.5).clamp_min(0) / camera.focal)[None, None]  # the edge lies between pixels
+
+
+@lru_cache(maxsize=16)
+@torch.no_grad()
+def _gains(model: Model, shape: tuple[float, ...], view: PhotoView) -> Float[Tensor, "1 1 rows columns"]:
+    """Return the gain at each pixel of a small image from the photo's camera; 1 off the mask."""
+    camera, distances = _distances(view)
+    small = camera.resized(max(1, round(_GAIN_HEIGHT * camera.width / camera.height)), _GAIN_HEIGHT)
+    on_mask = functional.adaptive_avg_pool2d((distances == 0).float(), (small.height, small.width))[0, 0] > 0.5
+    rays = camera_rays(small, model.extent_tensor)[on_mask.to(model.device)]
+    edges = uniform_edges(rays, _GAIN_SAMPLES)
+    bias = model.field.shape_bias(torch.tensor(shape, device=model.device))[None]
+    points = ray_points(rays, midpoints(edges)).flatten(0, 1)
+    density = batch_density(model, points[None], bias, shape_cells(model, bias)).reshape(-1, _GAIN_SAMPLES)
+    depth = (density * edges.diff()).sum(-1).cpu()
+    with torch.inference_mode(False):  # cached
+        gains = torch.ones(on_mask.shape)
+        gains[on_mask] = (_OPAQUE / depth.clamp_min(1e-6)).clamp(1, _MAX_GAIN)
+        return gains[None, None]
+
+
+def _look_up(
+    values: Float[Tensor, "1 1 rows columns"], camera: Camera, points: Float[Tensor, "*batch 3"]
+) -> Float[Tensor, "*batch"]:
+    """Return the value of an image at the projection of each point, interpolated; beyond its edge, that of the edge."""
+    local = camera.to_camera_axes(points)
+    scale = 2 * camera.focal / (-local[..., 2]).clamp_min(1e-6)
+    place = torch.stack((local[..., 0] * scale / camera.width, -local[..., 1] * scale / camera.height), -1)
+    found = functional.grid_sample(
+        values.to(points.device), place.reshape(1, 1, -1, 2), padding_mode="border", align_corners=False
+    )
+    return found.reshape(points.shape[:-1])
 
 
 def _mirror(points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:

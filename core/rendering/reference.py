@@ -62,7 +62,7 @@ def render_rays(
     points = ray_points(rays, depths)
     density, colours = model.field.radiance(points, direction_bias, shape_bias, texture_bias)
     if bound is not None:
-        density = density * bound.share(points)
+        density = density * bound.factor(points)
     weights, transmittance = compositing_weights(density, edges)
     opacity = 1 - transmittance
     depth = (weights * depths).sum(-1) / opacity.clamp_min(1e-6)

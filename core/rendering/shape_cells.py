@@ -12,7 +12,7 @@ from torch import Tensor
 from core.models.cells import corner_points, corners_of, with_neighbours
 from core.models.model import Model
 from core.models.occupied_cells import CELLS, cells_at_corners
-from core.rendering.folded_field import batch_density
+from core.rendering.folded_layers import batch_density
 
 
 @torch.no_grad()

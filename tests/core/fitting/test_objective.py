@@ -25,7 +25,7 @@ from core.fitting.objective import (
 from core.fitting.observations import PixelBatch
 from core.fitting.schedule import Stage
 from core.models.model import Model
-from core.rendering.folded_field import AxisLookup
+from core.rendering.folded_layers import AxisLookup
 from core.runtime.precision import use_dtype
 from tests.core.fitting.inputs import pixels_of, random_parameters, standing
 

@@ -15,7 +15,8 @@ from core.models.field import encode
 from core.models.library import load_model
 from core.rendering import fast as renderer
 from core.rendering.fast import render
-from core.rendering.folded_field import AxisLookup, FoldedField
+from core.rendering.folded_field import FoldedField
+from core.rendering.folded_layers import AxisLookup
 from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
 from core.rendering.reference import render_exact, render_rays
 from core.runtime.caches import CACHE, CacheKind
