@@ -87,11 +87,6 @@ class Editor:
 
     # Codes
 
-    def set_detail_strength(self, strength: float, gesture: str = "") -> None:
-        """Set the strength of the photo detail, limited to 0..1; nothing happens without detail."""
-        if detail := self.scene.codes.detail:
-            self.set_detail(replace(detail, strength=min(1.0, max(0.0, strength))), gesture)
-
     def set_detail(self, detail: PhotoDetail, gesture: str = "") -> None:
         """Replace the object's photo detail."""
         codes = replace(self.scene.codes, detail=detail)

@@ -156,8 +156,8 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     one = fitted(model)
     editor.add_and_show(one, editor.scene.camera)
     before = editor.state
-    for strength in (0.8, 0.5, 7.0, 0.25):
-        editor.set_detail_strength(strength, gesture="photo detail")
+    for strength in (0.8, 0.5, 1.0, 0.25):
+        editor.set_detail(replace(one.codes.detail, strength=strength), gesture="photo detail")
     editor.end_gesture()
     detail = editor.scene.codes.detail
     assert detail is not None and detail.strength == 0.25
@@ -174,17 +174,12 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     assert editor.state == before
 
 
-def test_an_object_without_a_photo_has_no_strength(editor: Editor) -> None:
-    before = editor.history
-    editor.set_detail_strength(0.5)
-    assert editor.history is before
-
-
 def test_the_photo_s_detail_comes_back_from_a_project(
     editor: Editor, session: Session, model: Model, tmp_path: Path
 ) -> None:
-    editor.add_and_show(fitted(model), editor.scene.camera)
-    editor.set_detail_strength(0.5)
+    one = fitted(model)
+    editor.add_and_show(one, editor.scene.camera)
+    editor.set_detail(replace(one.codes.detail, strength=0.5))
     saved = session.project()
     saved.save(tmp_path / "p.codenerf", session.models)
     again = Project.load(tmp_path / "p.codenerf", session.models)

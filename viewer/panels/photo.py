@@ -225,7 +225,7 @@ def _draw_detail(context: PanelContext, detail: PhotoDetail) -> None:
     editor, shown = context.session.editor, f"{detail.strength:.0%}"
     changed, strength = labelled_slider("photo detail", "Photo detail", detail.strength, (0.0, 1.0), shown, (6, 3))
     if changed:
-        editor.set_detail_strength(strength, "photo detail")
+        editor.set_detail(replace(detail, strength=strength), "photo detail")
     end_gesture(context)
     tooltip(_DETAIL_HELP)
     imgui.align_text_to_frame_padding()
