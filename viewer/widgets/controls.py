@@ -181,8 +181,9 @@ def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> boo
     if exporting.path is None or (kinds and exporting.kind not in kinds):
         return False
     left, name = exporting.remaining, printable(exporting.path.name)
-    label = f"{exporting.progress:.0%}" + (f"   {duration(left)} left" if left is not None else "") + f"   {name}"
-    imgui.progress_bar(exporting.progress, (hello_imgui.em_size(width - 7), 0), label)
+    done = f"{exporting.progress:.0%}   {duration(left)} left" if left is not None else "Preparing …"
+    moving = -float(imgui.get_time())  # which imgui draws as a bar that runs to and fro
+    imgui.progress_bar(exporting.progress or moving, (hello_imgui.em_size(width - 7), 0), f"{done}   {name}")
     tooltip(f"Saving {name}")
     imgui.same_line()
     if button("Cancel###cancel export", "Give it up; no half-written file stays"):
