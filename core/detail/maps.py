@@ -44,9 +44,10 @@ MIRROR_SHARE = 0.9  # weight of the residual at places that only the mirror imag
 _MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be mirrored
 _LEVELS = 6
 UNPAINTED = "wheels", "glass"
-_TEXTURES = 12  # of the model, to find places whose colour depends on the texture
-_PAINTED = 0.45, 0.65  # variation of chroma over textures, relative to the paint's: no paint below, only paint above
-_ROUGH = 4.0  # variation taken off for contrast of 1 in the photo: lamps and grilles vary like shaded paint
+_PAINTED = 0.35, 0.6  # change of the render, relative to the main paint's: no paint below, only paint above
+_OTHER = 4.0, 2.0  # the same of another material, such as the wood of a chair, and of the main paint
+_UNCHANGED = 0.05  # change of the main paint below which there is hardly any
+_ROUGH = 4.0  # change taken off for contrast of 1 in the photo: lamps and grilles change like shaded paint
 _CALM = 0.055, 0.035  # contrast of lamps and grilles, and of plain paint
 _WINDOW = 1.0, 5  # px, standard deviation and reach of the windows in which contrast is measured
 _VIVID = 0.15, 0.35  # chroma over lightness: greys stay below the first; no tyre or pane reaches the second
@@ -104,8 +105,9 @@ class ComparedPhoto:
     render: Float[Tensor, "3 h w"]  # the surface's colours, extrapolated likewise
     weight: Float[Tensor, "h w"]  # 0..1, reliability of the photo's colours
     near: Float[Tensor, "h w"]  # 0..1, zero far beyond the photo's outline
-    painted: Float[Tensor, "h w"]  # 0..1, how much paint is there
-    alike: Float[Tensor, "h w"]  # 0..1, how certainly it is the main paint
+    body: Float[Tensor, "h w"]  # 0..1, zero on wheels and panes
+    rough: Float[Tensor, "h w"]  # contrast of the photo's lightness, 0..1
+    alike: Float[Tensor, "h w"]  # 0..1, similarity to the main paint
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.rendering.detail_maps.PhotoMaps.surface`
     texels: "SurfaceTexels"
     match: ColourMatch  # from the render's colours to the photo's
@@ -122,7 +124,8 @@ class ComparedPhoto:
     def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
         """Return the photo repainted, given the change of the render.
 
-        Around places with the main paint it changes evenly: a texture's colours of one paint are never quite even.
+        Paint is where that changes like the main paint and the photo is calm, unlike in lamps and a grille, and where
+        the photo has the main paint's colour. Around such places it changes evenly: a texture is never quite even.
         """
         offset = self.match.change(self.render.movedim(0, -1)).movedim(-1, 0)
         certain = self.alike * self.weight
@@ -131,26 +134,20 @@ class ComparedPhoto:
             for image in (_resized(self.photo, certain), self.render, change)
         )
         reach, least, enough = _AROUND
-        main = smooth_step(_blurred(certain[None], reach), least, enough)
+        strength = change.abs().amax(0) / even.abs().amax().clamp_min(_UNCHANGED)
+        main = smooth_step(_blurred(certain[None], reach), least, enough) * smooth_step(strength, *_OTHER)
         paint = torch.lerp(self.render + offset, photo, main)
         moved = torch.lerp(moved_paint(change, offset), moved_paint(even, photo - render), main)
-        colour, moved, painted = _enlarged(torch.cat((paint, moved, self.painted[None])), self.photo).split((3, 3, 1))
+        known = self.body * smooth_step(strength - _ROUGH * self.rough, *_PAINTED)
+        painted = torch.maximum(known, self.alike)
+        colour, moved, painted = _enlarged(torch.cat((paint, moved, painted[None])), self.photo).split((3, 3, 1))
         return repainted(self.photo, colour, moved, painted[0])
 
     @property
     def size(self) -> int:
         """bytes"""
-        parts = (
-            self.photo,
-            self.render,
-            self.weight,
-            self.near,
-            self.painted,
-            self.alike,
-            self.surface,
-            self.texels.features,
-        )
-        return sum(part.nbytes for part in parts)
+        maps = (part for part in vars(self).values() if isinstance(part, Tensor))
+        return sum(part.nbytes for part in (*maps, self.texels.features))
 
 
 class SurfaceTexels(NamedTuple):
@@ -167,23 +164,6 @@ class SurfaceTexels(NamedTuple):
         colours = map_pieces(lambda block: folded.colour(*block), blocks)
         image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
         return _continued(image, self.pixel)
-
-    def chroma_spread(self, model: Model, codes: Codes, weight: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
-        """Return how strongly the model's textures vary the chroma; about 1 on painted places."""
-        valid = model.codes.valid
-        some = [model.codes[index].texture for index in valid[:: max(1, len(valid) // _TEXTURES)][:_TEXTURES]]
-        coarse = self.every(2)
-        shown = torch.stack([coarse.colours(model, replace(codes, texture=one.to(model.device))) for one in some])
-        spread = (shown - shown.mean(1, keepdim=True)).std(0, correction=0).mean(0)
-        usual = spread[(weight > 0.5) & coarse.pixel]
-        return spread / usual.quantile(0.8).clamp_min(1e-6) if len(usual) else torch.zeros_like(spread)
-
-    def every(self, step: int) -> "SurfaceTexels":
-        """Return the pixels of every ``step``-th row and column."""
-        coarse = torch.zeros_like(self.pixel)
-        coarse[::step, ::step] = self.pixel[::step, ::step]
-        kept = coarse[self.pixel]
-        return SurfaceTexels(coarse, self.features[kept], self.direction_bias[kept])
 
 
 def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
@@ -207,14 +187,12 @@ def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generat
         yield None
         small = _resized(photo, source.opacity)
         weight = kept * paint_weight(mask, source)
+        near = kept * smooth_step(_distance(mask < 0.5), _REACH, 0.5)
         match = colour_match(render.flatten(1), small.flatten(1), weight.flatten())
-        weight = weight * _without_glass_above(model, small, render, normals, parts)
-        bare = not parts.keys().isdisjoint(UNPAINTED)
-        spread = texels.chroma_spread(model, codes, weight) if bare else None
-        painted = _painted(spread, small, render, parts, weight)
-    return ComparedPhoto(
-        camera, codes, photo, render, weight, kept * near_weight(mask), *painted, surface, texels, match
-    )
+        roof = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts.get("glass", torch.ones_like(mask)))
+        weight = weight * _without_glass_above(small, render, roof)
+        paint = _paint_places(small, parts, weight)
+    return ComparedPhoto(camera, codes, photo, render, weight, near, *paint, surface, texels, match)
 
 
 def _surface_texels(
@@ -235,37 +213,25 @@ def _surface_texels(
 
 
 def _without_glass_above(
-    model: Model,
-    photo: Float[Tensor, "3 h w"],
-    render: Float[Tensor, "3 h w"],
-    normals: Float[Tensor, "h w 3"],
-    parts: dict[str, Float[Tensor, "h w"]],
+    photo: Float[Tensor, "3 h w"], render: Float[Tensor, "3 h w"], roof: Float[Tensor, "h w"]
 ) -> Float[Tensor, "h w"]:
     """Return 0 where the photo is darker than a roof or bonnet: glass, displaced by a small error of shape."""
-    if "glass" not in parts:
-        return torch.ones(normals.shape[:2])
-    up = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts["glass"])
-    return 1 - up * smooth_step(lightness(render) - lightness(photo), *_DARKER)
+    return 1 - roof * smooth_step(lightness(render) - lightness(photo), *_DARKER)
 
 
-def _painted(
-    spread: Float[Tensor, "h w"] | None,
-    photo: Float[Tensor, "3 h w"],
-    render: Float[Tensor, "3 h w"],
-    parts: dict[str, Float[Tensor, "h w"]],
-    weight: Float[Tensor, "h w"],
-) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"]]:
-    """Return :attr:`ComparedPhoto.painted` and ``alike``.
+def _paint_places(
+    photo: Float[Tensor, "3 h w"], parts: dict[str, Float[Tensor, "h w"]], weight: Float[Tensor, "h w"]
+) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "h w"]]:
+    """Return :attr:`ComparedPhoto.body`, ``rough`` and ``alike``.
 
-    Paint is where textures vary the colour and the photo is calm, unlike in lamps and a grille, and where the photo has
-    the main paint's hue: a vivid one on any part, white or grey on calm places of the body and on window frames.
+    The main paint is the median colour of the body's calm places. A vivid one counts on any part, white or
+    grey on calm places of the body and on window frames.
     """
     rough = _roughness(photo)
     body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(rough))
-    known = body if spread is None else body * smooth_step(spread - _ROUGH * rough, *_PAINTED)  # all of a chair
-    certain = known * weight > 0.5
+    certain = body * smooth_step(rough, *_CALM) * weight > 0.5
     if not bool(certain.any()):
-        return known, torch.zeros_like(known)
+        return body, rough, torch.zeros_like(body)
     paint = photo[:, certain].median(1).values[:, None, None]
     hue, light = same_hue(photo, paint), light_share(photo, paint)
     vivid = smooth_step(chroma(paint).abs().amax(0) / (0.3 + 0.7 * lightness(paint)), *_VIVID)
@@ -274,7 +240,7 @@ def _painted(
         beside = smooth_step(_blurred(body[None], _BESIDE)[0], 0.02, 0.2)  # no highlight amid a pane
         alike = torch.maximum(alike, beside * parts["glass"] * smooth_step(light, *_FRAME))
     alike = _blurred((hue * torch.maximum(alike, vivid * smooth_step(light, *_LIT)))[None], 1.0)[0]
-    return torch.maximum(known, alike), alike
+    return body, rough, alike
 
 
 def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
@@ -357,11 +323,6 @@ def _distance(mask: Bool[Tensor, "h w"], beyond: bool = False) -> Float[Tensor, 
         return torch.full(mask.shape, torch.inf)
     padded = np.pad(mask.numpy(), 1, constant_values=beyond)
     return torch.from_numpy(distance_transform_edt(padded)[1:-1, 1:-1].astype(np.float32))
-
-
-def near_weight(mask: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
-    """Return the weight of the residual around the photo's mask, 0..1; zero far outside."""
-    return smooth_step(_distance(mask < 0.5), _REACH, 0.5)
 
 
 def _surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:

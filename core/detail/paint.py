@@ -21,7 +21,7 @@ from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
 Rgb = tuple[float, float, float]
-MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, each by the part that certainly has it
+MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that surely has it; metal legs count as wood
 _POINTS = 1500  # of the surface; more would change the result by less than 1/255
 _TEXTURES = 500  # trained textures tried as the start
 _STEPS, _RATE = 80, 0.06  # of Adam, in standard deviations of the trained textures
