@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.maps import detail_maps, paint_weight, surface_normals
+from core.detail.maps import ComparedPhoto, SurfaceTexels, detail_maps, paint_weight, surface_normals
 from core.detail.rendering import bake, render_frame, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -17,7 +17,7 @@ from core.models.model import Model
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering import progressive
 from core.rendering.baked_field import render_baked
-from core.rendering.detail_maps import DetailMaps, PhotoMaps, packed
+from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
 from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
@@ -174,6 +174,22 @@ def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, codes: Co
     added = np.abs(drawn - bare).mean()
     assert added > 0.001
     assert np.abs(drawn - looked_up).mean() < added / 4
+
+
+def test_the_main_paint_changes_evenly_and_rough_places_that_hardly_change_stay(tiny: Model, camera: Camera) -> None:
+    """Of a grey photo, the left half is paint with a blotch in the change of its render, the right half a lamp."""
+    grey, full, left = torch.full((3, 64, 64), 0.8), torch.ones(64, 64), torch.zeros(64, 64)
+    left[:, :32] = 1
+    change = -0.4 * left.expand(3, 64, 64) - 0.15 * (1 - left)
+    change[:, 30:34, 8:12] = 0
+    texels = SurfaceTexels(full > 1, torch.zeros(0, 8), torch.zeros(0, 8))
+    one = ComparedPhoto(
+        *(camera, tiny.codes[0], grey, grey, full, full, full, 0.1 * (1 - left), left),
+        *(torch.zeros(4, 64, 64), texels, ColourMatch()),
+    )
+    moved = one.repainted(change) - grey
+    assert torch.allclose(moved[:, :, :20], change[:, :1, :1], atol=0.02)
+    assert moved[:, :, 50:].abs().max() < 1e-6
 
 
 def test_a_ball_has_the_normals_of_a_ball() -> None:
