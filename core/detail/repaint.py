@@ -87,14 +87,13 @@ def colour_match(
     colours: Float[Tensor, "3 places"], photo: Float[Tensor, "3 places"], weight: Float[Tensor, "places"]
 ) -> ColourMatch:
     """Fit gain and offset of each channel by robust least squares; identity without weight."""
-    gain, offset = list[float](), list[float]()
-    for own, seen in zip(colours.double(), photo.double(), strict=True):
-        scale, shift, ridge = 1.0, 0.0, _RIDGE * float(weight.sum()) + 1e-6
-        for _ in range(3):
-            robust = weight / (1 + ((seen - scale * own - shift) / _ROBUST) ** 2)
-            rows = torch.stack((own, torch.ones_like(own)))
-            normal = (rows * robust) @ rows.T + ridge * torch.eye(2, dtype=torch.float64)
-            scale, shift = torch.linalg.solve(normal, (rows * robust) @ seen + torch.tensor([ridge, 0.0])).tolist()
-        gain.append(scale)
-        offset.append(shift)
-    return ColourMatch((gain[0], gain[1], gain[2]), (offset[0], offset[1], offset[2]))
+    rows, seen = torch.stack((colours, torch.ones_like(colours)), 1).double(), photo.double()
+    ridge, same = _RIDGE * float(weight.sum()) + 1e-6, torch.tensor([1.0, 0.0], dtype=torch.float64)
+    found = same.expand(3, 2)
+    for _ in range(3):
+        residuals = seen - (found[..., None] * rows).sum(1)
+        weighted = rows * (weight / (1 + (residuals / _ROBUST) ** 2))[:, None]
+        normal = weighted @ rows.mT + ridge * torch.eye(2, dtype=torch.float64)
+        found = torch.linalg.solve(normal, (weighted @ seen[..., None])[..., 0] + ridge * same)
+    (red, green, blue), offset = found.T.tolist()
+    return ColourMatch((red, green, blue), (offset[0], offset[1], offset[2]))
