@@ -1,6 +1,5 @@
 """Segmentation of the object in an image: the likeliest of several masks, corrected by a person's hints."""
 
-import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -30,8 +29,6 @@ _FRAMED = 0.5  # fraction of an image's width and height that a framed photo tak
 _RINGING = 3  # px beside a frame in which JPEG mixes colours
 _SAME_BOX = 0.5  # overlap with the detected box below which a frame was taken for a plain background
 _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
-_CONSTANT, _SCORE = -3.3, 7.2  # of the log-odds that a mask overlaps the true one by 0.75, fitted on 58 composites
-_UNKNOWN = 0.5  # confidence of a mask without detection, and the least one of a mask that a person pointed out
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
 
@@ -129,13 +126,13 @@ def _cut_out(
 ) -> CutOut:
     """Cut out without strokes."""
     if boxes := _pointed_out(rgb, hints, found):
-        return _in_boxes(rgb, boxes, hints, found)
+        return _in_boxes(rgb, boxes, hints)
     colours = np.asarray(rgb, np.float32) / 255
     if _is_cut_out(alpha < 0.5):
         return _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True))
     plain = _plain_background(colours, found)
     if plain is None:
-        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints, found)
+        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints)
     if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
     opacity = (~plain.mask).astype(np.float32)
@@ -172,28 +169,20 @@ def _plain_background(
     return PlainBackground(mask, white=False)
 
 
-def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints, found: tuple[Detection, ...]) -> CutOut:
+def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
     """Return the chosen mask of the objects in some boxes together, with alternatives."""
     cuts, colours = list[CutOut](), np.asarray(rgb, np.float32) / 255
     for ranked in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
-        opacity = np.max([one.opacity for one in ranked], axis=0)
-        whole = replace(ranked[0], opacity=opacity, certain=hints.box is not None)
+        opacity, sure = np.max([one.opacity for one in ranked], axis=0), min(one.confidence for one in ranked)
+        whole = replace(ranked[0], opacity=opacity, certain=hints.box is not None, confidence=sure)
         with suppress(ValueError):  # the whole image, or almost nothing
             cut = _on_white(colours, whole)
-            cut = replace(cut, confidence=_mask_confidence(cut.mask, found, bool(hints)))
             if all(mask_overlap(cut.mask, other.mask) < _SAME for other in cuts):
                 cuts.append(cut)
     if not cuts:
-        cuts = [replace(_on_white(colours, by_place(rgb, boxes)), confidence=0.0)]
+        cuts = [_on_white(colours, by_place(rgb, boxes))]
     chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
     return replace(chosen, others=tuple(cuts))
-
-
-def _mask_confidence(mask: Bool[np.ndarray, "height width"], found: tuple[Detection, ...], pointed_out: bool) -> float:
-    """Return the probability that a mask is the object, by the score of the detection in its place."""
-    seen = detection_of(mask, found)
-    likely = 1 / (1 + math.exp(-(_CONSTANT + _SCORE * seen.score))) if seen else _UNKNOWN
-    return max(likely, _UNKNOWN) if pointed_out else likely
 
 
 def _pointed_out(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> list[Box]:
@@ -228,7 +217,7 @@ def _on_white(pixels: Float[np.ndarray, "height width 3"], found: Candidate) -> 
         shown = binary_erosion(mask, iterations=1, border_value=1)
     pixels = np.where(shown[..., None], pixels, np.float32(1))
     opacity = np.where(near, opacity, 0).astype(np.float32)
-    return CutOut(pixels, mask, white, opacity, found.edge_error, found.found_by)
+    return CutOut(pixels, mask, white, opacity, found.edge_error, found.found_by, found.confidence)
 
 
 # Strokes
