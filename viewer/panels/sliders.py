@@ -43,7 +43,7 @@ class SlidersPanel(Panel):
         action_button(context, "reset", f"{_RESET}  Reset")
         for number, kind in enumerate(CODE_KINDS):
             if number:
-                flow(f"{_LOCKS[0]}  {kind}")
+                flow(f"{_LOCKS[0]}  {kind.capitalize()}")
             _draw_lock(context, kind)
         words = context.session.words
         if words is None:
