@@ -1,6 +1,5 @@
 """Videos of an object as mp4 (H.264), gif, webp or a folder of png images, by the name's ending."""
 
-import time
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -76,28 +75,6 @@ def write_video(
                 done += 1
             yield done
         encoder.finish()
-
-
-class Coding(NamedTuple):
-    """Encoding time of a pixel, s: while frames are added, and at the end."""
-
-    frame: float
-    end: float
-
-
-def coding_of(image: UInt8[np.ndarray, "height width channels"], path: Path, settings: VideoSettings) -> Coding:
-    """Measure the encoding time with a few frames, written to a path whose ending names the format."""
-    chosen, count = FORMATS[path.suffix], 2 * _WAITING
-    if chosen.folder:
-        path.mkdir()
-    with closing(chosen.sink(path, settings)) as sink:
-        began = time.perf_counter()
-        for turn in range(count):  # shifted, since equal frames would be encoded in no time
-            sink.add(np.roll(image, 3 * turn, axis=1))
-        middle = time.perf_counter()
-        sink.finish()
-    pixels = count * image.shape[0] * image.shape[1]
-    return Coding((middle - began) / pixels, (time.perf_counter() - middle) / pixels)
 
 
 @runtime_checkable

@@ -22,7 +22,6 @@ from tests.viewer.stand_ins import (
     quick_colour,
     quick_fit,
     quick_frames,
-    quick_pace,
     quick_paint,
     quick_photo,
     quick_pictures,
@@ -66,7 +65,6 @@ def backend(model: Model) -> Backend:
         fit=quick_fit,
         view_bank=quick_bank,
         pictures=quick_pictures,
-        pace=quick_pace,
         guess_category=no_guess,
         paint=quick_paint,
         paint_colour=quick_colour,
@@ -91,11 +89,10 @@ def both(backend: Backend) -> Backend:
 
 @pytest.fixture
 def real_backend(model: Model) -> Backend:
-    """Nothing stands in but a tiny model, and its pace. Its view bank is left out: that of a mist takes a minute."""
+    """Nothing stands in but a tiny model. Its view bank is left out: that of a mist takes a minute."""
     return Backend(
         load_model=lambda name: model,
         view_bank=quick_bank,
-        pace=quick_pace,
         guess_category=no_guess,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )

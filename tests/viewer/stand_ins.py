@@ -12,7 +12,6 @@ import torch
 
 from core.detail.paint import Paint, Rgb
 from core.export.keyframes import View
-from core.export.pace import Pace
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
@@ -122,12 +121,6 @@ def quick_bank(model: Model) -> Generator[float, None, ViewBank]:
     """The bank of another model."""
     yield 1.0
     return tiny_bank()
-
-
-def quick_pace(model: Model, view: View) -> Iterator[Pace | None]:
-    """Six seconds for 72 drawn frames of 512 px, two minutes for exact ones."""
-    yield None
-    yield Pace(6e-6, start=1.0, view=0.1, frame=0.01, ray=1.3e-7, baked=True)
 
 
 def no_guess(cut: CutOut) -> dict[str, float]:

@@ -1,20 +1,18 @@
-"""A preview of the file to share, and the time that writing the file will take."""
+"""A preview of the file to share."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from core.export.keyframes import View
-from core.export.pace import Pace
 from core.export.video_frames import Image
 from core.models.codes import Codes
 from core.rendering.baked_field import BakedField
 from viewer.editor import Editor
-from viewer.services.jobs import TILES_SHARE, Jobs
+from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values.share_settings import ShareSettings
 
 _SIZE = 256  # px, height
-_NAME, _PACE = "share preview", "share pace"  # jobs
+_NAME = "share preview"  # job
 
 
 class SharePreview:
@@ -25,8 +23,6 @@ class SharePreview:
         self.image: Image | None = None  # on transparent; None until it is rendered
         self._shown: tuple[object, ...] = ()  # inputs of the current or next image
         self._copied: tuple[Codes, int] | None = None  # object and cells of the baked copy it shows
-        self._paces = dict[str, Pace]()  # measured pace of videos on this machine, by the model's fingerprint
-        self._known: tuple[tuple[object, ...], float] | None = None
 
     def update(self, settings: ShareSettings, baked_copy: Callable[[Codes], BakedField | None]) -> None:
         """Update the preview; call once a frame while it is visible. A video without keyframes has none.
@@ -60,40 +56,13 @@ class SharePreview:
             self.image, self._copied = found
 
         self._jobs.submit(Job(_NAME, stream, rendered, self._jobs.reporting("Cannot render the preview"), urgent=True))
-        if self.pace is None and not self._jobs.busy(_PACE):
-            self._measure(View(state.scene.codes, state.scene.camera))
-
-    @property
-    def pace(self) -> Pace | None:
-        """Pace of videos of the shown object's model; None until it is measured."""
-        return self._paces.get(self._editor.model.fingerprint)
 
     @property
     def stale(self) -> bool:
         """True while the image shows earlier settings."""
         return self._jobs.busy(_NAME)
 
-    def seconds(self, settings: ShareSettings) -> float | None:
-        """Return the seconds that a video or an image will take; None while unknown."""
-        state = self._editor.state
-        if self.pace is None or settings.kind == "mesh" or (settings.kind == "video" and not state.timeline.keys):
-            return None
-        about = self.pace, state.scene, state.timeline, settings
-        if self._known is None or self._known[0] != about:
-            views = settings.unframed_views(self._jobs.models, state.scene, state.timeline)
-            self._known = about, self.pace.seconds(views, settings.suffix, settings.exact)
-        return self._known[1]
-
-    def _measure(self, view: View) -> None:
-        """Measure the pace; ignore errors, which the preview reports too."""
-        backend, model = self._jobs.backend, self._editor.model
-
-        def measured(pace: Pace) -> None:
-            self._paces[model.fingerprint] = pace
-
-        self._jobs.submit(Job(_PACE, lambda: backend.pace(model, view), measured, share=TILES_SHARE))
-
     def close(self) -> None:
         """Stop rendering."""
-        self._jobs.cancel(_NAME, _PACE)
+        self._jobs.cancel(_NAME)
         self._shown = ()

@@ -17,7 +17,6 @@ from core.rendering.background import Background, Rgb, background_rows
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed
-from viewer.values.duration import duration
 from viewer.values.printable import printable
 from viewer.values.share_settings import BACKGROUNDS, KINDS, WIDE, ShareSettings
 from viewer.widgets import object_tiles
@@ -241,9 +240,6 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             share = partial(exporting.share, settings=_as_in_view(context, settings))
             title, name = f"Save the {settings.kind} as", f"{context.file_name}-{settings.kind}{settings.suffix}"
             context.files.ask(FileRequest(title, share, (settings.suffix,), True, name))
-        if ready and settings.kind != "mesh":
-            imgui.same_line()
-            _draw_estimate(exporting.preview.seconds(_as_in_view(context, settings)))
         if not ready:
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:
@@ -253,9 +249,3 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         flow("Show in folder")
         if button("Show in folder###show in folder", "Open the folder that the file is in"):
             context.show_in_folder(saved)
-
-
-def _draw_estimate(seconds: float | None) -> None:
-    imgui.align_text_to_frame_padding()
-    imgui.text_disabled("…" if seconds is None else f"about {duration(seconds)}")
-    tooltip("What it takes here, measured with this model a moment ago")

@@ -9,7 +9,6 @@ from core.detail.rendering import bake, render_progressively
 from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
-from core.export.pace import Pace, measure_pace
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import Image, draw_still, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
@@ -51,7 +50,6 @@ class Backend:
     pictures: Callable[..., Iterator[Image | None]] = render_frames
     draw: Callable[[BakedField, Camera, bool], Image | None] = draw_still
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
-    pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words

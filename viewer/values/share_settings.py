@@ -103,11 +103,6 @@ class ShareSettings:
         With ``fill``, a video's cameras share one zoom in, and a turntable's start no nearer than the training
         distance.
         """
-        shots = self.unframed_views(models, scene, timeline)
-        return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
-
-    def unframed_views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
-        """Return the views before framing, for estimates: framing is slow and hardly changes rendering times."""
         if self.kind == "turntable":
             nearest = models.of(scene.codes).distance if self.fill else 0.0
             camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))
@@ -117,4 +112,5 @@ class ShareSettings:
         else:
             shots = [View(scene.codes, scene.camera)]
         width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
-        return [View(codes, camera.resized(width, self.size)) for codes, camera in shots]
+        shots = [View(codes, camera.resized(width, self.size)) for codes, camera in shots]
+        return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots

@@ -15,17 +15,16 @@ from typing import NamedTuple
 from core.detail.rendering import render_progressively
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
-from core.export.video_frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views
+from core.export.video_frames import CELLS, FEW_SAMPLES, Image, are_few, baked_frames
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
 from core.models.model import Model
-from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.progressive import RenderJob, RenderSettings
-from core.streams import run_to_end
 
 FRAMES = 72
-COMPARED = 6, 30, 53  # compared frames: at most halfway between two baked views
+COMPARED = 6, 30, 53  # compared frames
 SIZE, PICTURE = 512, 2160  # px, of a video and of an image
+GRIDS = 128, 192, 256  # cells along an axis
 SAMPLES = 48, 96, 192  # per ray; the last is the setting of exact videos
 REFERENCE_SAMPLES = 384
 DEFAULT = "default"
@@ -74,7 +73,7 @@ def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = (
     }
     finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _default)
     turned: list[tuple[str, int, _Films]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
-    turned += [("baked", cells, _baked(cells)) for cells in LEVELS]
+    turned += [("baked", cells, _baked(cells)) for cells in GRIDS]
 
     @cache
     def truth(what: str, number: int) -> list[Image]:
@@ -112,19 +111,16 @@ def _exact(samples: int) -> _Films:
 
 def _default(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
     few = are_few(shown.views)
-    return (_exact(FEW_SAMPLES) if few else _baked(None))(model, shown)
+    return (_exact(FEW_SAMPLES) if few else _baked(CELLS))(model, shown)
 
 
-def _baked(cells: int | None) -> _Films:
-    """Draw from a grid of ``cells`` along an axis; None chooses one that is fine enough."""
+def _baked(cells: int) -> _Films:
+    """Draw from a grid of ``cells`` along an axis."""
 
     def film(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
-        began, views = time.process_time(), shown.views
-        baked = BakedViews(model, views, cells) if cells else run_to_end(bake_views(model, views))
-        if baked is None:
-            raise ValueError(f"no grid is fine enough for {model.category}, or there is no OpenGL")
-        with OffscreenRenderer((SIZE, SIZE)) as pictures:
-            frames = [pictures.draw(run_to_end(baked.at(index)), view.camera) for index, view in enumerate(views)]
-        return baked.cells, time.process_time() - began, [frames[index] for index in shown.compared]
+        began = time.process_time()
+        stream = baked_frames(model, shown.views, (255, 255, 255), cells=cells)
+        frames = [image for image in stream if image is not None]
+        return cells, time.process_time() - began, [frames[index] for index in shown.compared]
 
     return film

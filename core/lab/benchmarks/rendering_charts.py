@@ -5,7 +5,6 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.export.video_frames import TARGET
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, read_results
 from core.lab.benchmarks.drawing import draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.films import DEFAULT, Film
@@ -99,7 +98,6 @@ def films_chart(found: Results[Film]) -> "Figure":
             )
     chosen = [row for row in turns if row.recipe == DEFAULT]
     axes.plot([one.seconds for one in chosen], [one.psnr for one in chosen], "k*", markersize=12, label="default")
-    axes.axhline(TARGET, color="grey", linestyle=":", label="target")
     about = found.about
     axes.set(xscale="log", xlabel=f"s of the processor for {about['frames']} frames of {about['size']} px")
     axes.set(ylabel="PSNR to the exact frame (dB)", title=f"{about['category']}, {about['objects']} objects")

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 from functools import cache
 
@@ -5,11 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.model import Model
 from core.rendering.baked_field import BakedField, render_baked
-from core.rendering.baking import bake, prefilter
+from core.rendering.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
 from core.rendering.reference import render_exact
+from core.streams import run_to_end
 from tests.conftest import random_model, with_contrast
 from tests.core.tiny import tiny_model
 
@@ -72,5 +75,44 @@ def test_what_is_between_prefiltered_values_is_right_in_the_mean() -> None:
     assert abs(error.mean()) < 1e-3 < 0.1 < np.interp(between, place, values[:, 0]).mean() - (between**2).mean()
     torch.testing.assert_close(kept[:, 1], values[:, 1])
     torch.testing.assert_close(kept[[0, 8]], values[[0, 8]])
-    some = torch.tensor([5, 2])
-    torch.testing.assert_close(prefilter(values, torch.arange(9)[:, None].expand(-1, 6), some), values[some])
+
+
+@pytest.mark.parametrize("cells", [128, 192])
+def test_haze_is_as_near_on_a_finer_grid(cells: int) -> None:
+    """Many thin layers of it add up: none may be without its colour."""
+    model = tiny_model()
+    camera = model.camera(0.3, 0.4).resized(64, 64)
+    views = run_to_end(bake_views(model, model.codes[0], [camera], cells))
+    drawn = render_baked(views.seen_from(camera), camera).colour
+    assert psnr(drawn, render_exact(model, model.codes[0], camera).colour) > 44
+
+
+def test_colours_between_cameras_are_those_of_a_smooth_function() -> None:
+    """Over a turn. A lone camera's colours are those of all views."""
+    model = tiny_model()
+    ring = [model.camera(turn, 0.3) for turn in np.linspace(0, 2 * math.pi, 72, endpoint=False)]
+    views = run_to_end(bake_views(model, model.codes[0], ring, 64))
+    assert len(views.cameras) == 16
+
+    def smooth(camera: Camera) -> float:
+        x, y, z = (camera.pose()[:3, 3] / camera.distance).tolist()
+        return 0.5 + 0.2 * x - 0.1 * y * z + 0.3 * (x * x - y * y)
+
+    known = torch.tensor([smooth(camera) for camera in views.cameras])
+    between = replace(views, colours=known[:, None, None].expand_as(views.colours))
+    for camera in ring[1::5]:
+        texels = between.seen_from(camera).texels[views.shape.corners.unbind(-1)]
+        np.testing.assert_allclose(texels[:, :3] / 255, smooth(camera), atol=0.01)
+    alone: BakedViews = replace(views, cameras=views.cameras[:1], colours=views.colours[:1])
+    np.testing.assert_array_equal(alone.seen_from(ring[9]).texels, alone.mean().texels)
+
+
+def test_every_camera_has_a_baked_one_nearby() -> None:
+    model = tiny_model()
+    ring = [model.camera(turn, 0.3) for turn in np.linspace(0, 4 * math.pi, 144, endpoint=False)]
+    chosen = spread(ring)
+    assert len(chosen) == 16  # the second turn adds none
+    assert spread(ring[:1]) == spread(ring[:1] * 3) == ring[:1]
+    assert len(spread([ring[0], ring[2], ring[5]])) == 2
+    for camera in ring:
+        assert min(math.dist(camera.pose()[:3, 3], one.pose()[:3, 3]) for one in chosen) < MAX_TURN * camera.distance

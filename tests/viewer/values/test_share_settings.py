@@ -68,12 +68,8 @@ def test_a_turntable_that_fills_its_frame_keeps_the_usual_perspective(
     model: Model, scene: Scene, fill: bool, nearest: float
 ) -> None:
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    settings = ShareSettings(size=40, fill=fill)
-    for views in (
-        settings.views(open_models(model), near, Timeline()),
-        settings.unframed_views(open_models(model), near, Timeline()),
-    ):
-        assert {view.camera.distance for view in views} == {nearest * model.distance}
+    views = ShareSettings(size=40, fill=fill).views(open_models(model), near, Timeline())
+    assert {view.camera.distance for view in views} == {nearest * model.distance}
 
 
 def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:

@@ -1,30 +1,20 @@
-from collections.abc import Generator, Sequence
 from pathlib import Path
 
 import pytest
 
-from core.export.keyframes import View
-from core.export.video_frames import FEW_SAMPLES, LEVELS, BakedViews
+from core.export.video_frames import CELLS, FEW_SAMPLES
 from core.lab.benchmarks import films
 from core.lab.benchmarks.charts import draw
 from core.lab.benchmarks.csv_files import append_record
 from core.lab.benchmarks.films import Film, measure_films
-from core.models.model import Model
 from tests.conftest import image_size, unchecked_shapes
 from tests.core.tiny import tiny_model
 
 ABOUT = {"machine": "a machine", "category": "chairs", "objects": "1", "frames": "12", "size": "64", "picture": "96"}
 
 
-def coarse_views(model: Model, views: Sequence[View]) -> Generator[None, None, BakedViews]:
-    """The coarsest grid, whether it is fine enough or not."""
-    yield
-    return BakedViews(model, views, LEVELS[0])
-
-
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(films, "bake_views", coarse_views)
     monkeypatch.setattr("core.export.video_frames.FEW_PIXELS", 48**2)
     for name, value in (
         ("SIZE", 48),
@@ -33,7 +23,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         ("COMPARED", (1,)),
         ("SAMPLES", (8, 64)),
         ("REFERENCE_SAMPLES", 128),
-        ("LEVELS", (128,)),
+        ("GRIDS", (CELLS,)),
     ):
         monkeypatch.setattr(films, name, value)
 
@@ -44,14 +34,14 @@ def test_every_way_to_make_a_film_is_measured_once() -> None:
         rows = list(measure_films(tiny_model(), 2))
         assert [row.key for row in rows] == [
             *(("turn", "exact", samples) for samples in (8, 64)),
-            ("turn", "baked", 128),
+            ("turn", "baked", CELLS),
             ("turn", "default", 0),
             *((shown, *made) for shown in ("morph", "picture") for made in (("exact", 64), ("default", 0))),
         ]
         assert all(row.seconds > 0 and row.worst <= row.psnr for row in rows)
         coarse, fine, baked, default = rows[:4]
         assert fine.psnr > coarse.psnr
-        assert default.setting == 128 and default.psnr == baked.psnr > 35
+        assert default.setting == CELLS and default.psnr == baked.psnr > 35
         assert rows[5].setting == FEW_SAMPLES  # an object of a morph has one frame
         assert list(measure_films(tiny_model(), 2, [row.key for row in rows])) == []
 
