@@ -4,8 +4,8 @@ A texture holds colours for one view: those of the cameras, mixed (:meth:`BakedV
 views (:func:`bake`).
 
 Density is prefiltered, since linear interpolation of exact values is biased where it curves: 2 to 6 dB
-(:func:`prefilter`). Colours change within a cell of a crisp surface, which shows as rings like contour lines; so each
-corner has the colour of the surface next to it.
+(:func:`prefilter`). Colours change within a cell of a crisp surface, which shows as rings like contour lines; so there
+each corner has the colour of the surface next to it.
 """
 
 import math
@@ -38,6 +38,7 @@ _ELEVATION = math.radians(20)
 _MIN_DENSITY = 0.1
 """per scene unit: a cell with less at all corners absorbs under 0.2 % of the light and counts as empty"""
 _BELOW = 12.0  # optical depth along every axis beyond which no camera sees a point
+_CRISP = 7.0  # logits per cell from which a corner moves the whole step; soft surfaces have colours in depth
 _MOVES = 1.5, 0.5  # cells by which a corner moves at most in each Newton step towards the surface
 MAX_TURN = math.radians(16)  # largest angle around the object from a camera to the nearest baked one
 _REACH = 0.5  # rad, standard deviation of the kernel between cameras; 0.3 to 0.8 are as good
@@ -208,16 +209,19 @@ def _onto_surface(
     logits: Float[Tensor, "some"],
     slope: Float[Tensor, "some 3"],
 ) -> tuple[Float[Tensor, "some 3"], Float[Tensor, "some width"]]:
-    """Move points by Newton steps to where a cell has optical depth 1, if that is near; return them and their features.
+    """Move points by Newton steps to where a cell has optical depth 1, if that is near and the surface crisp.
+
+    Returns points and their features.
 
     Args:
         cell: its length, scene units.
         slope: gradient of the logits, per scene unit.
     """
     level = density_to_logits(torch.tensor(1 / cell), folded.field.config)
+    crisp = (slope.norm(dim=-1, keepdim=True) * cell / _CRISP).square().clamp_max(1)
     for limit in _MOVES:
         step = slope * ((level - logits) / slope.square().sum(-1).clamp_min(1e-6))[:, None]
-        points = points + step / (step.norm(dim=-1, keepdim=True) / (limit * cell)).clamp_min(1)
+        points = points + crisp * step / (step.norm(dim=-1, keepdim=True) / (limit * cell)).clamp_min(1)
         density, features = folded.density(points.to(folded.device))
         logits = density_to_logits(density.cpu(), folded.field.config)
     return points, features

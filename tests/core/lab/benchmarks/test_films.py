@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from core.export.video_frames import CELLS, FEW_SAMPLES
+from core.export.video_frames import FEW_SAMPLES
 from core.lab.benchmarks import films
 from core.lab.benchmarks.charts import draw
 from core.lab.benchmarks.csv_files import append_record
@@ -23,7 +23,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         ("COMPARED", (1,)),
         ("SAMPLES", (8, 64)),
         ("REFERENCE_SAMPLES", 128),
-        ("GRIDS", (CELLS,)),
+        ("GRIDS", (128,)),
+        ("CELLS", 128),
     ):
         monkeypatch.setattr(films, name, value)
 
@@ -34,14 +35,14 @@ def test_every_way_to_make_a_film_is_measured_once() -> None:
         rows = list(measure_films(tiny_model(), 2))
         assert [row.key for row in rows] == [
             *(("turn", "exact", samples) for samples in (8, 64)),
-            ("turn", "baked", CELLS),
+            ("turn", "baked", 128),
             ("turn", "default", 0),
             *((shown, *made) for shown in ("morph", "picture") for made in (("exact", 64), ("default", 0))),
         ]
         assert all(row.seconds > 0 and row.worst <= row.psnr for row in rows)
         coarse, fine, baked, default = rows[:4]
         assert fine.psnr > coarse.psnr
-        assert default.setting == CELLS and default.psnr == baked.psnr > 35
+        assert default.setting == 128 and default.psnr == baked.psnr > 35
         assert rows[5].setting == FEW_SAMPLES  # an object of a morph has one frame
         assert list(measure_films(tiny_model(), 2, [row.key for row in rows])) == []
 
