@@ -38,7 +38,7 @@ _ELEVATION = math.radians(20)
 _MIN_DENSITY = 0.1
 """per scene unit: a cell with less at all corners absorbs under 0.2 % of the light and counts as empty"""
 _BELOW = 12.0  # optical depth along every axis beyond which no camera sees a point
-_CRISP = 7.0  # logits per cell from which a corner moves the whole step; soft surfaces have colours in depth
+_CRISP = 9.0  # logits per cell from which a corner moves the whole step; soft surfaces have colours in depth
 _MOVES = 1.5, 0.5  # cells by which a corner moves at most in each Newton step towards the surface
 MAX_TURN = math.radians(16)  # largest angle around the object from a camera to the nearest baked one
 _REACH = 0.5  # rad, standard deviation of the kernel between cameras; 0.3 to 0.8 are as good
