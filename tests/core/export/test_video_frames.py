@@ -8,7 +8,7 @@ import pytest
 from core.export import video_frames
 from core.export.keyframes import View, turntable
 from core.export.video_frames import baked_frames, exact_frames, supersampling
-from core.metrics import psnr_from_mse
+from core.metrics import psnr, psnr_from_mse
 from core.models.model import Model
 from tests.core.tiny import tiny_model
 
