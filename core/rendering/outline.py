@@ -1,4 +1,4 @@
-"""The outline of photos bounds the object: nothing where a camera saw background, opaque where it saw the object.
+"""The outline of photos bounds the object, and makes it opaque inside.
 
 The field leaves fog around and between thin parts, where it is uncertain about edges; the mask of a photo shows where
 they are. A point's density is multiplied by its share in every mask: 1 inside, falling to 0 over a soft margin. Inside,
