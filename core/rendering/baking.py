@@ -209,9 +209,9 @@ def _onto_surface(
     logits: Float[Tensor, "some"],
     slope: Float[Tensor, "some 3"],
 ) -> tuple[Float[Tensor, "some 3"], Float[Tensor, "some width"]]:
-    """Move points by Newton steps to where a cell has optical depth 1, if that is near and the surface crisp.
+    """Move points to the surface by Newton steps, and return them with their features.
 
-    Returns points and their features.
+    The surface is where a cell has optical depth 1. Points move only if it is near, and less if it is soft.
 
     Args:
         cell: its length, scene units.
