@@ -28,8 +28,6 @@ _DEEP_BACKGROUND = 6 / 128  # image heights from the mask; nearer background is 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
     """Return a step with photo detail from the first :data:`MAX_PHOTOS` photos; a completed search has it already."""
-    known = all(photo.camera for photo in photos)
-    sure = 1.0 if known or step.confidence is None else step.confidence
     transforms = [
         None if photo.camera else transform
         for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
@@ -38,7 +36,7 @@ def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> F
     some = zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False)
     views = tuple(photo_view(model, *one, codes) for one in some)
     shape, texture = (code.detach().cpu().clone() for code in (codes.shape, codes.texture))
-    return replace(step, codes=replace(step.codes, detail=PhotoDetail(views, shape, texture, sure)))
+    return replace(step, codes=replace(step.codes, detail=PhotoDetail(views, shape, texture)))
 
 
 def photo_view(

@@ -91,13 +91,12 @@ class PhotoDetail:
     views: tuple[PhotoView, ...]  # one to MAX_PHOTOS
     shape: Float[Tensor, "shape_latent"] = field(repr=False)
     texture: Float[Tensor, "texture_latent"] = field(repr=False)
-    confidence: float = 1.0  # probability that the cameras are right, 0..1
     strength: float = 1.0  # how strongly the detail is shown, 0..1
     other_side: OtherSide = "mirrored"
 
     def __post_init__(self) -> None:
-        if not (0 <= self.confidence <= 1 and 0 <= self.strength <= 1):
-            raise ValueError(f"confidence and strength are 0 to 1, got {self.confidence} and {self.strength}")
+        if not 0 <= self.strength <= 1:
+            raise ValueError(f"the strength of photo detail is 0 to 1, got {self.strength}")
         if self.other_side not in OTHER_SIDES:
             raise ValueError(f"the other side is one of {', '.join(OTHER_SIDES)}, got {self.other_side!r}")
         if not 1 <= len(self.views) <= MAX_PHOTOS:
@@ -121,7 +120,7 @@ class PhotoDetail:
     @property
     def key(self) -> tuple:
         """Everything but the strength, as a comparable key."""
-        return (*self.views, self.confidence, self.other_side, *self.codes_key)
+        return (*self.views, self.other_side, *self.codes_key)
 
     def erasing(self, number: int, erased: tuple[Erasure, ...]) -> "PhotoDetail":
         """Return a copy in which the erasures of photo ``number`` are replaced."""
@@ -143,7 +142,6 @@ class PhotoDetail:
             "views": views,
             "shape": self.shape.tolist(),
             "texture": self.texture.tolist(),
-            "confidence": self.confidence,
             "strength": self.strength,
             "other_side": self.other_side,
         }

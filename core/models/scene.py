@@ -99,7 +99,7 @@ class _Detail(NamedTuple):
     views: tuple[_View, ...]
     shape: tuple[float, ...]
     texture: tuple[float, ...]
-    confidence: float = 1.0
+    confidence: float = 1.0  # in older scenes
     strength: float = 1.0
     other_side: OtherSide | None = None
     both_sides: bool = False  # in older scenes, instead of other_side
@@ -108,7 +108,7 @@ class _Detail(NamedTuple):
         views = tuple(view.read() for view in self.views)
         side = self.other_side or ("mirrored" if self.both_sides else "soft")
         codes = torch.tensor(self.shape), torch.tensor(self.texture)
-        return PhotoDetail(views, *codes, self.confidence, self.strength, side)
+        return PhotoDetail(views, *codes, self.strength, side)
 
 
 class _About(NamedTuple):

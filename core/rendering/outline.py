@@ -26,7 +26,6 @@ from core.rendering.folded_layers import batch_density
 from core.rendering.shape_cells import shape_cells
 
 FADED = 1.5  # distance of an edited shape, in standard deviations, at which the detail has vanished
-_UNSURE, _SURE = 0.5, 0.7  # confidence of the cameras below which no detail is shown, and above which all of it is
 _HEIGHT = 512  # px of the photo in a map of distances
 _PADDING = _HEIGHT // 8  # px of background added around the photo
 _SYMMETRIC_ABOVE = 0.97  # least coherence of a symmetric object
@@ -38,15 +37,14 @@ _COHERENCE_SAMPLES = 64  # height of the image in px, and samples of a ray, for 
 def shown_share(model: Model, codes: Codes) -> float:
     """Return the effective strength of an object's photo detail, 0..1.
 
-    Lower for doubtful cameras; fades as the shape is edited, but not with the texture, which repaints the detail. 0 for
-    the authors' checkpoints and for M1 and M2.
+    Fades as the shape is edited, but not with the texture, which repaints the detail. 0 for the authors' checkpoints
+    and for M1 and M2.
     """
     detail = codes.detail
     if detail is None or model.white_from_network or model.is_ablation:
         return 0.0
     away = float(model.codes.shape_space.distance(codes.shape, detail.shape))
-    sure = min(1.0, max(0.0, (detail.confidence - _UNSURE) / (_SURE - _UNSURE)))
-    return detail.strength * sure * max(0.0, 1 - away / FADED)
+    return detail.strength * max(0.0, 1 - away / FADED)
 
 
 class Silhouette(NamedTuple):

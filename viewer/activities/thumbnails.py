@@ -54,7 +54,7 @@ def _key(codes: Codes, camera: Camera, samples: int) -> _Key:
 @lru_cache(maxsize=256)
 def _detail_digest(detail: PhotoDetail) -> bytes:
     views = "".join(f"{hashlib.blake2b(view.image).hexdigest()} {view.camera} {view.erased}" for view in detail.views)
-    about = f"{views} {detail.codes_key} {detail.confidence} {detail.strength} {detail.other_side}"
+    about = f"{views} {detail.codes_key} {detail.strength} {detail.other_side}"
     return hashlib.blake2b(about.encode(), digest_size=16).digest()
 
 

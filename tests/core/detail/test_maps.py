@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.maps import ComparedPhoto, SurfaceTexels, detail_maps, paint_weight, surface_normals
+from core.detail.maps import ComparedPhoto, SurfaceTexels, paint_weight, surface_normals
 from core.detail.rendering import bake, render_frame, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -23,14 +23,13 @@ from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
 from core.rendering.progressive import RenderJob, RenderSettings
 from core.rendering.reference import Rendered, render_exact
-from core.streams import run_to_end
 from tests.conftest import no_opengl
 
 SIZE = 192
 SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"
 
 
-def striped(model: Model, camera: Camera, confidence: float = 1.0) -> Codes:
+def striped(model: Model, camera: Camera) -> Codes:
     """Codes whose photo has a dark stripe across the object."""
     seen = render_exact(model, model.codes[0], camera, 96)
     colour = seen.colour.clamp(0, 1).clone()
@@ -38,7 +37,7 @@ def striped(model: Model, camera: Camera, confidence: float = 1.0) -> Codes:
     colour[rows] = torch.lerp(colour[rows], torch.tensor([0.1, 0.1, 0.6]), seen.opacity[rows, :, None])
     rgba = to_bytes(torch.cat((colour, seen.opacity[..., None]), -1))
     codes = model.codes[0]
-    return replace(codes, detail=PhotoDetail((PhotoView.of(rgba, camera),), codes.shape, codes.texture, confidence))
+    return replace(codes, detail=PhotoDetail((PhotoView.of(rgba, camera),), codes.shape, codes.texture))
 
 
 @pytest.fixture(scope="module")
@@ -119,14 +118,6 @@ def test_the_stripe_turns_with_the_surface(tiny: Model, codes: Codes) -> None:
     assert codes.detail is not None
     rows = codes.detail.views[0].camera.project(points)[:, 1] / codes.detail.views[0].camera.height
     assert float(((rows - 0.52 + 0.02).abs() < 0.05).float().mean()) > 0.8
-
-
-@pytest.mark.parametrize("confidence, share", [(0.3, 0.0), (0.5, 0.0), (0.6, 0.5), (0.9, 1.0)])
-def test_a_doubtful_camera_shows_none(tiny: Model, codes: Codes, confidence: float, share: float) -> None:
-    assert codes.detail is not None
-    doubtful = replace(codes, detail=replace(codes.detail, confidence=confidence))
-    assert shown_share(tiny, doubtful) == pytest.approx(share)
-    assert (run_to_end(detail_maps(tiny, doubtful)) is None) == (share == 0)
 
 
 def test_edits_of_the_shape_fade_it(tiny: Model, codes: Codes) -> None:

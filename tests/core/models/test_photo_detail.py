@@ -21,7 +21,7 @@ def some_detail(model: Model) -> PhotoDetail:
     rgba[:5, :, 3] = 0
     mean = model.codes.mean
     view = replace(PhotoView.of(rgba, CAMERA), outline_margin=0.01)
-    return PhotoDetail((view,), mean.shape, mean.texture, 0.75)
+    return PhotoDetail((view,), mean.shape, mean.texture, strength=0.75)
 
 
 def test_pixels_come_back_nearly(model: Model) -> None:
@@ -58,7 +58,7 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
         {"erased": [{"points": [[0.1, 0.2]], "radius": "wide"}]},
         {"outline_margin": -0.01},
         {"strength": 2},
-        {"confidence": "sure"},
+        {"strength": "full"},
         {"shape": [1.0]},
         {"camera": {"azimuth": 0, "elevation": 0, "distance": 1.3, "focal": 60, "width": 41, "height": 30}},
     ],

@@ -106,7 +106,6 @@ def test_it_fades_with_the_photo_detail(tiny: Model, codes: Codes, camera: Camer
     ]
     assert light[0] == light[1] == pytest.approx(light[2], rel=1e-3)
     assert light[2] >= light[3] > light[4]
-    assert outline(tiny, replace(codes, detail=replace(detail, confidence=0.4))) is None
     assert outline(tiny, replace(codes, shape=codes.shape + 10 * FADED)) is None
     view = replace(detail.views[0], outline_margin=None)
     assert outline(tiny, replace(codes, detail=replace(detail, views=(view,)))) is None
