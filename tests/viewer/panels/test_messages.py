@@ -15,7 +15,9 @@ def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(drive: Drive) -> 
         low, high = window.context.view
         box = window.ctx.window_info("//Messages").window
         assert low.x < box.pos.x
-        assert box.pos.y > high.y - 0.1 * (high.y - low.y)  # not over the object
+        end = box.pos + box.size
+        assert end.x <= high.x and end.y <= high.y - window.context.covered  # not over the history
+        assert box.size.y < 0.2 * (high.y - low.y)
         window.menu("Panels/Developer")
         window.ctx.yield_(3)
         assert window.ctx.window_info("//Developer").window.active
