@@ -49,9 +49,10 @@ def rank_candidates(image: Image.Image, box: Box) -> list[Candidate]:
     found.sort(key=lambda one: -_fit(one, box))
     if len(found) < 2:
         return [replace(one, confidence=_ALONE) for one in found]
-    agreed = mask_overlap(found[0].opacity > 0.5, found[1].opacity > 0.5)
+    best, *others = found
+    agreed = mask_overlap(best.opacity > 0.5, others[0].opacity > 0.5)
     sure = 1 / (1 + math.exp(-(_CONSTANT + _AGREEMENT * agreed)))
-    return [replace(found[0], confidence=sure), replace(found[1], confidence=min(sure, 1 - sure))]
+    return [replace(best, confidence=sure), *(replace(one, confidence=min(sure, 1 - sure)) for one in others)]
 
 
 def _fit(candidate: Candidate, box: Box) -> float:
