@@ -68,7 +68,7 @@ def test_an_offer_outlasts_time_and_later_news() -> None:
     [
         (ValueError("no such image: /home/me/my photos/chair.png"), "no such image: chair.png"),
         (ValueError(r"C:\Users\me\a.json is not a scene file"), "a.json is not a scene file"),
-        (FileNotFoundError(2, "No such file or directory", "/tmp/a/b.json"), "b.json: no such file or directory"),
+        (FileNotFoundError(2, "No such file or directory", "/a/folder/b.json"), "b.json: no such file or directory"),
         (KeyError("model"), UNFORESEEN),
         (json.JSONDecodeError("Expecting value", "", 0), "the file is damaged, or of another kind"),
     ],
