@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
@@ -58,11 +58,19 @@ class Silhouette(NamedTuple):
     def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return 1 for points that project within half the margin of the mask, 0 beyond the margin, linear between."""
         camera, distances = _distances(self.view)
-        return (2 - 2 * _look_up(distances, camera, points) / self.margin).clamp(0, 1)
+        return self._share(_look_up(distances, camera, points)[0])
 
-    def gain(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-        """Return the factor, at least 1, that makes the fitted object opaque along the ray through each point."""
-        return _look_up(_gains(self.model, self.shape, self.view), _distances(self.view)[0], points)
+    def share_and_gain(
+        self, points: Float[Tensor, "*batch 3"]
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
+        """Return :meth:`share`, and the factor, at least 1, that makes the fitted object opaque along a point's ray."""
+        distance, gain = _look_up(
+            _distances_and_gains(self.model, self.shape, self.view), _distances(self.view)[0], points
+        )
+        return self._share(distance), gain
+
+    def _share(self, distance: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+        return (2 - 2 * distance / self.margin).clamp(0, 1)
 
 
 class Outline(NamedTuple):
@@ -77,7 +85,8 @@ class Outline(NamedTuple):
         share, gain = torch.ones_like(points[..., 0]), torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
             for place in (points, _mirror(points)) if mirrored else (points,):
-                share, gain = share * silhouette.share(place), torch.maximum(gain, silhouette.gain(place))
+                inside, more = silhouette.share_and_gain(place)
+                share, gain = share * inside, torch.maximum(gain, more)
         return share * (1 + self.strength * (gain - 1))
 
 
@@ -133,34 +142,42 @@ def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns
 
 @lru_cache(maxsize=16)
 @torch.no_grad()
-def _gains(model: Model, shape: tuple[float, ...], view: PhotoView) -> Float[Tensor, "1 1 rows columns"]:
-    """Return the gain at each pixel of a small image from the photo's camera; 1 off the mask."""
+def _distances_and_gains(
+    model: Model, shape: tuple[float, ...], view: PhotoView
+) -> Float[Tensor, "1 channels rows columns"]:
+    """Return the map of distances, and beside it the gain at each pixel: 1 off the mask."""
     camera, distances = _distances(view)
     small = camera.resized(max(1, round(_GAIN_HEIGHT * camera.width / camera.height)), _GAIN_HEIGHT)
     on_mask = functional.adaptive_avg_pool2d((distances == 0).float(), (small.height, small.width))[0, 0] > 0.5
-    rays = camera_rays(small, model.extent_tensor)[on_mask.to(model.device)]
+    gains = torch.ones(1, 1, *on_mask.shape)
+    gains[0, 0, on_mask] = (_OPAQUE / _optical_depth(model, shape, small, on_mask)).clamp(1, _MAX_GAIN)
+    with torch.inference_mode(False):  # cached
+        return torch.cat((distances, functional.interpolate(gains, distances.shape[2:], mode="bilinear")), 1)
+
+
+def _optical_depth(
+    model: Model, shape: tuple[float, ...], camera: Camera, pixels: Bool[Tensor, "rows columns"]
+) -> Float[Tensor, "some"]:
+    """Return the optical depth of a shape along the rays of some pixels, above 0."""
+    rays = camera_rays(camera, model.extent_tensor)[pixels.to(model.device)]
     edges = uniform_edges(rays, _GAIN_SAMPLES)
     bias = model.field.shape_bias(torch.tensor(shape, device=model.device))[None]
     points = ray_points(rays, midpoints(edges)).flatten(0, 1)
     density = batch_density(model, points[None], bias, shape_cells(model, bias)).reshape(-1, _GAIN_SAMPLES)
-    depth = (density * edges.diff()).sum(-1).cpu()
-    with torch.inference_mode(False):  # cached
-        gains = torch.ones(on_mask.shape)
-        gains[on_mask] = (_OPAQUE / depth.clamp_min(1e-6)).clamp(1, _MAX_GAIN)
-        return gains[None, None]
+    return (density * edges.diff()).sum(-1).cpu().clamp_min(1e-6)
 
 
 def _look_up(
-    values: Float[Tensor, "1 1 rows columns"], camera: Camera, points: Float[Tensor, "*batch 3"]
-) -> Float[Tensor, "*batch"]:
-    """Return the value of an image at the projection of each point, interpolated; beyond its edge, that of the edge."""
+    values: Float[Tensor, "1 channels rows columns"], camera: Camera, points: Float[Tensor, "*batch 3"]
+) -> Float[Tensor, "channels *batch"]:
+    """Return the interpolated values of an image at the projections of points; beyond its edge, those of the edge."""
     local = camera.to_camera_axes(points)
     scale = 2 * camera.focal / (-local[..., 2]).clamp_min(1e-6)
     place = torch.stack((local[..., 0] * scale / camera.width, -local[..., 1] * scale / camera.height), -1)
     found = functional.grid_sample(
         values.to(points.device), place.reshape(1, 1, -1, 2), padding_mode="border", align_corners=False
     )
-    return found.reshape(points.shape[:-1])
+    return found.reshape(values.shape[1], *points.shape[:-1])
 
 
 def _mirror(points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
