@@ -13,7 +13,7 @@ from core.fitting.problem import FitJob, Problem
 from core.fitting.schedule import build_schedule
 from core.fitting.steps import FitStep
 from core.models.model import Model
-from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras
+from core.photos.ranking import CandidateCameras, ObjectMask, rank_cameras
 
 _CANDIDATES = 12  # cameras of the view bank that are shown
 
@@ -40,7 +40,7 @@ def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
     problem = replace(Problem.of(model.soft, job, generator), occluded=stages[-1].restart)
     candidates = None
     if photo.camera is None:
-        image = ObjectImage(photo.pixels, photo.mask, problem.cameras[0].focal, photo.unseen)
+        image = ObjectMask(photo.mask, problem.cameras[0].focal, photo.unseen)
         candidates = rank_cameras(job.bank, image, _CANDIDATES, problem.viewpoints[0], photo.cropped)
     terms = tuple(_terms(problem, job, one) for one in stages[-1].hypotheses[:2])
     return Explanation(photo.categories, candidates, stages, terms)

@@ -28,7 +28,7 @@ from core.geometry.camera import Camera
 from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras, shape_similarity
+from core.photos.ranking import CandidateCameras, ObjectMask, rank_cameras, shape_similarity
 
 _SHAPE_BLEND = 0.6  # weight of a prototype's shape in an initial shape; the rest is the mean shape
 _MIN_DIFFERENCE = 1e-3  # standard deviations from the mean shape below which a prototype is the mean object
@@ -96,7 +96,7 @@ def _candidates(problem: Problem, view: int, count: int, generator: torch.Genera
         azimuth, elevation = random_angles(count, generator).unbind(-1)
         distance, zeros = torch.full((count,), model.distance), torch.zeros(count)
         return CandidateCameras(azimuth, elevation, distance, torch.zeros(count, 2), zeros.long(), zeros)
-    image = ObjectImage(photo.pixels, photo.mask, problem.cameras[view].focal, photo.unseen)
+    image = ObjectMask(photo.mask, problem.cameras[view].focal, photo.unseen)
     return rank_cameras(problem.bank, image, count, problem.viewpoints[view], photo.cropped)
 
 
@@ -126,7 +126,7 @@ def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> F
         return mean
     shapes, similarity = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
     for photo, camera in zip(problem.photos, cameras, strict=True):
-        image = ObjectImage(photo.pixels, photo.mask, camera.focal, photo.unseen)
+        image = ObjectMask(photo.mask, camera.focal, photo.unseen)
         similarity += shape_similarity(bank, image, camera.azimuth, camera.elevation)
     others = (shapes.abs().amax(1) > _MIN_DIFFERENCE).nonzero()[:, 0]
     best = others[similarity[others].argsort(descending=True)[: count - 1]]

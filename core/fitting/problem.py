@@ -25,7 +25,7 @@ from core.geometry.camera import Camera
 from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.ranking import ObjectImage, expected_scales
+from core.photos.ranking import ObjectMask, expected_scales
 from core.photos.view_bank import ViewBank
 
 SCORING_RAYS = 2048  # per photo, constant
@@ -135,10 +135,7 @@ class Problem:
         scaled = self.unknown & torch.tensor([photo.scaled and photo.focal is None for photo in self.photos])
         if self.bank is None or not bool(scaled.any()):
             return None
-        images = [
-            ObjectImage(photo.pixels, photo.mask, camera.focal)
-            for photo, camera in zip(self.photos, self.cameras, strict=True)
-        ]
+        images = [ObjectMask(photo.mask, camera.focal) for photo, camera in zip(self.photos, self.cameras, strict=True)]
         scales = torch.stack([expected_scales(self.bank, image) for image in images])
         return scales * scaled[:, None]
 

@@ -19,7 +19,7 @@ from core.models.model import Model
 from core.models.photo_detail import SIDE, compressed
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
-from core.photos.ranking import ObjectImage, offset_from_expected
+from core.photos.ranking import ObjectMask, offset_from_expected
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.sharpness import edge_softness, measure_blur
 from core.photos.view_bank import SizeRange, ViewBank, apparent_size
@@ -142,7 +142,7 @@ def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, pose: Float[Tensor,
         photo = _resampled(cut, (0, 0, width, width), (size, size))
         if not bool(photo.mask.any()):
             raise ValueError(f"the object is too thin to be seen at {size} px")
-        if offset_from_expected(bank, ObjectImage(photo.pixels, photo.mask, model.focal)) < _MAX_OFFSET:
+        if offset_from_expected(bank, ObjectMask(photo.mask, model.focal)) < _MAX_OFFSET:
             return photo
         scaled, half = False, width / 2  # recentre only: the apparent size determines the distance
     else:

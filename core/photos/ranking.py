@@ -6,19 +6,17 @@ from itertools import product
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Int, Int8, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 from torch.nn import functional
 
 from core.classifiers.viewpoint import AZIMUTHS
 from core.geometry.camera import camera_rotation
 from core.geometry.pixels import bounding_box
-from core.photos.view_bank import SIDE, ViewBank, normalised_luminance, unpack_bits
+from core.photos.view_bank import SIDE, ViewBank, unpack_bits
 
 _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
 """of a difference in size (logarithm) and position (object sizes), relative to the overlap"""
-_LUMINANCE_WEIGHT = 0.1
-"""of the correlation of luminance, relative to the overlap: textures are unknown, so it only settles ties"""
 _VIEWPOINT_RANK_WEIGHT = 0.06  # of the logarithm of a direction's probability, relative to the overlap
 _NEIGHBOURS = 20  # best matching views that predict an object's position
 _MATCHED = 1344  # views at a time, since the bank's numbers are expanded for the computation
@@ -26,10 +24,9 @@ _TRUNCATION = (0.0, 0.25, 0.6)
 """Fractions of an object, relative to its visible part, that may lie beyond a truncating image edge."""
 
 
-class ObjectImage(NamedTuple):
-    """An image of one object, and its mask."""
+class ObjectMask(NamedTuple):
+    """The mask of an object in an image."""
 
-    pixels: Float[Tensor, "height width 3"]  # on white, 0..1
     mask: Bool[Tensor, "height width"]  # True on the object; must not be empty
     focal: float  # px
     unseen: Bool[Tensor, "height width"] | None = None  # True beyond an edge that truncates the object
@@ -48,7 +45,7 @@ class CandidateCameras(NamedTuple):
 
 def rank_cameras(
     bank: ViewBank,
-    image: ObjectImage,
+    image: ObjectMask,
     count: int,
     viewpoint: Float[Tensor, "views"] | None = None,
     cropped: bool = False,
@@ -65,7 +62,7 @@ def rank_cameras(
     """
     bank.require_prototypes()
     templates = _templates(image)
-    scores = _match(bank.silhouettes, bank.luminance, bank.contrast, templates)
+    scores = _match(bank.silhouettes, templates)
     sizes = torch.tensor([template.size for template in templates])
     middles = torch.stack([template.middle for template in templates])
     if not cropped:
@@ -84,28 +81,27 @@ def rank_cameras(
 
 
 def shape_similarity(
-    bank: ViewBank, image: ObjectImage, azimuth: float, elevation: float
+    bank: ViewBank, image: ObjectMask, azimuth: float, elevation: float
 ) -> Float[Tensor, "prototypes"]:
     """Score each prototype against an image of known camera (rad), in the nearest view of the view bank."""
     given = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
     nearest = (camera_rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
-    views = bank.silhouettes[:, nearest], bank.luminance[:, nearest], bank.contrast[:, nearest]
-    return _match(*views, _templates(image)).amax(0)
+    return _match(bank.silhouettes[:, nearest], _templates(image)).amax(0)
 
 
-def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
+def offset_from_expected(bank: ViewBank, image: ObjectMask) -> float:
     """Return the distance, in focal lengths, of an object from the positions in its best matching views.
 
     Below 0.02 in 476 of 480 images like those of training, and above in all of them moved by a tenth.
     """
     template = _template(image._replace(unseen=None), bounding_box(image.mask))
-    scores = _match(bank.silhouettes, bank.luminance, bank.contrast, [template])
+    scores = _match(bank.silhouettes, [template])
     best = scores.flatten().topk(_NEIGHBOURS).indices
     expected = (bank.offsets * (template.size / bank.sizes)[..., None]).flatten(0, 1)[best]
     return float((expected - template.middle).norm(dim=-1).min())
 
 
-def expected_scales(bank: ViewBank, image: ObjectImage) -> Float[Tensor, "views"]:
+def expected_scales(bank: ViewBank, image: ObjectMask) -> Float[Tensor, "views"]:
     """Return for every direction the log ratio of an object's size in the image to its usual size."""
     left, top, right, bottom = bounding_box(image.mask)
     return math.log(max(right - left, bottom - top) / image.focal) - bank.sizes.log().median(0).values
@@ -115,13 +111,12 @@ class _Template(NamedTuple):
     """An image on the view bank's grid, assuming that the whole object fills a box in it."""
 
     mask: Float[Tensor, "side side"]
-    luminance: Float[Tensor, "side side"]
     seen: Float[Tensor, "side side"]  # 0 on unknown pixels
     size: float  # longer side of the box, in focal lengths
     middle: Float[Tensor, "2"]  # of the box relative to the image's middle, (x, y) in focal lengths
 
 
-def _templates(image: ObjectImage) -> list[_Template]:
+def _templates(image: ObjectMask) -> list[_Template]:
     """Return the image as it is and, at truncating edges, with various amounts of the object beyond."""
     unseen = torch.zeros_like(image.mask) if image.unseen is None else image.unseen
     left, top, right, bottom = bounding_box(image.mask)
@@ -135,7 +130,7 @@ def _templates(image: ObjectImage) -> list[_Template]:
     return [_template(image, box) for box in boxes]
 
 
-def _template(image: ObjectImage, box: tuple[float, ...]) -> _Template:
+def _template(image: ObjectMask, box: tuple[float, ...]) -> _Template:
     left, top, right, bottom = box
     height, width = image.mask.shape
     size = max(bottom - top, right - left)
@@ -145,36 +140,26 @@ def _template(image: ObjectImage, box: tuple[float, ...]) -> _Template:
     y = ((top + bottom) / 2 + steps * reach) / height * 2 - 1
     x = ((left + right) / 2 + steps * reach) / width * 2 - 1
     grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)[None]
-    both = torch.stack((image.mask.float(), image.pixels.mean(-1) * image.mask), 0)[None].float()
-    cover, luminance = functional.avg_pool2d(functional.grid_sample(both, grid, "bilinear", "zeros", False), 3)[0]
     known = torch.ones_like(image.mask) if image.unseen is None else ~image.unseen
-    seen = functional.avg_pool2d(functional.grid_sample(known[None, None].float(), grid, "nearest", "border", False), 3)
+    cover = functional.grid_sample(image.mask[None, None].float(), grid, "bilinear", "zeros", False)
+    seen = functional.grid_sample(known[None, None].float(), grid, "nearest", "border", False)
+    cover, seen = (functional.avg_pool2d(part, 3)[0, 0] for part in (cover, seen))
     middle = torch.tensor([left + right - width, top + bottom - height]) / (2 * image.focal)
-    luminance = normalised_luminance(luminance / cover.clamp_min(1e-3), cover)
-    return _Template(cover, luminance, seen[0, 0], size / image.focal, middle)
+    return _Template(cover, seen, size / image.focal, middle)
 
 
 def _match(
-    silhouettes: UInt8[Tensor, "*views bytes"],
-    luminance: Int8[Tensor, "*views pixels"],
-    contrast: Float[Tensor, "*views"],
-    templates: Sequence[_Template],
+    silhouettes: UInt8[Tensor, "*views bytes"], templates: Sequence[_Template]
 ) -> Float[Tensor, "templates *views"]:
-    """Return the overlap of masks (intersection over union) on known pixels, plus weighted correlation of luminance."""
-    mask, light, seen = (
-        torch.stack([getattr(template, part).flatten() for template in templates], 1)
-        for part in ("mask", "luminance", "seen")
-    )
+    """Return the overlap of masks (intersection over union) on known pixels."""
+    mask = torch.stack([template.mask.flatten() for template in templates], 1)
+    seen = torch.stack([template.seen.flatten() for template in templates], 1)
     scores = []
-    for packed, values, factor in zip(
-        *(part.split(_MATCHED) for part in (silhouettes.flatten(0, -2), luminance.flatten(0, -2), contrast.flatten())),
-        strict=True,
-    ):
+    for packed in silhouettes.flatten(0, -2).split(_MATCHED):
         views = unpack_bits(packed)
         shared = views @ mask
-        overlap = shared / (views @ seen + mask.sum(0) - shared)
-        scores.append(overlap + _LUMINANCE_WEIGHT * factor[:, None] * (values.float() @ light))
-    return torch.cat(scores).T.reshape(len(templates), *contrast.shape)
+        scores.append(shared / (views @ seen + mask.sum(0) - shared))
+    return torch.cat(scores).T.reshape(len(templates), *silhouettes.shape[:-1])
 
 
 def _spaced_out(scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:

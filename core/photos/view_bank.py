@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float, Int8, UInt8
+from jaxtyping import Bool, Float, UInt8
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
@@ -31,10 +31,10 @@ from core.runtime.pool import map_pieces
 PROTOTYPES = 120
 """With 60, fits of a model's own objects end in worse codes; with 240, fits of other objects are no better."""
 SIDE = 24  # px, of a view
-FORMAT = "view-bank-1"  # of the files; others are rebuilt
+FORMAT = "view-bank-2"  # of the files; others are rebuilt
 _MIN_POINTS = 20  # points of a usable prototype
 _SPLATTED = 24  # views at a time: points of more leave the cache and take much memory
-_TENSORS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")  # in the files, beside codes and distance
+_TENSORS = ("silhouettes", "sizes", "offsets")  # in the files, beside codes and distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +48,16 @@ class ViewBank:
     distance: float  # scene units, of all views
     silhouettes: UInt8[Tensor, "prototypes views bytes"]
     """masks, pixels row by row, eight to a byte, the lowest bit first"""
-    luminance: Int8[Tensor, "prototypes views pixels"]
-    """luminance minus its mean over the object, -127 to 127; 0 off the object"""
-    contrast: Float[Tensor, "prototypes views"]  # factor that gives a view's luminance unit norm
     sizes: Float[Tensor, "prototypes views"]  # longer side of the bounding box, in focal lengths
     offsets: Float[Tensor, "prototypes views 2"]
     """middle of the bounding box (x, y) relative to the image's, in focal lengths"""
 
     def __post_init__(self) -> None:
         count = len(self.codes.shape), len(self.azimuth)
-        shapes = [(*count, SIDE * SIDE // 8), (*count, SIDE * SIDE), count, count, (*count, 2)]
+        shapes = [(*count, SIDE * SIDE // 8), count, (*count, 2)]
         if [getattr(self, name).shape for name in _TENSORS] != shapes:
             raise ValueError(f"the parts of a view bank do not fit {count[0]} prototypes")
-        finite = all(bool(part.isfinite().all()) for part in (self.contrast, self.sizes, self.offsets))
+        finite = bool(self.sizes.isfinite().all() and self.offsets.isfinite().all())
         if not (finite and 0 < self.distance < math.inf):
             raise ValueError("the numbers of a view bank must be finite")
 
@@ -147,19 +144,16 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
     azimuth, elevation = directions()
     prototypes = _prototypes(model)
     # Preallocated: small results between large temporaries would keep the memory of these from being returned.
-    shape, pixels = (len(prototypes), len(azimuth)), SIDE * SIDE
-    silhouettes = torch.empty(*shape, pixels // 8, dtype=torch.uint8)
-    luminance = torch.empty(*shape, pixels, dtype=torch.int8)
-    contrast, sizes, offsets = torch.empty(shape), torch.empty(shape), torch.empty(*shape, 2)
-    parts = silhouettes, luminance, contrast, sizes, offsets
+    shape = len(prototypes), len(azimuth)
+    silhouettes = torch.empty(*shape, SIDE * SIDE // 8, dtype=torch.uint8)
+    parts = silhouettes, torch.empty(shape), torch.empty(*shape, 2)
 
     def fill(number: int) -> bool:
-        points, colours = (part.cpu() for part in surface_points(model, prototypes[number]))
+        points = surface_points(model, prototypes[number])[0].cpu()
         for start in range(0, len(azimuth) if len(points) >= _MIN_POINTS else 0, _SPLATTED):
             some = slice(start, start + _SPLATTED)
-            masks, light, size, offset = _splat(points, colours, azimuth[some], elevation[some], model.distance)
-            packed = pack(masks > 0).reshape(len(masks), -1), *_quantised(light.flatten(1)), size, offset
-            for part, whole in zip(packed, parts, strict=True):
+            masks, size, offset = _splat(points, azimuth[some], elevation[some], model.distance)
+            for part, whole in zip((pack(masks).reshape(len(masks), -1), size, offset), parts, strict=True):
                 whole[number, some] = part
         return len(points) >= _MIN_POINTS
 
@@ -191,12 +185,11 @@ def _prototypes(model: Model) -> list[Codes]:
 
 def _splat(
     points: Float[Tensor, "points 3"],
-    colours: Float[Tensor, "points 3"],
     azimuth: Float[Tensor, "views"],
     elevation: Float[Tensor, "views"],
     distance: float,
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Render a point cloud from every view: masks, normalised luminance, sizes and offsets."""
+) -> tuple[Bool[Tensor, "views side side"], Float[Tensor, "views"], Float[Tensor, "views 2"]]:
+    """Return the masks of a point cloud from every view, with their sizes and offsets."""
     x, y, z = (camera_rotation(azimuth, elevation) @ points.T).unbind(1)  # (views, points) each
     depth = (distance - z).clamp_min(1e-3)
     projected = torch.stack((x, -y), 1) / depth[:, None]
@@ -204,35 +197,10 @@ def _splat(
     size, middle = (high - low).amax(-1), (high + low) / 2
     scaled = (projected - middle[..., None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2
     column, row = scaled.long().clamp_(0, SIDE - 1).unbind(1)
-    count = len(points)
-    # The nearest point of a pixel is the least (depth, index), packed into one number.
-    packed = (depth / (4 * distance) * 2**20).long() * count + torch.arange(count)
-    nothing = torch.iinfo(torch.long).max
-    nearest = torch.full((len(azimuth), SIDE * SIDE), nothing).scatter_reduce(1, row * SIDE + column, packed, "amin")
-    masks = (nearest < nothing).float().reshape(-1, SIDE, SIDE)
-    luminance = colours.mean(-1)[nearest % count].reshape(masks.shape)
-    return masks, normalised_luminance(luminance, masks), size, middle
-
-
-def normalised_luminance(
-    luminance: Float[Tensor, "*batch side side"], mask: Float[Tensor, "*batch side side"]
-) -> Tensor:
-    """Return luminance minus its mean over the mask, with unit norm, 0 elsewhere."""
-    area = mask.sum((-2, -1), keepdim=True).clamp_min(1e-6)
-    mean = (luminance * mask).sum((-2, -1), keepdim=True) / area
-    centred = (luminance - mean) * mask
-    return centred / centred.square().sum((-2, -1), keepdim=True).sqrt().clamp_min(1e-3)
-
-
-# Packing
+    masks = torch.zeros(len(azimuth), SIDE * SIDE, dtype=torch.bool).scatter_(1, row * SIDE + column, True)
+    return masks.reshape(-1, SIDE, SIDE), size, middle
 
 
 def unpack_bits(packed: UInt8[Tensor, "views bytes"]) -> Float[Tensor, "views pixels"]:
     """Unpack the masks (0 or 1) of :attr:`ViewBank.silhouettes`."""
     return ((packed[..., None] >> torch.arange(8, dtype=torch.uint8)) & 1).flatten(-2).float()
-
-
-def _quantised(values: Float[Tensor, "views pixels"]) -> tuple[Int8[Tensor, "views pixels"], Float[Tensor, "views"]]:
-    """Quantise values to whole numbers up to 127; return them with the inverse factors."""
-    scale = values.abs().amax(1).clamp_min(1e-6) / 127
-    return (values / scale[:, None]).round().to(torch.int8), scale

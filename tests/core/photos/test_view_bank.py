@@ -15,7 +15,6 @@ from core.photos.view_bank import (
     ViewBank,
     apparent_size,
     build_view_bank,
-    normalised_luminance,
     unpack_bits,
 )
 from core.rendering.reference import render_exact
@@ -25,7 +24,7 @@ from core.streams import run_to_end
 from tests.conftest import random_model
 from tests.core.tiny import tiny_bank
 
-PARTS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
+PARTS = ("silhouettes", "sizes", "offsets")
 
 
 @pytest.fixture
@@ -53,37 +52,24 @@ def test_apparent_sizes_in_training_images(tiny: Model):
 def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
     bank, view, index = tiny_bank(), 2 * 24 + 3, 1
     codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
-    points, colours = surface_points(tiny, codes)
+    points, _ = surface_points(tiny, codes)
     right, up, backward = (camera_rotation(bank.azimuth[view], bank.elevation[view]) @ points.T).tolist()
     seen = [(x / (tiny.distance - z), -y / (tiny.distance - z)) for x, y, z in zip(right, up, backward, strict=True)]
     low, high = (tuple(map(end, zip(*seen, strict=True))) for end in (min, max))
     size = max(high[0] - low[0], high[1] - low[1])
-    nearest: dict[tuple[int, int], tuple[float, float]] = {}
-    for place, z, colour in zip(seen, backward, colours, strict=True):
+    mask = torch.zeros(SIDE, SIDE)
+    for place in seen:
         column, row = (
             min(SIDE - 1, int((value - (one + two) / 2) / size * (SIDE - 2) + SIDE / 2))
             for value, one, two in zip(place, low, high, strict=True)
         )
-        nearest[row, column] = max(nearest.get((row, column), (-9.0, 0.0)), (z, float(colour.mean())))
-    mask, light = torch.zeros(2, SIDE, SIDE)
-    for pixel, (_, luminance) in nearest.items():
-        mask[pixel], light[pixel] = 1, luminance
+        mask[row, column] = 1
     assert float(bank.sizes[index, view]) == pytest.approx(size, rel=1e-4)
     assert bank.offsets[index, view].tolist() == pytest.approx(
         [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2], abs=1e-5
     )
     found = unpack_bits(bank.silhouettes[index, view : view + 1]).reshape(SIDE, SIDE)
     assert float((found != mask).float().mean()) < 0.01  # a point between two pixels may be rounded either way
-    shown = (bank.luminance[index, view].float() * bank.contrast[index, view]).reshape(SIDE, SIDE)
-    assert float((shown * normalised_luminance(light, mask)).sum()) > 0.97
-
-
-def test_luminance_survives_packing(tiny: Model):
-    bank = tiny_bank()
-    light = (bank.luminance.float() * bank.contrast[..., None]).reshape(-1, SIDE, SIDE)
-    masks = unpack_bits(bank.silhouettes.flatten(0, 1)).reshape(-1, SIDE, SIDE)
-    assert not light[masks == 0].any()
-    torch.testing.assert_close(normalised_luminance(light, masks), light, atol=2e-3, rtol=0.0)
 
 
 def test_progress_ends_at_one(tiny: Model, folder: Path):

@@ -145,7 +145,7 @@ def of_view_bank(model: Model) -> list[Tensor]:
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.setenv("CODENERF_CACHE", folder)
         bank = run_to_end(build_view_bank(model))
-    return [bank.silhouettes, bank.luminance, bank.offsets]
+    return [bank.silhouettes, bank.sizes, bank.offsets]
 
 
 @pytest.mark.parametrize("job", [of_render, of_bake, of_mesh, of_fit, of_view_bank])
