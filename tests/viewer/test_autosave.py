@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from PIL import Image
 
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
+from core.rendering.progressive import Frame
 from core.runtime import reading
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
@@ -27,6 +29,9 @@ from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.history import History
 from viewer.values.project import Project
+
+Launch = Callable[..., tuple[Session, Autosave]]
+Kill = Callable[[Autosave], None]
 
 
 def edit(session: Session, photo: Path) -> None:
@@ -44,19 +49,29 @@ def edit(session: Session, photo: Path) -> None:
     editor.end_gesture()
 
 
-def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
-    """A launch."""
-    session = Session(worker, backend, 1, folder)
-    return session, Autosave(session, folder, clock)
+@pytest.fixture
+def launch(worker: Worker, backend: Backend, tmp_path: Path, clock: Clock) -> Launch:
+    """Opens a session that keeps itself in ``tmp_path``."""
+
+    def begin(backend: Backend = backend, folder: Path = tmp_path) -> tuple[Session, Autosave]:
+        session = Session(worker, backend, 1, folder)
+        return session, Autosave(session, folder, clock)
+
+    return begin
 
 
-def kill(autosave: Autosave, folder: Path, clock: Clock) -> None:
+@pytest.fixture
+def kill(tmp_path: Path, clock: Clock) -> Kill:
     """Saves a session, and makes its file that of a run that has ended."""
-    clock.now += 10.0
-    autosave.tick()
-    autosave.finish()
-    (written,) = folder.glob("session-*.codenerf")
-    written.rename(folder / "session-999999999.codenerf")
+
+    def end(autosave: Autosave) -> None:
+        clock.now += 10.0
+        autosave.tick()
+        autosave.finish()
+        (written,) = tmp_path.glob("session-*.codenerf")
+        written.rename(tmp_path / "session-999999999.codenerf")
+
+    return end
 
 
 def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
@@ -87,17 +102,15 @@ def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path:
     assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session.codenerf"]
 
 
-def test_the_next_launch_goes_on_with_objects_of_every_model(
-    worker: Worker, both: Backend, tmp_path: Path, clock: Clock, photo: Path
-) -> None:
-    session, autosave = begun(worker, both, tmp_path, clock)
+def test_the_next_launch_goes_on_with_objects_of_every_model(launch: Launch, photo: Path, both: Backend) -> None:
+    session, autosave = launch(both)
     edit(session, photo)
     session.editor.show_object("car 2")
     session.player.add_key()
     made = session.editor.history
     steps, step = session.fitting.history.steps, session.fitting.history.last
     autosave.close()
-    session, autosave = begun(worker, both, tmp_path, clock)
+    session, autosave = launch(both)
     assert not autosave.recoverable
     assert session.editor.history == made
     assert session.editor.model.category == "cars"
@@ -107,18 +120,16 @@ def test_the_next_launch_goes_on_with_objects_of_every_model(
     assert session.fitting.history.photo is not None
 
 
-def test_a_fit_under_way_and_those_that_wait_go_on(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
-) -> None:
+def test_a_fit_under_way_and_those_that_wait_go_on(launch: Launch, backend: Backend, photo: Path) -> None:
     other = photo.with_name("block other.png")
     other.write_bytes(photo.read_bytes())
-    session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
+    session, autosave = launch(replace(backend, fit=endless_fit))
     session.fitting.start(photo)
     session.fitting.start(other)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
     autosave.close()
     photo.unlink()  # it was read already
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = launch()
     assert session.fitting.running
     assert len(session.fitting.queue) == 1
     finish(session, lambda: not session.fitting.pending)
@@ -131,10 +142,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from tests.conftest import random_model
-from core.models.open_models import OpenModels
-from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
-from core.runtime import reading
 from tests.viewer.driver import deliver
 from tests.viewer.stand_ins import endless_fit, no_guess, quick_bank, quick_frames, quick_photo, two_models
 from viewer import autosave as autosave_module
@@ -164,7 +171,7 @@ while True:  # written again and again, so that it is killed in the middle of th
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals on Windows")
 def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
-    worker: Worker, both: Backend, tmp_path: Path, clock: Clock, photo: Path
+    launch: Launch, tmp_path: Path, photo: Path, kill: Kill, both: Backend
 ) -> None:
     folder = tmp_path / "config"
     folder.mkdir()
@@ -173,7 +180,7 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
         for _ in range(5):
             assert run.stdout.readline() == b"written\n"
         run.kill()
-    session, autosave = begun(worker, both, folder, clock)
+    session, autosave = launch(both, folder)
     assert len(autosave.recoverable) == 1
     autosave.restore()
     assert session.messages.errors == []
@@ -184,14 +191,12 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
     assert session.editor.history.states[1].mix.a.shape == "car 2"
 
 
-def test_restoring_adds_to_what_was_made_meanwhile(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
-) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
+def test_restoring_adds_to_what_was_made_meanwhile(launch: Launch, tmp_path: Path, photo: Path, kill: Kill) -> None:
+    session, autosave = launch()
     edit(session, photo)
     lost = session.editor.history
-    kill(autosave, tmp_path, clock)
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    kill(autosave)
+    session, autosave = launch()
     session.editor.show_object("object 5")
     before = session.editor.history
     offer = session.messages.shown[-1]
@@ -204,26 +209,24 @@ def test_restoring_adds_to_what_was_made_meanwhile(
     assert not list(tmp_path.glob("session-999999999*"))
 
 
-def test_a_session_in_which_nothing_was_made_is_not_offered(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
-) -> None:
-    session, _ = begun(worker, backend, tmp_path, clock)
+def test_a_session_in_which_nothing_was_made_is_not_offered(launch: Launch, tmp_path: Path) -> None:
+    session, _ = launch()
     session.project().save(tmp_path / "session-999999999.codenerf", session.models)
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = launch()
     assert not autosave.recoverable
     assert not session.messages.shown
 
 
 def test_a_photo_whose_fit_was_interrupted_makes_one_object(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+    launch: Launch, photo: Path, kill: Kill, backend: Backend
 ) -> None:
-    session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
+    session, autosave = launch(replace(backend, fit=endless_fit))
     session.fitting.start(photo)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    kill(autosave, tmp_path, clock)
+    kill(autosave)
     session.fitting.stop()  # its object is kept, the end of the fit is written no more
     session.tick()
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = launch()
     assert session.editor.objects.own == ["block"]
     autosave.restore()
     finish(session, lambda: not session.fitting.running)
@@ -231,9 +234,9 @@ def test_a_photo_whose_fit_was_interrupted_makes_one_object(
 
 
 def test_an_object_of_another_photo_of_the_same_name_stays(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+    launch: Launch, backend: Backend, photo: Path, kill: Kill
 ) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = launch()
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
     with Image.open(photo) as image:
@@ -242,42 +245,37 @@ def test_an_object_of_another_photo_of_the_same_name_stays(
     session.jobs.backend = replace(backend, fit=endless_fit)
     session.fitting.start(photo)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    kill(autosave, tmp_path, clock)
+    kill(autosave)
     session.fitting.close()
     session.tick()
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = launch()
     autosave.restore()
     finish(session, lambda: not session.fitting.running)
     assert session.editor.objects.own == ["block (2)", "block"]
 
 
-def test_a_session_that_ends_the_program_is_not_begun_with_again(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
-) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
+def test_a_session_that_ends_the_program_is_not_begun_with_again(launch: Launch, tmp_path: Path) -> None:
+    session, autosave = launch()
     session.editor.show_object("object 2")
     autosave.close()
-    begun(worker, backend, tmp_path, clock)
+    launch()
     (path,) = tmp_path.glob("session*.codenerf")
     assert path.stem.startswith("session-")  # as is offered where that run is no more
 
 
-def test_the_place_of_the_project_is_known_at_the_next_launch(
-    session: Session, editor: Editor, worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
-) -> None:
-    autosave = Autosave(session, tmp_path / "kept", clock)
-    editor.show_object("object 2")
+def test_the_place_of_the_project_is_known_at_the_next_launch(launch: Launch, tmp_path: Path) -> None:
+    session, autosave = launch()
+    session.editor.show_object("object 2")
     session.save_project(tmp_path / "a.codenerf")
     assert Project.load(tmp_path / "a.codenerf", session.models).path is None  # which may be given to others
     autosave.close()
-    again = Session(worker, backend)
-    Autosave(again, tmp_path / "kept", clock)
+    again, _ = launch()
     assert again.project_path == tmp_path / "a.codenerf"
 
 
-def test_of_two_windows_neither_session_is_lost(worker: Worker, backend: Backend, tmp_path: Path, clock: Clock) -> None:
-    first, of_first = begun(worker, backend, tmp_path, clock)
-    second, of_second = begun(worker, backend, tmp_path, clock)
+def test_of_two_windows_neither_session_is_lost(launch: Launch, tmp_path: Path) -> None:
+    first, of_first = launch()
+    second, of_second = launch()
     first.editor.show_object("object 2")
     second.editor.show_object("object 3")
     of_first.close()
@@ -285,10 +283,8 @@ def test_of_two_windows_neither_session_is_lost(worker: Worker, backend: Backend
     assert len(list(tmp_path.glob("session*.codenerf"))) == 2
 
 
-def test_new_begins_afresh_and_keeps_what_there_was(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
-) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
+def test_new_begins_afresh_and_keeps_what_there_was(launch: Launch, photo: Path) -> None:
+    session, autosave = launch()
     edit(session, photo)
     history = session.editor.history
     session.new()
@@ -303,27 +299,23 @@ def test_new_begins_afresh_and_keeps_what_there_was(
     assert session.editor.objects.own.count("block") == 1
     session.new()
     autosave.close()
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = launch()
     assert not session.editor.history.past
 
 
-def test_what_was_made_with_a_model_that_is_another_now_is_kept_aside(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
-) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
+def test_what_was_made_with_a_model_that_is_another_now_is_kept_aside(launch: Launch, backend: Backend) -> None:
+    session, autosave = launch()
     session.editor.show_object("object 2")
     autosave.close()
-    session, autosave = begun(worker, replace(backend, load_model=lambda name: random_model(9)), tmp_path, clock)
+    session, autosave = launch(replace(backend, load_model=lambda name: random_model(9)))
     assert len(session.messages.errors) == 1
     assert not session.editor.history.past
     assert len(autosave.earlier) == 1
 
 
-def test_a_kept_session_that_is_broken_is_reported_and_stays(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
-) -> None:
+def test_a_kept_session_that_is_broken_is_reported_and_stays(launch: Launch, tmp_path: Path) -> None:
     (tmp_path / "session.codenerf").write_text("broken")
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = launch()
     assert len(session.messages.errors) == 1
     assert [path.read_text() for path in autosave.earlier] == ["broken"]
 
@@ -466,46 +458,32 @@ def test_unfinished_files_of_runs_that_were_killed_are_removed_after_a_day(sessi
     assert [path.name for path in tmp_path.glob(".*.partial*")] == [".new.partial.codenerf"]
 
 
-def test_the_next_launch_shows_the_view_and_tiles_at_once_and_no_other_object(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
-) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
+@pytest.mark.parametrize("crashed", [False, True])
+def test_the_next_launch_shows_the_view_and_tiles_at_once(launch: Launch, kill: Kill, crashed: bool) -> None:
+    session, autosave = launch()
     session.start()
     session.editor.show_object("object 3")
     finish(session, lambda: session.viewport.sharp)
     codes, camera = session.editor.scene.codes, session.editor.scene.camera.resized(64, 64)
-    session.thumbnails.get(codes, camera)
-    finish(
-        session, lambda: (found := session.thumbnails.get(codes, camera)) is not None and found.resolution == (64, 64)
-    )
+
+    def tile(of: Session) -> Frame | None:
+        return of.thumbnails.get(codes, camera)
+
+    finish(session, lambda: (found := tile(session)) is not None and found.resolution == (64, 64))
     shown = session.viewport.frame
-    assert shown is not None
-    autosave.close()
+    if crashed:
+        kill(autosave)
+    else:
+        autosave.close()
     session.close()
-    again, second = begun(worker, backend, tmp_path, clock)
+    again, second = launch()
     again.viewport.change(panel=(300, 200))
     assert again.viewport.frame is None and not again.jobs.busy("view")  # nothing is rendered before it is restored
     again.start()
-    frame, tile = again.viewport.frame, again.thumbnails.get(codes, camera)
-    assert frame is not None and not again.viewport.sharp
+    if crashed:
+        second.restore()
+    frame = again.viewport.frame
+    assert shown is not None and frame is not None and not again.viewport.sharp
     np.testing.assert_array_equal(frame.image, shown.image)
-    assert tile is not None and tile.resolution == (64, 64)
-    second.close()
-
-
-def test_a_crashed_session_that_is_restored_shows_its_view_at_once(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
-) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
-    session.start()
-    session.editor.show_object("object 3")
-    finish(session, lambda: session.viewport.sharp)
-    shown = session.viewport.frame
-    kill(autosave, tmp_path, clock)
-    session.close()
-    again, second = begun(worker, backend, tmp_path, clock)
-    again.start()
-    second.restore()
-    assert shown is not None and again.viewport.frame is not None
-    np.testing.assert_array_equal(again.viewport.frame.image, shown.image)
+    assert crashed or tile(again).resolution == (64, 64)
     second.close()
