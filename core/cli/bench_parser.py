@@ -1,6 +1,7 @@
 """The command line of ``bench``. Imports no torch, so that ``--help`` answers at once."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from core.cli.argument_types import count, part
@@ -9,59 +10,70 @@ from core.cli.options import add_command, add_model, add_seed
 
 def add_bench(commands: argparse._SubParsersAction) -> None:
     """Add ``bench`` and its kinds."""
-    kinds = commands.add_parser("bench", help="measure on this machine and plot charts").add_subparsers(
-        required=True, metavar="KIND"
-    )
-    rendering = add_command(
-        kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage"
-    )
-    rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
-    films = add_command(kinds, "films", "measure.bench_films", "seconds of a video against PSNR, exact and baked")
-    films.add_argument("--objects", type=count, default=2, metavar="N", help="objects, one turn each")
-    fitting = add_command(
-        kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
-    )
-    guard = add_command(kinds, "gate", "measure.bench_gate", "fail if anything takes twice as long as in gate.csv")
-    guard.add_argument("--write", action="store_true", help="write gate.csv, the baseline, instead")
-    shared = add_command(kinds, "threads", "measure.bench_threads", "seconds of whole jobs against threads")
-    shared.add_argument("--counts", type=count, nargs="+", default=[1, 2], metavar="N", help="numbers of threads")
-    shared.add_argument("--busy", type=int, nargs="+", default=[0, 1, 2], metavar="N", help="busy programs beside")
-    redraw = add_command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
-    ablations = add_command(
-        kinds, "ablations", "measure.bench_ablations", "fits without single components of the method"
-    )
-    robustness = add_command(
-        kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
-    )
-    robustness.add_argument("--stressors", nargs="+", default=[], metavar="S", help="stressors to run (default: all)")
-    robustness.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="presets to compare")
-    robustness.add_argument(
-        "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
-    )
-    detail = add_command(kinds, "detail", "measure.bench_detail", "effect of photo detail on other views")
-    detail.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of held-out objects")
-    detail.add_argument("--renderer", default="own", metavar="NAME", help="renderer of the images")
-    detail.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
-    detail.add_argument("--input-view", type=int, default=3, metavar="I", help="index of that view")
-    detail.add_argument("--view-stride", type=count, default=2, metavar="N", help="only every Nth other view")
-    for kind in (fitting, ablations, robustness):
-        kind.add_argument(
-            "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders (default: the model's training objects)"
-        )
-        kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
-        add_seed(kind)
-    measured = (rendering, films, fitting, shared, ablations, robustness, detail)
-    for kind in measured:
-        add_model(kind)
-    pictures = add_command(
-        kinds, "photos", "measure.bench_photos", "fits of photographs, compared with judgement by eye"
-    )
-    pictures.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="folders of the photographs")
-    pictures.add_argument(
-        "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="judgements by eye"
-    )
-    pictures.add_argument("--preset", default="normal", metavar="P", help="of the fits")
-    for kind in (*measured, pictures, redraw, guard):
+    parser = commands.add_parser("bench", help="measure on this machine and plot charts")
+    kinds = parser.add_subparsers(required=True, metavar="KIND")
+    for name, (help_text, *parts) in _KINDS.items():
+        kind = add_command(kinds, name, f"measure.bench_{name}", help_text)
+        for add in parts:
+            add(kind)
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="output folder of the charts"
         )
+
+
+def _add_views(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
+
+
+def _add_turns(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("--objects", type=count, default=2, metavar="N", help="objects, one turn each")
+
+
+def _add_fits(kind: argparse.ArgumentParser) -> None:
+    """Add the objects of a benchmark of fits."""
+    kind.add_argument(
+        "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders (default: the model's training objects)"
+    )
+    kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
+    add_seed(kind)
+
+
+def _add_robustness(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("--stressors", nargs="+", default=[], metavar="S", help="stressors to run (default: all)")
+    kind.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="presets to compare")
+    kind.add_argument(
+        "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
+    )
+
+
+def _add_detail(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of held-out objects")
+    kind.add_argument("--renderer", default="own", metavar="NAME", help="renderer of the images")
+    kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
+    kind.add_argument("--input-view", type=int, default=3, metavar="I", help="index of that view")
+    kind.add_argument("--view-stride", type=count, default=2, metavar="N", help="only every Nth other view")
+
+
+def _add_photos(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="folders of the photographs")
+    kind.add_argument(
+        "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="judgements by eye"
+    )
+    kind.add_argument("--preset", default="normal", metavar="P", help="of the fits")
+
+
+def _add_write(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("--write", action="store_true", help="write gate.csv, the baseline, instead")
+
+
+_KINDS: dict[str, tuple[str, *tuple[Callable[[argparse.ArgumentParser], object], ...]]] = {
+    "render": ("milliseconds per frame against PSNR, stage by stage", _add_views, add_model),
+    "videos": ("seconds of a video against PSNR, exact and baked", _add_turns, add_model),
+    "fit": ("seconds against degrees of fits without a known camera, by preset", _add_fits, add_model),
+    "ablations": ("fits without single components of the method", _add_fits, add_model),
+    "robustness": ("where fits fail: success rate against stressors", _add_robustness, _add_fits, add_model),
+    "detail": ("effect of photo detail on other views", _add_detail, add_model),
+    "photos": ("fits of photographs, compared with judgement by eye", _add_photos),
+    "gate": ("fail if anything takes twice as long as in gate.csv", _add_write),
+    "redraw": ("write tables and charts again from the CSV files",),
+}  # what each measures, and functions that add its options

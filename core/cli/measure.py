@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,14 +17,12 @@ from core.lab.benchmarks import (
     charts,
     detail_gains,
     drawing,
-    films,
     fits,
     gate,
     photos,
     rendering,
-    rendering_charts,
     robustness,
-    threads,
+    videos,
 )
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
@@ -91,23 +89,19 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 
 def bench_render(chosen: argparse.Namespace) -> None:
     """Run ``bench render``: speed and accuracy of the renderer; resumes an earlier run."""
-    drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
-    done = {row.key for row in rendering_charts.read_rows(chosen.out, about)}
-    for row in _reported(rendering.measure_rendering(model, chosen.views, done)):
-        rendering_charts.add_row(chosen.out, about, row)
-    print(charts.draw(chosen.out, "render"), flush=True)
+    measure = partial(rendering.measure_rendering, model, chosen.views)
+    _bench(chosen, "render", rendering.RenderTiming, about, measure)
 
 
-def bench_films(chosen: argparse.Namespace) -> None:
-    """Run ``bench films``: speed and accuracy of videos, exact and baked."""
-    drawing.prepare(chosen.out)
+def bench_videos(chosen: argparse.Namespace) -> None:
+    """Run ``bench videos``: speed and accuracy of videos, exact and baked."""
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
-    about |= {"frames": str(films.FRAMES), "size": str(films.SIZE), "picture": str(films.PICTURE)}
+    about |= {"frames": str(videos.FRAMES), "size": str(videos.SIZE), "image": str(videos.IMAGE_SIZE)}
     about |= {"model": model.fingerprint}
-    _bench(chosen, "films", films.Film, about, lambda done: films.measure_films(model, chosen.objects, done))
+    _bench(chosen, "videos", videos.VideoTiming, about, partial(videos.measure_videos, model, chosen.objects))
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
@@ -123,22 +117,12 @@ def bench_gate(chosen: argparse.Namespace) -> None:
         raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
 
 
-def bench_threads(chosen: argparse.Namespace) -> None:
-    """Run ``bench threads``: seconds of whole jobs against threads and load, as CSV, table and chart."""
-    drawing.prepare(chosen.out)
-    model = load_model(chosen.model, chosen.device)
-    about = {"machine": describe_machine(model.device), "category": model.category}
-    rows = tuple(_reported(threads.measure_threads(model, chosen.counts, chosen.busy)))
-    print(charts.write(chosen.out, "threads", Results(about, rows)), flush=True)
-
-
 def bench_fit(chosen: argparse.Namespace) -> None:
     """Run ``bench fit``: speed and accuracy of blind fits."""
-    drawing.prepare(chosen.out)
     model, views = _held_out_views(chosen)
     methods = {name: fits.FitMethod(preset) for name, preset in PRESETS.items()}
     about = {"machine": describe_machine(model.device), "model": model.fingerprint}
-    _bench(chosen, "fit", fits.FitTrial, about, lambda done: fits.fit_views(model, views, methods, done))
+    _bench(chosen, "fit", fits.FitTrial, about, partial(fits.fit_views, model, views, methods))
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
@@ -152,16 +136,14 @@ def bench_ablations(chosen: argparse.Namespace) -> None:
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
     """Run ``bench robustness``: failures of blind fits."""
-    drawing.prepare(chosen.out)
     model, views = _held_out_views(chosen)
     about, wanted = {"machine": describe_machine(model.device)}, (chosen.stressors, chosen.presets, chosen.part)
-    measure = partial(robustness.measure_robustness, model, views, *wanted, seed=chosen.seed)
-    _bench(chosen, "robustness", robustness.RobustnessTrial, about, lambda done: measure(done=done))
+    measure = partial(robustness.measure_robustness, model, views, *wanted, chosen.seed)
+    _bench(chosen, "robustness", robustness.RobustnessTrial, about, measure)
 
 
 def bench_detail(chosen: argparse.Namespace) -> None:
     """Run ``bench detail``: effect of photo detail on other views."""
-    drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
@@ -172,22 +154,17 @@ def bench_detail(chosen: argparse.Namespace) -> None:
 
 def bench_photos(chosen: argparse.Namespace) -> None:
     """Run ``bench photos``: fits of photographs against judgement by eye."""
-    drawing.prepare(chosen.out)
     seen = photos.read_judgements(chosen.by_eye)
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
     files = [file for folder in chosen.folders for file in sorted(folder.iterdir()) if file.stem in seen]
     if not files:
         raise ValueError(f"{chosen.by_eye}: none of its photos is in {', '.join(map(str, chosen.folders))}")
 
-    def measure(done: set[Hashable]) -> Iterator[photos.PhotoTrial]:
-        return photos.measure_photos([file for file in files if file.stem not in done], seen, chosen.preset)
-
-    _bench(chosen, "photos", photos.PhotoTrial, about, measure)
+    _bench(chosen, "photos", photos.PhotoTrial, about, partial(photos.measure_photos, files, seen, chosen.preset))
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
     """Run ``bench redraw``: write tables and charts again from the CSV files."""
-    drawing.prepare(chosen.out)
     for path in charts.redraw(chosen.out):
         print(path, flush=True)
 
@@ -213,6 +190,7 @@ def _bench(
         about: the conditions of the rows, such as the machine.
         measure: yields the rows whose keys are not in its argument, the keys of an earlier run.
     """
+    drawing.prepare(chosen.out)
     path = chosen.out / f"{name}.csv"
     done = {row.key for row in read_records(path, kind, about)}
     for row in _reported(measure(done)):

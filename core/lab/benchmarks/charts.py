@@ -14,11 +14,11 @@ from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results, read_results, write_results
 from core.lab.benchmarks.detail_gains import DetailView
 from core.lab.benchmarks.drawing import DPI
-from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.photos import PhotoTrial
+from core.lab.benchmarks.rendering import RenderTiming
 from core.lab.benchmarks.robustness import RobustnessTrial
-from core.lab.benchmarks.threads import ThreadTiming
+from core.lab.benchmarks.videos import VideoTiming
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,9 +67,8 @@ def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
 
 
 CHARTS = {
-    "render": Chart(rendering_charts.read_rendering, tables.rendering_table, rendering_charts.rendering_chart),
-    "threads": Chart(_rows_of(ThreadTiming), tables.threads_table, rendering_charts.threads_chart),
-    "films": Chart(_rows_of(Film), tables.films_table, rendering_charts.films_chart),
+    "render": Chart(_rows_of(RenderTiming), tables.rendering_table, rendering_charts.rendering_chart),
+    "videos": Chart(_rows_of(VideoTiming), tables.videos_table, rendering_charts.videos_chart),
     "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
     "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),

@@ -37,8 +37,7 @@ from core.streams import run_to_end
 TOLERANCE = 2.0  # allowed multiple of the baseline's ratio
 _EXACT, _NAIVE_STEPS = 64, 20  # px and samples of the exact render; steps of the paper's recipe
 _IMPORT = (sys.executable, "-c", "import torch")
-_BEGIN = "import os; parent = os.getppid()\n"
-_SPIN = "while os.getppid() == parent: sum(range(10000))"
+_SPIN = "import os; parent = os.getppid()\nwhile os.getppid() == parent: sum(range(10000))"
 """ends with the program that started it, even if that is killed"""
 
 
@@ -126,9 +125,9 @@ def _commands(category: str) -> Iterator[Ratio]:
 
 
 @contextmanager
-def busy_processes(count: int, program: str = _SPIN) -> Iterator[list[subprocess.Popen[bytes]]]:
+def busy_processes(count: int) -> Iterator[list[subprocess.Popen[bytes]]]:
     """Keep ``count`` cores busy with other processes until the end of a ``with``."""
-    processes = [subprocess.Popen([sys.executable, "-c", _BEGIN + program]) for _ in range(count)]
+    processes = [subprocess.Popen([sys.executable, "-c", _SPIN]) for _ in range(count)]
     try:
         yield processes
     finally:

@@ -7,7 +7,7 @@ may be fitted.
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -85,9 +85,11 @@ def read_judgements(path: Path) -> dict[str, tuple[Judgement, ...]]:
     return {name: tuple(group) for name, group in groupby(found, key=lambda one: one.photo)}
 
 
-def measure_photos(files: Sequence[Path], seen: Mapping[str, Sequence[Judgement]], preset: str) -> Iterator[PhotoTrial]:
-    """Fit each photo without a hint, as ``fit`` does; yield its results."""
-    for path in files:
+def measure_photos(
+    files: Sequence[Path], seen: Mapping[str, Sequence[Judgement]], preset: str, done: Collection[Hashable] = ()
+) -> Iterator[PhotoTrial]:
+    """Fit each photo without a hint, as ``fit`` does, except those whose keys are done; yield its results."""
+    for path in (file for file in files if file.stem not in done):
         yield measure_photo(path, seen[path.stem], preset)
 
 

@@ -2,8 +2,7 @@
 
 PSNR is against the exact renderer with 256 samples a ray in float32. Times of the network on a processor are processor
 times of all threads, which other load changes little. Settings take turns, so that it affects all of them, and times
-are medians over the turns: read them as ratios. A turn of a setting is a row, so a run can be resumed. Only how long
-images take while something moves is told by the clock.
+are medians over the turns: read them as ratios. A turn of a setting is a row, so a run can be resumed.
 """
 
 import math
@@ -25,9 +24,8 @@ from core.models.model import Model
 from core.rendering import fast
 from core.rendering.baked_field import BakedField, render_baked
 from core.rendering.baking import bake
-from core.rendering.frame_budget import FrameBudget
 from core.rendering.occupancy import Tolerances, tolerances
-from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+from core.rendering.progressive import RenderSettings
 from core.rendering.reference import exact_rays, render_exact, render_rays
 from core.runtime.precision import matmul_dtype, use_dtype
 
@@ -36,13 +34,9 @@ REFERENCE_SAMPLES = 256
 NAIVE_SAMPLES = (8, 16, 32, 64, 96)
 FAST_SAMPLES = (32, 48, 64, 96, 128, 192, 256)
 SIZES = (64, 128, 256, 512)
-INTERACTION_SIZES = (128, 256)  # px
 _SIZE = 128  # px, of most images
 _COMPARED = 64  # px, of larger images that are compared with the reference pixel by pixel
 TURNS, NAIVE_TURNS = 5, 2  # the naive renderer is slow and varies little
-INTERACTION_FRAMES = 24
-_WARMUP_FRAMES = 8  # frames before these, in which caches fill and the frame budget settles
-_SETTLES = 2  # number of times that the movement stops
 CURVES = ("naive", "fast", "float32", "baked", "sizes", "ablation")
 """fast: in the number format that this machine multiplies fastest; float32: the same in float32, if that differs"""
 
@@ -70,38 +64,11 @@ class RenderTiming:
         return f"{self.recipe}, {self.size} px, {self.samples} samples: {self.ms:.1f} ms, {self.psnr:.1f} dB"
 
 
-@dataclass(frozen=True)
-class Interaction:
-    """Latencies of images while the camera or a code moves."""
-
-    what: str  # that moves: the camera ("orbit"), the texture or the shape
-    size: int  # px, of the final image
-    p50: float  # ms for the full image with all samples
-    p95: float
-    preview_p50: float  # ms for the preview, as coarse as the frame budget makes it
-    preview_p95: float
-    preview_size: int  # px, of the last preview
-    settle_time: float  # s from the end of the movement to the final image, mean over several
-
-    @property
-    def key(self) -> Hashable:
-        """The key of a row."""
-        return self.what, self.size
-
-    def __str__(self) -> str:
-        images = f"first image after {self.preview_p50:.0f} ms, the whole after {self.p50:.0f} ms"
-        return f"{self.what}, {self.size} px: {images}"
-
-
-RenderRow = RenderTiming | Interaction
-
-
-def median_turns(rows: Iterable[RenderRow]) -> dict[str, tuple[RenderTiming, ...]]:
+def median_turns(rows: Iterable[RenderTiming]) -> dict[str, tuple[RenderTiming, ...]]:
     """Return the median over turns of each setting, by curve."""
     turns: dict[Hashable, list[RenderTiming]] = {}
     for row in rows:
-        if isinstance(row, RenderTiming):
-            turns.setdefault(row.key[:-1], []).append(row)
+        turns.setdefault(row.key[:-1], []).append(row)
     timings = [replace(some[0], turn=0, ms=median(one.ms for one in some)) for some in turns.values()]
     return {curve: tuple(one for one in timings if one.curve == curve) for curve in CURVES}
 
@@ -124,7 +91,7 @@ class _Setting(NamedTuple):
     """Rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
 
 
-def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[RenderRow]:
+def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[RenderTiming]:
     """Yield each row as it is measured, except those whose keys are done."""
 
     @cache
@@ -137,10 +104,6 @@ def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] =
             key = (*setting[:4], turn)
             if turn < setting.turns and key not in done:
                 yield _measure(model, setting, turn, truth)
-    for size in INTERACTION_SIZES:
-        for what in ("orbit", "texture", "shape"):
-            if (what, size) not in done:
-                yield _interaction(model, what, size)
 
 
 def _settings(views: Sequence[_View]) -> list[_Setting]:
@@ -260,48 +223,3 @@ def _ablations(samples: int) -> dict[str, Tolerances]:
         "without early ray termination": cutoff._replace(termination=math.inf),
         "colouring all intervals": cutoff._replace(min_weight=-1.0),
     }
-
-
-def _interaction(model: Model, what: str, size: int) -> Interaction:
-    """Time images while the camera, the texture or the shape moves."""
-    codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
-    other = model.codes[len(model.codes.objects) // 2]
-
-    def at(share: float, divisors: tuple[int, ...]) -> RenderJob:
-        turned = replace(camera, azimuth=camera.azimuth + 2 * share)
-        mixed = codes.mixed(other, share * (what == "shape"), share * (what == "texture"))
-        return RenderJob(mixed, turned if what == "orbit" else camera, RenderSettings(divisors=divisors))
-
-    def whole(share: float, divisors: tuple[int, ...] = (1,)) -> float:
-        return _until(model, at(share, divisors), last=True)[0]
-
-    frames = INTERACTION_FRAMES + _WARMUP_FRAMES
-    shares = [(index + 1) / frames for index in range(frames)]
-    images = [whole(share) for share in shares]
-    fast.clear_cache()
-    whole(0.0, RenderSettings().divisors)
-    budget, previews, preview_size = FrameBudget(), list[float](), size
-    for share in shares:
-        divisors = budget.divisors(size)
-        seconds, frame = _until(model, at(share, divisors), last=False)
-        previews.append(seconds)
-        preview_size = frame.resolution[0]
-        if frame.stage == 0:  # of a shape known at full size, the first image is a finer one
-            budget.observe(divisors[0], seconds)
-    settle = sum(whole(1.0 + index, budget.divisors(size)) for index in range(_SETTLES)) / _SETTLES
-    return Interaction(what, size, *_quantiles(images), *_quantiles(previews), preview_size, settle)
-
-
-def _until(model: Model, job: RenderJob, last: bool) -> tuple[float, Frame]:
-    """Return the seconds until a job's first or last image, and that image."""
-    began = time.perf_counter()
-    for frame in render_progressively(model, job):
-        if frame and (frame.final or not last):
-            return time.perf_counter() - began, frame
-    raise ValueError("a render without an image")
-
-
-def _quantiles(values: Sequence[float]) -> tuple[float, float]:
-    """Return the median and the 95th percentile in ms, without the warm-up."""
-    ordered = sorted(1000 * value for value in values[_WARMUP_FRAMES:])
-    return median(ordered), ordered[int(0.95 * (len(ordered) - 1))]

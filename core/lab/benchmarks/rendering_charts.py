@@ -1,43 +1,20 @@
-"""Files and chart of :mod:`core.lab.benchmarks.rendering`, and the chart of videos."""
+"""Charts of images and videos."""
 
 from collections.abc import Sequence
-from operator import attrgetter
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, read_results
+from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.drawing import draw_frontier, log_ticks, new_figure
-from core.lab.benchmarks.films import DEFAULT, Film
-from core.lab.benchmarks.rendering import Interaction, RenderRow, RenderTiming, median_turns
-from core.lab.benchmarks.threads import ThreadTiming
+from core.lab.benchmarks.rendering import RenderTiming, median_turns
+from core.lab.benchmarks.videos import DEFAULT, VideoTiming
 from core.rendering.progressive import RenderSettings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_FILES: dict[type[RenderTiming] | type[Interaction], str] = {
-    RenderTiming: "render.csv",
-    Interaction: "interaction.csv",
-}
 
-
-def read_rows(folder: Path, about: Row) -> list[RenderRow]:
-    """Return the rows of an earlier run into a folder. Raise ``ValueError`` if its ``about`` differs."""
-    return [row for kind, name in _FILES.items() for row in read_records(folder / name, kind, about)]
-
-
-def add_row(folder: Path, about: Row, row: RenderRow) -> None:
-    """Append a row to ``render.csv`` or ``interaction.csv``."""
-    append_record(folder / _FILES[type(row)], about, row)
-
-
-def read_rendering(path: Path) -> Results[RenderRow]:
-    """Read ``render.csv`` and, beside it, ``interaction.csv``. Raise ``ValueError`` if they do not parse."""
-    return Results(read_results(path, RenderTiming).about, tuple(read_rows(path.parent, {})))
-
-
-def rendering_chart(found: Results[RenderRow]) -> "Figure":
+def rendering_chart(found: Results[RenderTiming]) -> "Figure":
     """Draw PSNR against milliseconds, and milliseconds against image size."""
     timings = median_turns(found.rows)
     sizes = timings["sizes"]
@@ -65,22 +42,7 @@ def rendering_chart(found: Results[RenderRow]) -> "Figure":
     return figure
 
 
-def threads_chart(found: Results[ThreadTiming]) -> "Figure":
-    """Seconds of each job against threads, a line for each load."""
-    steps, loads = (list(dict.fromkeys(map(attrgetter(name), found.rows))) for name in ("step", "busy"))
-    figure, plots = new_figure(len(steps), width=3.2)
-    for axes, step in zip(plots, steps, strict=True):
-        for busy in loads:
-            some = [row for row in found.rows if (row.step, row.busy) == (step, busy)]
-            axes.plot([one.threads for one in some], [one.seconds for one in some], "o-", label=f"{busy} busy programs")
-        axes.set(title=step, xlabel="threads", ylabel="s", ylim=(0, None), xticks=sorted({one.threads for one in some}))
-        axes.grid(alpha=0.3)
-    plots[0].legend(loc="lower left")
-    figure.suptitle(found.about["machine"], fontsize=9)
-    return figure
-
-
-def films_chart(found: Results[Film]) -> "Figure":
+def videos_chart(found: Results[VideoTiming]) -> "Figure":
     """Draw PSNR against seconds of a turn, exact and baked; the star is the default."""
     figure, (axes,) = new_figure(1, width=6.5)
     turns = [row for row in found.rows if row.shown == "turn"]

@@ -90,8 +90,8 @@ def measure_robustness(
     stressors: Sequence[str] = (),
     presets: Sequence[str] = COMPARED,
     part: tuple[int, int] = (1, 1),
-    done: Collection[tuple[str, float, str, str]] = (),
     seed: int = 0,
+    done: Collection[tuple[str, float, str, str]] = (),
 ) -> Iterator[RobustnessTrial]:
     """Fit every corrupted image and yield each trial.
 

@@ -1,6 +1,5 @@
 """Markdown tables of the benchmarks: lists of columns, and the lines around them."""
 
-import math
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -11,10 +10,9 @@ from core.fitting.confidence import auroc
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, object_gains, others
-from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.rendering import Interaction, RenderRow, median_turns
+from core.lab.benchmarks.rendering import RenderTiming, median_turns
 from core.lab.benchmarks.robustness import (
     ROUGH_DEGREES,
     SUCCESS_DEGREES,
@@ -24,7 +22,7 @@ from core.lab.benchmarks.robustness import (
     success_rates,
 )
 from core.lab.benchmarks.stressors import STRESSORS
-from core.lab.benchmarks.threads import ThreadTiming
+from core.lab.benchmarks.videos import VideoTiming
 from core.lab.evaluation.protocol import ViewScore
 from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
 
@@ -62,8 +60,8 @@ def _text(about: str, *blocks: str) -> str:
 # Rendering
 
 
-def rendering_table(found: Results[RenderRow]) -> str:
-    """Format milliseconds and PSNR by recipe, of the ablations, by image size, and during movement."""
+def rendering_table(found: Results[RenderTiming]) -> str:
+    """Format milliseconds and PSNR by recipe, of the ablations, and by image size."""
     curves = median_turns(found.rows)
     naive, full = curves["naive"][-1], curves["ablation"][0]
     renderers: list[Column] = [
@@ -87,53 +85,27 @@ def rendering_table(found: Results[RenderRow]) -> str:
         markdown_table(renderers, [one for name in ("naive", "fast", "float32", "baked") for one in curves[name]]),
         markdown_table(ablations, curves["ablation"]),
         markdown_table(_SIZES, curves["sizes"]),
-        markdown_table(_INTERACTIONS, [row for row in found.rows if isinstance(row, Interaction)]),
     )
 
 
-def threads_table(found: Results[ThreadTiming]) -> str:
-    """Seconds of each job with each number of threads, against those of one thread beside the same load."""
-    alone = {(row.step, row.busy): row.seconds for row in found.rows if row.threads == 1}
-    columns: list[Column] = [
-        ("job", "step", "{}"),
-        ("busy programs", "busy", "{}"),
-        ("threads", "threads", "{}"),
-        ("s", "seconds", "{:.2f}"),
-        ("over one thread", lambda one: one.seconds / alone.get((one.step, one.busy), math.nan), "{:.2f}"),
-        ("s of processors", "processor", "{:.2f}"),
-    ]
-    text = "{machine}; {category}. Busy programs multiply matrices in two torch threads each."
-    return _text(text.format(**found.about), markdown_table(columns, found.rows))
-
-
-def films_table(found: Results[Film]) -> str:
+def videos_table(found: Results[VideoTiming]) -> str:
     """Format seconds and PSNR of each way to render a video, against the exact one."""
     exact = {row.shown: row for row in sorted(found.rows, key=attrgetter("setting")) if row.recipe == "exact"}
     columns: list[Column] = [
         ("shown", "shown", "{}"),
-        ("film", "recipe", "{}"),
+        ("frames", "recipe", "{}"),
         ("samples or cells", "setting", "{:g}"),
         ("s", "seconds", "{:.1f}"),
         ("times as fast as exact", lambda one: exact[one.shown].seconds / one.seconds, "{:.1f}"),
         ("PSNR (dB)", "psnr", "{:.1f}"),
         ("worst frame", "worst", "{:.1f}"),
     ]
-    about = "{machine}; {category}, {objects} objects, {frames} frames of {size} px, a picture of {picture} px"
+    about = "{machine}; {category}, {objects} objects, {frames} frames of {size} px, an image of {image} px"
     text = f"{about.format(**found.about)}; processor time without writing them."
     return _text(text, markdown_table(columns, found.rows))
 
 
 _SIZES: list[Column] = [("size (px)", "size", "{}"), ("ms", "ms", "{:.1f}"), ("PSNR (dB)", "psnr", "{:.1f}")]
-_INTERACTIONS: list[Column] = [
-    ("moving", "what", "{}"),
-    ("size (px)", "size", "{}"),
-    ("full image p50 (ms)", "p50", "{:.1f}"),
-    ("p95", "p95", "{:.1f}"),
-    ("preview p50 (ms)", "preview_p50", "{:.1f}"),
-    ("p95", "preview_p95", "{:.1f}"),
-    ("preview size (px)", "preview_size", "{}"),
-    ("settle time (s)", "settle_time", "{:.2f}"),
-]
 
 
 # Fits

@@ -5,9 +5,9 @@ import pytest
 
 from core.lab.benchmarks import rendering
 from core.lab.benchmarks.charts import draw
+from core.lab.benchmarks.csv_files import append_record, read_records
 from core.lab.benchmarks.drawing import prepare
-from core.lab.benchmarks.rendering import Interaction, RenderRow, RenderTiming, measure_rendering, median_turns
-from core.lab.benchmarks.rendering_charts import add_row, read_rows
+from core.lab.benchmarks.rendering import RenderTiming, measure_rendering, median_turns
 from tests.conftest import image_size
 from tests.core.tiny import tiny_model
 
@@ -16,14 +16,12 @@ ABOUT = {"machine": "a machine", "views": "2"}
 
 
 @pytest.fixture(scope="module")
-def rows() -> Iterator[list[RenderRow]]:
+def rows() -> Iterator[list[RenderTiming]]:
     with pytest.MonkeyPatch.context() as changed:
         for name, value in (
             ("TURNS", 2),
             ("NAIVE_TURNS", 1),
-            ("INTERACTION_FRAMES", 2),
             ("SIZES", (16, 32)),
-            ("INTERACTION_SIZES", (24,)),
             ("REFERENCE_SAMPLES", 96),
         ):
             changed.setattr(rendering, name, value)
@@ -31,20 +29,17 @@ def rows() -> Iterator[list[RenderRow]]:
 
 
 @pytest.fixture(scope="module")
-def curves(rows: list[RenderRow]) -> Curves:
+def curves(rows: list[RenderTiming]) -> Curves:
     return median_turns(rows)
 
 
-def test_every_recipe_is_measured_against_the_reference(rows: list[RenderRow], curves: Curves) -> None:
+def test_every_recipe_is_measured_against_the_reference(rows: list[RenderTiming], curves: Curves) -> None:
     naive, fast = curves["naive"], curves["fast"]
     assert [point.samples for point in naive] == list(rendering.NAIVE_SAMPLES)
     assert [point.samples for point in fast] == list(rendering.FAST_SAMPLES)
     assert all(point.ms > 0 and point.worst_view <= point.psnr for point in (*naive, *fast))
     assert naive[-1].psnr > naive[0].psnr
     assert min(point.psnr for point in fast) > 45
-    assert {(one.what, one.size) for one in rows if isinstance(one, Interaction)} == {
-        (what, 24) for what in ("orbit", "texture", "shape")
-    }
 
 
 def test_what_is_left_out_of_a_ray_costs_next_to_no_accuracy(curves: Curves) -> None:
@@ -59,20 +54,20 @@ def test_times_are_medians_over_turns() -> None:
     assert (one.ms, one.psnr) == (2.0, 50.0)
 
 
-def test_a_resumed_run_goes_on_where_the_first_stopped(rows: list[RenderRow]) -> None:
+def test_a_resumed_run_goes_on_where_the_first_stopped(rows: list[RenderTiming]) -> None:
     assert len({row.key for row in rows}) == len(rows)
     done = {row.key for row in rows[:-1]}
     assert [row.key for row in measure_rendering(tiny_model(), 2, done)] == [rows[-1].key]
 
 
-def test_charts_are_written(rows: list[RenderRow], tmp_path: Path) -> None:
+def test_charts_are_written(rows: list[RenderTiming], tmp_path: Path) -> None:
     prepare(tmp_path / "charts")
-    assert read_rows(tmp_path / "charts", ABOUT) == []
+    path = tmp_path / "charts/render.csv"
     for row in rows:
-        add_row(tmp_path / "charts", ABOUT, row)
-    assert read_rows(tmp_path / "charts", ABOUT) == rows
+        append_record(path, ABOUT, row)
+    assert list(read_records(path, RenderTiming, ABOUT)) == rows
     with pytest.raises(ValueError, match=r"render.csv: views '2', and now '3'"):
-        read_rows(tmp_path / "charts", ABOUT | {"views": "3"})
+        read_records(path, RenderTiming, ABOUT | {"views": "3"})
     table = draw(tmp_path / "charts", "render")
     assert image_size(tmp_path / "charts/render.png")[0] > 800
     assert (tmp_path / "charts/render.md").read_text() == table

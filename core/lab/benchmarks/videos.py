@@ -1,7 +1,7 @@
 """Seconds against PSNR of videos and a large image: rendered by the network or drawn from baked fields.
 
-One turn of 72 frames, a morph into another object and back, and one large picture, without writing them. Times are
-processor times of all threads, which other load changes little; of exact films a few frames are timed. PSNR is that of
+One turn of 72 frames, a morph into another object and back, and one large image, without writing them. Times are
+processor times of all threads, which other load changes little; of exact videos a few frames are timed. PSNR is that of
 the same frames against 384 samples a ray.
 """
 
@@ -23,7 +23,7 @@ from core.rendering.progressive import RenderJob, RenderSettings
 
 FRAMES = 72
 COMPARED = 6, 30, 53  # compared frames
-SIZE, PICTURE = 512, 2160  # px, of a video and of an image
+SIZE, IMAGE_SIZE = 512, 2160  # px, of a video and of an image
 GRIDS = 128, 192, 256  # cells along an axis
 SAMPLES = 48, 96, 192  # per ray; the last is the setting of exact videos
 REFERENCE_SAMPLES = 384
@@ -31,10 +31,10 @@ DEFAULT = "default"
 
 
 @dataclass(frozen=True)
-class Film:
+class VideoTiming:
     """A way to render a video or an image, and its cost and accuracy, mean over objects."""
 
-    shown: str  # turn, morph or picture
+    shown: str  # turn, morph or image
     recipe: str  # exact, baked, or default: the choice of render_frames, choosing included
     setting: float  # samples per ray, or cells of the grid along an axis
     seconds: float  # of the processor, for all frames
@@ -57,11 +57,11 @@ class _Views(NamedTuple):
     compared: Sequence[int]
 
 
-_Films = Callable[[Model, _Views], tuple[float, float, list[Image]]]
+_Render = Callable[[Model, _Views], tuple[float, float, list[Image]]]
 """Renders a video: its setting, s, and the compared frames."""
 
 
-def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = ()) -> Iterator[Film]:
+def measure_videos(model: Model, objects: int = 2, done: Collection[Hashable] = ()) -> Iterator[VideoTiming]:
     """Yield each row as it is measured, except those whose keys are done. Needs OpenGL."""
     some = [codes for _, codes in evenly_spaced_objects(model, objects)]
     camera = model.camera(0.9, 0.35).resized(SIZE, SIZE)
@@ -69,17 +69,17 @@ def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = (
     shown = {
         "turn": [_Views(views, COMPARED) for views in turns],
         "morph": [_Views(_morph(*pair), COMPARED) for pair in zip(turns, turns[1:] + turns[:1], strict=True)],
-        "picture": [_Views([View(one[0].codes, one[0].camera.resized(PICTURE, PICTURE))], [0]) for one in turns],
+        "image": [_Views([View(one[0].codes, one[0].camera.resized(IMAGE_SIZE, IMAGE_SIZE))], [0]) for one in turns],
     }
     finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _default)
-    turned: list[tuple[str, int, _Films]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
+    turned: list[tuple[str, int, _Render]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
     turned += [("baked", cells, _baked(cells)) for cells in GRIDS]
 
     @cache
     def truth(what: str, number: int) -> list[Image]:
         return _exact(REFERENCE_SAMPLES)(model, shown[what][number])[2]
 
-    for what, recipes in (("turn", [*turned, default]), ("morph", [finest, default]), ("picture", [finest, default])):
+    for what, recipes in (("turn", [*turned, default]), ("morph", [finest, default]), ("image", [finest, default])):
         for recipe, setting, make in recipes:
             if (what, recipe, setting) in done:
                 continue
@@ -89,7 +89,7 @@ def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = (
                 chosen.append(found)
                 seconds.append(spent)
                 quality += [psnr(one / 255, of / 255) for one, of in zip(frames, truth(what, number), strict=True)]
-            yield Film(what, recipe, median(chosen), mean(seconds), mean(quality), min(quality))
+            yield VideoTiming(what, recipe, median(chosen), mean(seconds), mean(quality), min(quality))
 
 
 def _morph(turn: Sequence[View], other: Sequence[View]) -> Sequence[View]:
@@ -98,15 +98,15 @@ def _morph(turn: Sequence[View], other: Sequence[View]) -> Sequence[View]:
     return Timeline(keys, 1.0, turns=1).views(len(turn))
 
 
-def _exact(samples: int) -> _Films:
-    def film(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
+def _exact(samples: int) -> _Render:
+    def render(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
         frames, began = [], time.process_time()
         for index in shown.compared:
             job = RenderJob(*shown.views[index], RenderSettings(samples, (1,)))
             frames += [frame.image for frame in render_progressively(model, job) if frame]
         return samples, (time.process_time() - began) * len(shown.views) / len(shown.compared), frames
 
-    return film
+    return render
 
 
 def _default(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
@@ -114,13 +114,13 @@ def _default(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
     return (_exact(FEW_SAMPLES) if few else _baked(CELLS))(model, shown)
 
 
-def _baked(cells: int) -> _Films:
+def _baked(cells: int) -> _Render:
     """Draw from a grid of ``cells`` along an axis."""
 
-    def film(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
+    def render(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
         began = time.process_time()
         stream = baked_frames(model, shown.views, (255, 255, 255), cells=cells)
         frames = [image for image in stream if image is not None]
         return cells, time.process_time() - began, [frames[index] for index in shown.compared]
 
-    return film
+    return render
