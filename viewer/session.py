@@ -26,7 +26,7 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.jobs import BACKGROUND_SHARE, FIT_SHARE, Jobs
+from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails, Pixels, read_pictures
 from viewer.services.messages import MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
@@ -174,7 +174,7 @@ class Session:
 
     def _build_view_bank(self, model: Model) -> None:
         name, banks = f"view bank {model.fingerprint}", self.jobs.banks
-        self.jobs.submit(Job(name, lambda: banks.wait(model), lambda _: None, share=FIT_SHARE))
+        self.jobs.submit(Job(name, lambda: banks.wait(model), lambda _: None, share=BACKGROUND_SHARE))
 
     def rename(self, name: str, to: str) -> None:
         """Rename an added object everywhere."""

@@ -21,7 +21,10 @@ def _no_saliency_network() -> None:
 
 
 @pytest.mark.slow
-def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: Path, tmp_path: Path) -> None:
+def test_a_photo_becomes_an_edited_turntable_in_a_minute(
+    drive: Drive, shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CODENERF_THREADS")  # it computes on every core, as the program does
     film, waits = tmp_path / "police.mp4", dict[str, float]()
 
     def act(window: Driver) -> None:

@@ -98,10 +98,16 @@ class Exporting:
         self.kind, self.path, self.progress, self._began = kind, path, 0.0, time.monotonic()
         scene = self._editor.scene
 
+        def changes() -> Iterator[float | None]:
+            before = 0.0
+            for done in stream(scene):
+                yield done if done != before else None  # as a value redraws the window
+                before = done
+
         def advanced(done: float) -> None:
             self.progress = done / total
 
-        self._jobs.submit(Job("export", lambda: stream(scene), advanced, self._ended))
+        self._jobs.submit(Job("export", changes, advanced, self._ended))
 
     def _ended(self, error: Exception | None) -> None:
         path, self.path = self.path, None

@@ -15,7 +15,7 @@ from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.framing import Framing
 from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor
-from viewer.services.jobs import SHARPENING_SHARE, TILES_SHARE, Jobs
+from viewer.services.jobs import FIT_SHARE, SHARPENING_SHARE, TILES_SHARE, Jobs
 from viewer.services.kept_thumbnails import Pixels
 from viewer.services.signal import Signal
 from viewer.services.worker import Job
@@ -165,10 +165,6 @@ class Viewport:
         """Return whether OpenGL can draw an object now."""
         return self.settings.baked and self.baked is not None and codes == self._baked_of
 
-    def baked_copy(self, codes: Codes) -> BakedField | None:
-        """Return an object's baked copy, if any."""
-        return self.baked if codes == self._baked_of else None
-
     def show_baked(self, source: Source) -> None:
         """Let OpenGL draw the scene's object, which :meth:`is_baked`, in place of a source's frames."""
         self.hold(source)
@@ -308,7 +304,7 @@ class Viewport:
                 self._last_render = time.monotonic()
 
         ended = self._jobs.reporting("Cannot render the object")
-        share = 1.0 if urgent else SHARPENING_SHARE
+        share = FIT_SHARE if urgent else SHARPENING_SHARE
         self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:

@@ -66,7 +66,7 @@ class ShareDialog:
         shown, stays = imgui.begin("Share", True, unmoved)
         context.share_open = bool(stays) and not _left_by_escape()
         if shown:
-            preview.update(_as_in_view(context, context.preferences.share), context.session.viewport.baked_copy)
+            preview.update(_as_in_view(context, context.preferences.share))
             self._draw_content(context)
         imgui.end()
 

@@ -10,7 +10,7 @@ from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
 from core.export.video import VideoSettings, write_video
-from core.export.video_frames import Image, draw_still, render_frames
+from core.export.video_frames import Image, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose
@@ -48,7 +48,6 @@ class Backend:
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Generator[float, None, ViewBank]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
-    draw: Callable[[BakedField, Camera, bool], Image | None] = draw_still
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories

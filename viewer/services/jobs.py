@@ -11,8 +11,11 @@ from viewer.services.messages import Messages
 from viewer.services.view_banks import ViewBanks
 from viewer.services.worker import Job, Worker
 
-FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.3, 0.1, 0.03, 0.01
-"""Shares of the worker's time, where an export has 1.0: fits, tiles, the view's last pixels, invisible work."""
+FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.1, 0.01, 0.003, 0.001
+"""Shares of the worker's time, where an export has 1.0: fits and previews, tiles, the view's last pixels, unseen work.
+
+With a tenth of the share above it, each delays that by a tenth and does not stand still.
+"""
 
 
 @dataclass(eq=False)

@@ -1,4 +1,3 @@
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,16 +11,12 @@ import trimesh
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.geometry.camera import Camera
-from core.models.codes import Codes
 from core.models.field import Field
 from core.models.model import Model
 from core.models.scene import Scene, save_image
-from core.rendering.baked_field import BakedField
 from core.runtime.files import atomic_file
 from tests.conftest import image_size
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import Bakery
 from viewer.services.backend import Backend
 
 
@@ -118,32 +113,6 @@ def test_the_preview_is_the_first_frame_on_its_background(
         assert window.session.messages.errors == []
 
     drive(act, replace(real_backend, load_model=lambda name: block))
-
-
-def test_the_preview_becomes_finer_with_the_baked_copy(drive: Drive, backend: Backend) -> None:
-    finer, bakery = threading.Event(), Bakery()
-
-    def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
-        for baked in bakery(model, codes):
-            while baked and baked.cells > 64 and not finer.is_set():
-                time.sleep(0.01)
-                yield None
-            yield baked
-
-    def draw(baked: BakedField, camera: Camera, shadow: bool) -> np.ndarray:
-        return np.full((camera.height, camera.width, 4), baked.cells, np.uint8)
-
-    def act(window: Driver) -> None:
-        viewport, preview = window.session.viewport, window.session.exporting.preview
-        window.context.fast_opengl = True
-        window.wait(lambda: viewport.baked is not None)
-        window.press(imgui.Key.mod_ctrl, imgui.Key.e)
-        window.wait(lambda: preview.image is not None)
-        assert preview.image.max() == 64
-        finer.set()
-        window.wait(lambda: preview.image.max() == 128)
-
-    drive(act, replace(backend, bake=bake, draw=draw))
 
 
 def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Path) -> None:
