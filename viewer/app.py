@@ -88,7 +88,6 @@ class App:
         self._themed: bool | None = None
         self._popup_open = False  # a popup was open before this frame; imgui closes some on Esc
         self._folded: list[Panel] = []  # panels that were shown before the view was shown alone
-        self._failed: dict[str, str] = {}  # errors of failed panels, by title
         self._reported: dict[str, str] = {}  # errors of callbacks that failed in the last frame
         if headless:
             self.context.attended = False
@@ -212,22 +211,9 @@ class App:
         imgui.end()
 
     def _draw_panel(self, panel: Panel) -> None:
-        """Draw a panel. A failure is reported and shown in its place, and other panels go on."""
-        if panel.title in self._failed:
-            imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")
-            added = self.context.session.editor.objects.added
-            if imgui.button("Try again") or (added and self._offers_to_remove(added[-1].name)):
-                del self._failed[panel.title]
-            return
+        """Draw a panel, and its error if it fails; other panels go on."""
         if error := self._guard(f"The panel {panel.title} failed", lambda: panel.draw(self.context)):
-            self._failed[panel.title] = error_text(error)
-
-    def _offers_to_remove(self, name: str) -> bool:
-        """Draw a button that removes the newest object, a possible cause of a failure; return True if pressed."""
-        removed = imgui.button(f"Remove {name}###remove newest")
-        if removed:
-            self.context.session.remove(name)
-        return removed
+            imgui.text_wrapped(f"This panel failed: {error_text(error)}")
 
     def _guard(self, what: str, draw: Callable[[], None]) -> Exception | None:
         """Call ``draw`` and return its error, if any; an error that recurs in every frame is reported once."""

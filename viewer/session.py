@@ -92,7 +92,7 @@ class Session:
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._kept_thumbnails, self._pictures)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
-        self.player = Player(jobs, self.editor, self.viewport)
+        self.player = Player(jobs, self.editor)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting, self.grabbing = Painting(jobs, self.editor), Grabbing(jobs, self.editor, self.viewport)

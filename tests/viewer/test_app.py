@@ -21,7 +21,6 @@ from viewer.services.backend import Backend
 from viewer.services.messages import UNFORESEEN
 from viewer.values import orbit
 from viewer.values.history import History
-from viewer.values.objects import EditableObject
 from viewer.values.preferences import Preferences
 from viewer.values.share_settings import KINDS
 
@@ -185,14 +184,10 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
         assert session.messages.log[-1].detail == "KeyError: 'a mistake'"
         window.drag("View/orbit", 30)
         assert editor.history.past
-        editor.add_and_show(EditableObject("hostile", window.session.editor.model.codes[1]), editor.scene.camera)
-        window.wait()
-        window.click("Library/###remove newest")
-        assert not editor.objects.added
-        window.wait()
-        assert sum("failed" in one.text for one in session.messages.log) == 1  # it failed again, and said so once
+        assert (
+            sum("failed" in one.text for one in session.messages.log) == 1
+        )  # it fails in every frame, and said so once
         library.draw = drawn
-        window.click("Library/Try again")
         window.click("Library/**/show object 3")
         assert editor.state.mix.a.shape == "object 3"
 

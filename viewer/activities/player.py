@@ -1,42 +1,27 @@
 """The timeline's editing and playing: keyframes and playhead."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 from core.export.keyframes import MAX_LENGTH, MIN_GAP, Timeline, View
 from core.models.scene import Scene
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
-from viewer.services.worker import Job
-from viewer.values import orbit
 
 _GESTURE = "play"  # gesture of playing and scrubbing, so that either is one step of undo
-_RATE = 12.0  # frames per second while playing, as many as two cores render of changing shapes
-_DETAIL = 128  # px along a frame's shorter side
-_SETTINGS = RenderSettings(samples=96, divisors=(1,))
 _STEP = 1.0  # s from the last keyframe to an appended one
-_MAX_FRAMES = 720  # frames kept: a minute
 
 
 class Player:
-    """Edits the timeline and shows its frame at the playhead.
+    """Edits the timeline and shows its scene at the playhead, which moves while playing, as a drag would."""
 
-    Frames are rendered ahead of the playhead and kept, so that the second round is smooth.
-    """
-
-    def __init__(
-        self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
+    def __init__(self, jobs: Jobs, editor: Editor, clock: Callable[[], float] = time.monotonic) -> None:
+        self._jobs, self._editor, self._clock = jobs, editor, clock
         self.seconds = 0.0  # time of the playhead
         self._began: float | None = None  # s on the clock when the playhead was at 0; None unless playing
         self._last_scene: Scene | None = None  # scene of the last tick; another one is an edit
         self._last_timeline: Timeline | None = None  # timeline of the last tick; another one is an edit
-        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # frames of ``_rendered_of``, by number
-        self._rendered_of: tuple[Timeline, object] | None = None  # timeline and layout of the kept frames
 
     @property
     def timeline(self) -> Timeline:
@@ -56,7 +41,6 @@ class Player:
     def close(self) -> None:
         """Stop playing."""
         self._began = None
-        self._jobs.cancel("timeline")
 
     def toggle(self) -> None:
         """Play or pause."""
@@ -70,19 +54,17 @@ class Player:
             self.seconds = 0.0
         self._editor.end_gesture()
         self._began = self._clock() - self.seconds
-        self._viewport.hold("timeline")
         self._show()
-        self._render_ahead()
 
     def pause(self) -> None:
         """Pause at the playhead."""
         if self.playing:
-            self._stop()
+            self.close()
             self._editor.end_gesture()
 
     def seek(self, seconds: float) -> None:
         """Move the playhead and show its frame; :meth:`Editor.end_gesture` ends the drag."""
-        self._stop()
+        self.close()
         self.seconds = max(0.0, min(self.timeline.length, seconds))
         if self.timeline.keys:
             self._show()
@@ -92,18 +74,12 @@ class Player:
         if self._began is None:
             return
         if self._editor.scene is not self._last_scene or self.timeline is not self._last_timeline:
-            self._stop()
+            self.close()
             return
-        if self._rendered_of != (self.timeline, self._layout):
-            self._render_ahead()
         length = self.timeline.length
         passed = self._clock() - self._began
         self.seconds = passed % length if self.timeline.loop else min(passed, length)
         self._show()
-        if self._viewport.is_baked(self._editor.scene.codes):
-            self._viewport.show_baked("timeline")
-        elif newest := self._newest_frame():
-            self._viewport.display(*newest, "timeline")
         if passed >= length and not self.timeline.loop:
             self.pause()
         self._jobs.worker.wake()
@@ -120,7 +96,8 @@ class Player:
             seconds = min(timeline.keys[-1].seconds + _STEP, MAX_LENGTH - gap)
             room = seconds + (_STEP if timeline.loop else 0.0)
             timeline = replace(timeline, length=min(MAX_LENGTH, max(timeline.length, room)))
-        self._editor.set_timeline(timeline.added(seconds, self._shown))
+        scene = self._editor.scene
+        self._editor.set_timeline(timeline.added(seconds, View(scene.codes, scene.camera)))
         self.seconds = seconds
         self._jobs.messages.notify(f"Keyframe {(self.key or 0) + 1} of {len(self.timeline.keys)}, at {seconds:.1f} s")
 
@@ -132,7 +109,7 @@ class Player:
     def move_key(self, index: int, seconds: float) -> None:
         """Move a keyframe to another time and show it; :meth:`Editor.end_gesture` ends the drag."""
         moved, gesture = self.timeline.moved(index, seconds), f"key {index}"
-        self._stop()
+        self.close()
         self.seconds = moved.keys[index].seconds
         self._editor.set_timeline(moved, gesture)
         self._editor.show(*moved.keys[index].view, gesture)
@@ -152,7 +129,7 @@ class Player:
         """Scale the timeline to another length in seconds; :meth:`Editor.end_gesture` ends the drag."""
         share = self.seconds / self.timeline.length
         stretched = self.timeline.stretched(length)
-        self._stop()
+        self.close()
         self.seconds = share * stretched.length
         self._editor.set_timeline(stretched, "timeline length")
 
@@ -160,55 +137,6 @@ class Player:
         """Set whether the timeline continues from its last keyframe to its first."""
         self.pause()
         self._editor.set_timeline(self.timeline.looped(loop))
-
-    def _stop(self) -> None:
-        if self._began is not None:
-            self._began = None
-            self._jobs.cancel("timeline")
-            self._viewport.release("timeline")
-
-    def _newest_frame(self) -> tuple[Frame, orbit.PanelCrop] | None:
-        """Return the newest rendered frame at or before the playhead."""
-        now = int(self.seconds * _RATE)
-        return next((self._frames[index] for index in range(now, -1, -1) if index in self._frames), None)
-
-    def _render_ahead(self) -> None:
-        """Render the missing frames from the playhead, once round; none if OpenGL draws the objects."""
-        if all(self._viewport.is_baked(key.view.codes) for key in self.timeline.keys):
-            return
-        timeline, layout = self.timeline, self._layout
-        if self._rendered_of != (timeline, layout):
-            self._rendered_of = timeline, layout
-            self._frames.clear()
-        count, now = timeline.frame_count(_RATE), int(self.seconds * _RATE)
-        if count > _MAX_FRAMES:  # too many to keep: only the next ones are rendered
-            self._frames.clear()
-        order = [index for index in (*range(now, count), *range(now)) if index not in self._frames][:_MAX_FRAMES]
-
-        def render() -> Iterator[tuple[int, Frame, orbit.PanelCrop] | None]:
-            for index in order:
-                view = timeline.at(index / _RATE)
-                crop = orbit.fit_to_panel(view.camera, *layout)
-                job = RenderJob(view.codes, crop.camera, _SETTINGS, shadow=True)
-                for frame in self._jobs.frames(job):
-                    yield (index, replace(frame, stage_count=2), crop) if frame else None  # marked as a preview
-
-        ended = self._jobs.reporting("Cannot render the timeline")
-        self._jobs.submit(Job("timeline", render, self._keep, ended))
-
-    def _keep(self, rendered: tuple[int, Frame, orbit.PanelCrop]) -> None:
-        index, frame, crop = rendered
-        self._frames[index] = frame, crop
-
-    @property
-    def _layout(self) -> tuple[int, int, int, tuple[float, float]]:
-        """The placement of frames in the view: arguments of :func:`~viewer.values.orbit.fit_to_panel`."""
-        settings = self._viewport.settings
-        return *settings.panel, _DETAIL, settings.offset
-
-    @property
-    def _shown(self) -> View:
-        return View(self._editor.scene.codes, self._editor.scene.camera)
 
     def _show(self) -> None:
         view = self.timeline.at(self.seconds)

@@ -22,16 +22,16 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
 
-Source = Literal["none", "scene", "timeline", "fit"]
+Source = Literal["none", "scene", "fit"]
 LIVE = RenderSettings(samples=48, divisors=(2,))  # for frames of a running fit
 _FULL_RESOLUTION_DELAY = 0.4  # s without a change before rendering every pixel of the view
 _EXACT_DELAY = 0.15  # s without a change before rendering the exact image in place of OpenGL's
 
 
 class Viewport:
-    """Shows the edited scene, or frames of the timeline or of a running fit.
+    """Shows the edited scene, or frames of a running fit.
 
-    The view follows a fit until codes are edited or the timeline plays; turning the view does not end that.
+    The view follows a fit until codes are edited; turning the view does not end that.
     """
 
     def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
@@ -47,7 +47,6 @@ class Viewport:
         self._baked_of: Codes | None = None  # codes that are baked or being baked
         self._last_orbit = 0.0  # s on the monotonic clock of the last change of :attr:`baked_frame`
         self._last_render: float | None = None  # s on the monotonic clock when a preview was finished
-        self._sharpens: tuple[float, float] = 0.0, 0.0  # start (s) and expected duration (s) of the sharp image
         self._live: View | None = None  # newest object of the fit, from the photo's camera at the model's size
         self._followed_since: Scene | None = None  # scene when following a fit began; None: no fit is followed
         editor.scene_changed.connect(self._refresh)
@@ -119,19 +118,11 @@ class Viewport:
         self.framing.frame(self.settings.panel)
         self.result_shown.emit()
 
-    @property
-    def sharpened(self) -> float | None:
-        """The estimated progress, 0..1, of the sharp image; None unless it is being rendered."""
-        begun, seconds = self._sharpens
-        if not begun or self.sharp or not self._jobs.busy("view"):
-            return None
-        return min(0.95, (time.monotonic() - begun) / max(0.1, seconds))
-
     def render(self) -> None:
-        """Render the scene in place of the current render, unless timeline or fit are shown."""
+        """Render the scene in place of the current render, unless a fit is shown."""
         if self.source != "scene":
             return
-        self._last_render, self.sharp, self._sharpens = None, False, (0.0, 0.0)
+        self._last_render, self.sharp = None, False
         request = self.request
         if self.is_baked(request.codes):
             self._jobs.cancel("view")
@@ -155,8 +146,6 @@ class Viewport:
         rests = self._last_render is not None and now - self._last_render >= _FULL_RESOLUTION_DELAY
         if rests and not self._jobs.busy("fit"):
             self._last_render = None
-            pixels = (request.full / request.preview) ** 2
-            self._sharpens = now, pixels * (self.times[-1][1] if self.times else 0.0)
             self._submit(request, request.full, continues=True)
 
     # Baked by core, drawn by OpenGL
@@ -164,11 +153,6 @@ class Viewport:
     def is_baked(self, codes: Codes) -> bool:
         """Return whether OpenGL can draw an object now."""
         return self.settings.baked and self.baked is not None and codes == self._baked_of
-
-    def show_baked(self, source: Source) -> None:
-        """Let OpenGL draw the scene's object, which :meth:`is_baked`, in place of a source's frames."""
-        self.hold(source)
-        self._show_baked(self.request)
 
     def show_turned(self, camera: Camera) -> None:
         """Let OpenGL draw the scene's object, which :meth:`is_baked`, from another camera."""
@@ -191,29 +175,13 @@ class Viewport:
         ended = self._jobs.reporting("Cannot bake the object")
         self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=TILES_SHARE))
 
-    # Frames of the timeline, and of a fit
-
-    def hold(self, source: Source) -> None:
-        """Stop rendering the scene until :meth:`release`, as a source will display its own frames."""
-        self.source, self._last_render, self.baked_frame = source, None, None
-        self._jobs.cancel("view")
-
-    def display(self, frame: Frame, crop: orbit.PanelCrop, source: Source) -> None:
-        """Show a frame of a source, the timeline or a fit, until :meth:`release`."""
-        self.hold(source)
-        self._show(frame, crop)
-
-    def release(self, source: Source) -> None:
-        """Return to the scene if the view shows a source."""
-        if self.source == source:
-            self.source = "scene"
-            self.render()
+    # Frames of a fit
 
     @property
     def following(self) -> bool:
-        """True while a fit is followed: no codes were edited since it began, and the timeline rests."""
+        """True while a fit is followed: no codes were edited since it began."""
         since = self._followed_since
-        return self.source != "timeline" and since is not None and self._editor.scene.codes is since.codes
+        return since is not None and self._editor.scene.codes is since.codes
 
     @property
     def turned(self) -> bool:
@@ -232,7 +200,9 @@ class Viewport:
         """Stop following the fit and return to the scene."""
         self._followed_since = self._live = None
         self._jobs.cancel("fit view")
-        self.release("fit")
+        if self.source == "fit":
+            self.source = "scene"
+            self.render()
 
     def update_live(self, newest: View) -> None:
         """Store the fit's newest object, seen from the photo's camera at the model's image size."""
@@ -253,7 +223,9 @@ class Viewport:
 
         def rendered(frame: Frame) -> None:
             if self.following:
-                self.display(frame, crop, "fit")
+                self.source, self._last_render = "fit", None
+                self._jobs.cancel("view")
+                self._show(frame, crop)
 
         ended = self._jobs.reporting("Cannot show the search")
         self._jobs.submit(Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent=True))

@@ -87,7 +87,6 @@ class ViewPanel(Panel):
             context.covered = max(context.covered, self._welcome.covered)
         if not begins or context.session.editor.history.past:
             _draw_badge(viewport, viewport.frame, corner + ImVec2(0, size.y - context.covered))
-            _draw_progress(context, corner, size)
 
     @staticmethod
     def _draw_hint(corner: ImVec2, size: ImVec2) -> None:
@@ -187,14 +186,6 @@ def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         low = corner + (size - ImVec2(side, side)) * 0.5 + ImVec2(*pan) * side
         texture, draw = context.images.texture(image, context.palette), imgui.get_window_draw_list()
         draw.add_image(texture, low, low + ImVec2(side, side))
-
-
-def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    """Draw a thin progress line along the lower edge while the sharp image is rendered."""
-    if (share := context.session.viewport.sharpened) is not None:
-        low, high = corner.y + size.y - hello_imgui.em_size(0.15), corner.y + size.y
-        colour = packed(context.palette.accent)
-        imgui.get_window_draw_list().add_rect_filled((corner.x, low), (corner.x + share * size.x, high), colour)
 
 
 def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:

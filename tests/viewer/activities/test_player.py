@@ -14,7 +14,7 @@ from viewer.values.share_settings import ShareSettings
 @pytest.fixture
 def player(session: Session, editor: Editor, clock: Clock) -> Player:
     """Two keyframes in four seconds."""
-    session.player = Player(session.jobs, editor, session.viewport, clock)
+    session.player = Player(session.jobs, editor, clock)
     session.player.add_key()
     session.player.seek(2.0)
     editor.show_object("object 3")
@@ -25,7 +25,7 @@ def player(session: Session, editor: Editor, clock: Clock) -> Player:
 
 
 def test_the_player_stops_where_undo_takes_its_keys(session: Session, editor: Editor, clock: Clock) -> None:
-    player = session.player = Player(session.jobs, editor, session.viewport, clock)
+    player = session.player = Player(session.jobs, editor, clock)
     player.add_key()
     player.play()
     editor.undo()
@@ -75,29 +75,14 @@ def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> 
     assert player.seconds == 0.0
 
 
-def test_frames_are_rendered_ahead_and_shown(session: Session, player: Player, clock: Clock) -> None:
+def test_the_view_shows_the_scene_at_the_playhead(session: Session, player: Player, clock: Clock) -> None:
     player.play()
-    finish(session)
     clock.now += 1.0
     player.tick()
-    assert session.viewport.frame is not None
-    assert not session.viewport.frame.final
     player.pause()
     finish(session)
-    assert session.viewport.frame.final
-
-
-def test_it_fits_a_view_that_changes_its_size(session: Session, player: Player, clock: Clock) -> None:
-    player.play()
-    finish(session)
-    session.viewport.change(panel=(300, 100))
-    player.tick()
-    finish(session)
-    player.tick()
-    assert session.viewport.frame is not None
-    width, height = session.viewport.frame.resolution
-    assert width == 3 * height
-    assert player.playing
+    assert session.viewport.request.codes == player.timeline.at(1.0).codes
+    assert session.viewport.frame is not None and session.viewport.frame.final
 
 
 def test_any_edit_stops_it(editor: Editor, player: Player, clock: Clock) -> None:
