@@ -68,7 +68,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Library": (
         Gesture("Click", "show the object: it becomes A"),
         Gesture("Click the number", "show or hide the variants of a form"),
-        Gesture("Right click", "take only its shape or texture; make it B; rename, remove, export"),
+        Gesture("Right click", "take only its shape or texture; make it B; rename, remove"),
         Gesture("Drag onto B", "mix the object with the one in the view"),
         Gesture("Arrow keys, Enter", "move between tiles, and show the object"),
     ),

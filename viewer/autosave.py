@@ -1,8 +1,8 @@
-"""Autosave: work is saved during editing and restored at the next launch, also after a crash."""
+"""Autosave: work is saved during editing and continued at the next launch, also after a crash."""
 
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
@@ -10,39 +10,44 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from viewer.services.kept_thumbnails import write_pictures
-from viewer.services.messages import Button, MessageKind
+from viewer.services.messages import MessageKind
+from viewer.services.pictures import Pixels, write_pictures
 from viewer.session import PICTURES, Session
 from viewer.values.project import SUFFIX, Project, left_out
 
 EVERY = 5.0  # least s between two saves
+_ENDED, _RUNNING, _AGAIN = "session", "running", "again"  # files of an ended run, a running one, one after a crash
 _EARLIER = 10  # replaced sessions that are kept
 _DAY = 86_400.0  # s after which a killed run's partial file is removed
 
 
 class Autosave:
-    """Keeps one file per run, which the next run continues; a crashed run's file is offered to be restored."""
+    """Keeps one file per run, which the next run continues.
+
+    After two crashes in a row a session is only kept among the earlier ones, as it may end the program again.
+    """
 
     def __init__(self, session: Session, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        """Continue the session in ``folder``, save there every few seconds, and offer to restore crashed runs."""
+        """Continue the newest session in ``folder`` that no other run has, and save there every few seconds."""
         self._session, self._clock = session, clock
-        self._kept_file, self._pictures_file = folder / f"session{SUFFIX}", folder / PICTURES
-        self._earlier = folder / "earlier"
-        self._own_file = folder / f"session-{secrets.token_hex(8)}{SUFFIX}"
-        self._lock = _lock(self._own_file)
+        self._pictures_file, self._earlier = folder / PICTURES, folder / "earlier"
         self._written: tuple[object, ...] = ()  # contents of the last save
         self._when = clock()  # s of the last save
         self._thread = ThreadPoolExecutor(1, "autosave")
         self._writing: Future[int] | None = None
-        found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
+        found = [path for kind in (_ENDED, _RUNNING, _AGAIN) for path in folder.glob(f"{kind}*{SUFFIX}")]
+        left = sorted((path for path in found if not _runs(path)), key=lambda path: path.stat().st_mtime)
+        crashed = bool(left) and not left[-1].name.startswith(_ENDED)
+        token = secrets.token_hex(8)
+        self._own_file = folder / f"{_AGAIN if crashed else _RUNNING}-{token}{SUFFIX}"
+        self._ended_file = folder / f"{_ENDED}-{token}{SUFFIX}"
+        self._lock = _lock(self._own_file)
         with suppress(Timeout, OSError):  # the folder is not writable
             self._lock.acquire(timeout=0)
         _sweep(folder)
-        self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
-        """Files of crashed runs, the newest last, which is offered first."""
         session.archive.connect(self._archive)
-        self._resume()
-        self._offer()
+        if left:
+            self._resume(left)
 
     @property
     def earlier(self) -> tuple[Path, ...]:
@@ -59,8 +64,11 @@ class Autosave:
         if self._writing is None and self._clock() - self._when >= EVERY:
             self._when, self._written = self._clock(), state
             if not (project := self._session.project()).is_empty:
-                write_pictures(self._pictures_file, self._session.pictures)
-                self._writing = self._thread.submit(project.save, self._own_file, self._session.models)
+                self._writing = self._thread.submit(self._save, project, self._session.pictures)
+
+    def _save(self, project: Project, pictures: Mapping[str, Pixels]) -> int:
+        write_pictures(self._pictures_file, pictures)
+        return project.save(self._own_file, self._session.models)
 
     def finish(self) -> None:
         """Wait for the current save and report its result."""
@@ -68,79 +76,48 @@ class Autosave:
             writing, self._writing = self._writing, None
             self._tell(writing.result)
 
-    def _offer(self) -> None:
-        """Offer to restore the newest crashed run; delete an empty one."""
-        if not self.recoverable:
-            return
-        path, held = self.recoverable[-1], "nobody knows what"
-        with suppress(ValueError):
-            held = Project.load(path, self._session.models).summary
-        if not held:
-            self.discard()
-            return
-        when = datetime.fromtimestamp(path.stat().st_mtime)
-        text = f"A session did not end well: {held}, saved on {when:%d %B at %H:%M}"
-        buttons = Button("Restore", self.restore), Button("Discard", self.discard)
-        self._session.messages.notify(text, MessageKind.NOTE, buttons=buttons)
-
-    def restore(self) -> None:
-        """Add the newest crashed run to the session; on failure keep its file and offer it again."""
-        path = self.recoverable[-1]
-        try:
-            self._session.restore(Project.load(path, self._session.models))
-        except ValueError as error:
-            self._session.messages.report("Cannot restore the session", error)
-            self._offer()
-        else:
-            self._discard(path)
-
-    def discard(self) -> None:
-        """Delete the newest crashed run and offer the next."""
-        self._discard(self.recoverable[-1])
-
-    def _discard(self, path: Path) -> None:
-        path.unlink(missing_ok=True)
-        self.recoverable = tuple(one for one in self.recoverable if one != path)
-        self._offer()
-
     def close(self) -> None:
-        """Save the session for the next run; files of crashed runs stay until a person decides."""
+        """Save the session for the next run."""
         self.finish()
         self._thread.shutdown()
-        self._keep()
+        project = self._session.project()
+        if project.is_empty:
+            self._own_file.unlink(missing_ok=True)
+        elif self._write(project, self._own_file):
+            self._own_file.replace(self._ended_file)
         write_pictures(self._pictures_file, self._session.pictures)
         self._lock.release()
         Path(self._lock.lock_file).unlink(missing_ok=True)
 
-    def _keep(self) -> None:
-        """Write the session to the file that the next run continues."""
-        # If another window has written that file, the next run continues it and offers this session.
-        to = self._own_file if self._kept_file.exists() else self._kept_file
-        if self._write(self._session.project(), to) and to == self._kept_file:
-            self._own_file.unlink(missing_ok=True)
+    def _resume(self, left: list[Path]) -> None:
+        """Continue the newest of these sessions; the others become earlier ones.
 
-    def _resume(self) -> None:
-        """Continue the last session. Its file is renamed first, so that a project that crashes is not loaded again."""
+        The files are moved first, so that a session that ends the program is not loaded again.
+        """
         try:
-            self._kept_file.replace(self._own_file)
-            project = Project.load(self._own_file, self._session.models)
+            *_, moved = [path.replace(self._archive_path(path.stat().st_mtime)) for path in left]
+            if left[-1].name.startswith(_AGAIN):
+                text = "The program ended twice in the last session, so it was not opened: see File, Recent"
+                self._session.messages.notify(text, MessageKind.NOTE)
+                return
+            project = Project.load(moved, self._session.models)
             self._session.restore(project)
             self._session.project_path = project.path
-        except FileNotFoundError:
-            pass
+            moved.replace(self._own_file)
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot go on with the last session", error)
-            if self._own_file.exists():
-                self._own_file.replace(self._archive_path())
 
     def _archive(self, project: Project) -> None:
-        self._write(project, self._archive_path())
+        """Keep a replaced project among the earlier ones."""
+        self.finish()
+        if self._write(project, self._archive_path(time.time())):
+            self._own_file.unlink(missing_ok=True)
         for path in self.earlier[_EARLIER:]:
             path.unlink(missing_ok=True)
 
-    def _archive_path(self) -> Path:
+    def _archive_path(self, when: float) -> Path:
         self._earlier.mkdir(parents=True, exist_ok=True)
-        return self._earlier / f"{datetime.now():%Y-%m-%d %H.%M.%S.%f}{SUFFIX}"
+        return self._earlier / f"{datetime.fromtimestamp(when):%Y-%m-%d %H.%M.%S.%f}{SUFFIX}"
 
     def _write(self, project: Project, path: Path) -> bool:
         return self._tell(lambda: project.save(path, self._session.models))

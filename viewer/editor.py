@@ -188,9 +188,8 @@ class Editor:
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: Project) -> None:
-        """Add a project's objects and undo history.
+        """Add a project's objects and take its undo history in place of this one.
 
-        The project's state becomes current if nothing was edited yet; else its states come before the present ones.
         Raises ``ValueError``, changing nothing, if :meth:`check` does.
         """
         self.check(saved)
@@ -202,9 +201,7 @@ class Editor:
             here = {name: names.get(name) or self.objects.name_here(name, model) or name for name in state.mix.names}
             return replace(state, mix=state.mix.renamed(here))
 
-        history = saved.history.everywhere(renamed)
-        fresh = not (self.history.past or self.history.future)
-        self._go(history if fresh else self.history.after(history))
+        self._go(saved.history.everywhere(renamed))
 
     # Undo
 

@@ -13,7 +13,6 @@ from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
 from core.rendering.direction_words import Words
-from core.runtime.folders import THUMBNAILS, cache_folder
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
@@ -27,9 +26,9 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
-from viewer.services.kept_thumbnails import KeptThumbnails, Pixels, read_pictures
 from viewer.services.messages import MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
+from viewer.services.pictures import Pixels, read_pictures
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
@@ -40,7 +39,7 @@ from viewer.values.printable import printable
 from viewer.values.project import Project, left_out
 from viewer.values.view_request import ViewSettings
 
-PICTURES = "pictures-1.safetensors"  # file of the last images of view and tiles, in the session's folder
+PICTURES = "pictures-2.safetensors"  # file of the last images of view and tiles; another name if renders change
 
 
 class Session:
@@ -70,7 +69,6 @@ class Session:
         self.archive = Signal[Project]()  # emitted with a project that is about to be replaced
         self.project_path: Path | None = None  # file of the saved or opened project
         self._user_objects = UserObjects(folder and folder / "mine")
-        self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
         self._pictures = read_pictures(folder / PICTURES) if folder else {}  # images of the last session
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
@@ -90,7 +88,7 @@ class Session:
         for model in self.models:
             self._add_user_objects(model)
         self.viewport = Viewport(jobs, self.editor, view)
-        self.thumbnails = Thumbnails(jobs, self._kept_thumbnails, self._pictures)
+        self.thumbnails = Thumbnails(jobs, self._pictures)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
         self.player = Player(jobs, self.editor)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
@@ -281,7 +279,7 @@ class Session:
         return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
-        """Add a project's objects, undo history and fits to the session, as :meth:`Editor.restore`.
+        """Take a project's objects, undo history and fits, as :meth:`Editor.restore`.
 
         Raises ``ValueError``, changing nothing, if the project is invalid.
         """

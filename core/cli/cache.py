@@ -2,13 +2,13 @@
 
 import argparse
 
-from core.runtime.folders import THUMBNAILS, VIEW_BANKS, cache_folder
+from core.runtime.folders import cache_folder
 
 
 def cache(chosen: argparse.Namespace) -> None:
     """Run ``cache``: print the folder and the size of each file in it; ``--clear`` removes the files."""
     folder = cache_folder()
-    files = sorted(path for kind in (THUMBNAILS, VIEW_BANKS) for path in (folder / kind).glob("*") if path.is_file())
+    files = sorted(path for path in folder.glob("*/*") if path.is_file())
     print(folder, flush=True)
     for path in files:
         size = path.stat().st_size / 1e6

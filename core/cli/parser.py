@@ -212,9 +212,7 @@ def _add_preset(command: argparse.ArgumentParser) -> None:
 
 
 def _add_cache(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands, "cache", "cache.cache", "list cached files that speed up the start: view banks, thumbnails"
-    )
+    command = add_command(commands, "cache", "cache.cache", "list cached files that speed up the start: view banks")
     command.add_argument("--clear", action="store_true", help="remove the files; they are rebuilt when needed")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_path, user_config_path
 
-VIEW_BANKS, THUMBNAILS = "view-banks", "thumbnails"  # in the cache folder
+VIEW_BANKS = "view-banks"  # in the cache folder
 _CACHE_VARIABLE = "CODENERF_CACHE"  # environment variable that overrides the platform's folder
 _NAME = "codenerf-viewer"
 

@@ -66,7 +66,6 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
 
     def second(window: Driver) -> None:
         session, editor = window.session, window.session.editor
-        assert not window.context.autosave.recoverable
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert session.fitting.history.photo is not None
@@ -80,12 +79,12 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
 
     made: list[History] = []
     drive(first, folder=folder)
-    assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
+    assert len([*folder.glob("session-*")]) == 1
     drive(second, folder=folder)
 
 
 @pytest.mark.usefixtures("lasting_messages")
-def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
+def test_a_session_that_ended_badly_in_a_fit_goes_on(
     drive: Drive, backend: Backend, photo: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "config"
@@ -95,30 +94,30 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
         window.context.drop([str(photo)])
         window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         window.context.autosave.every = 0.0
-        window.wait(lambda: any(folder.glob("session-*.codenerf")))
-        (written,) = folder.glob("session-*.codenerf")
-        (folder / "session-999999999.codenerf").write_bytes(written.read_bytes())  # of a run that is no more
+        window.wait(lambda: any(folder.glob("running-*.codenerf")))
+        (written,) = folder.glob("running-*.codenerf")
+        lost.append(written.read_bytes())
         made.append(window.session.editor.history)
 
     def second(window: Driver) -> None:
-        window.click("Messages/###restore 0")
         window.wait(lambda: not window.session.fitting.running)
         window.wait()
         editor = window.session.editor
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert editor.objects.own[0] == "block"
-        assert not window.context.autosave.recoverable
         window.click(f"Messages/###show {len(window.session.messages.shown) - 1}")
         assert editor.state.mix.a.shape == "block"
         window.undo()
         assert editor.history.now == made[0].now
 
-    made: list[History] = []
+    made, lost = list[History](), list[bytes]()
     drive(first, replace(backend, fit=endless_fit), folder=folder)
-    (folder / "session.codenerf").unlink()
+    (ended,) = folder.glob("session-*.codenerf")
+    ended.unlink()
+    (folder / "running-999999999.codenerf").write_bytes(lost[0])  # of a run that is no more
     drive(second, folder=folder)
-    assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
+    assert len([*folder.glob("session-*")]) == 1
 
 
 def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, photo: Path, tmp_path: Path) -> None:

@@ -68,8 +68,8 @@ def kill(tmp_path: Path, clock: Clock) -> Kill:
         clock.now += 10.0
         autosave.tick()
         autosave.finish()
-        (written,) = tmp_path.glob("session-*.codenerf")
-        written.rename(tmp_path / "session-999999999.codenerf")
+        (written,) = (path for path in tmp_path.glob("*.codenerf") if path.stem.startswith(("running", "again")))
+        written.rename(written.with_stem(f"{written.stem.split('-')[0]}-999999999"))
 
     return end
 
@@ -99,7 +99,8 @@ def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path:
     autosave.finish()
     assert written.read_bytes() != before
     autosave.close()
-    assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session.codenerf"]
+    (ended,) = tmp_path.glob("*.codenerf")
+    assert ended.stem.startswith("session-")
 
 
 def test_the_next_launch_goes_on_with_objects_of_every_model(launch: Launch, photo: Path, both: Backend) -> None:
@@ -111,7 +112,6 @@ def test_the_next_launch_goes_on_with_objects_of_every_model(launch: Launch, pho
     steps, step = session.fitting.history.steps, session.fitting.history.last
     autosave.close()
     session, autosave = launch(both)
-    assert not autosave.recoverable
     assert session.editor.history == made
     assert session.editor.model.category == "cars"
     assert [one.psnr for one in session.fitting.history.steps] == [one.psnr for one in steps]
@@ -180,9 +180,7 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
         for _ in range(5):
             assert run.stdout.readline() == b"written\n"
         run.kill()
-    session, autosave = launch(both, folder)
-    assert len(autosave.recoverable) == 1
-    autosave.restore()
+    session, _ = launch(both, folder)
     assert session.messages.errors == []
     assert len(session.editor.history.past) >= 3
     assert session.fitting.running
@@ -191,30 +189,23 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
     assert session.editor.history.states[1].mix.a.shape == "car 2"
 
 
-def test_restoring_adds_to_what_was_made_meanwhile(launch: Launch, tmp_path: Path, photo: Path, kill: Kill) -> None:
+def test_a_session_that_ended_the_program_twice_is_not_opened(launch: Launch, kill: Kill) -> None:
     session, autosave = launch()
-    edit(session, photo)
-    lost = session.editor.history
+    session.editor.show_object("object 2")
     kill(autosave)
     session, autosave = launch()
-    session.editor.show_object("object 5")
-    before = session.editor.history
-    offer = session.messages.shown[-1]
-    assert f"{len(lost.past)} steps, 1 object," in offer.text
-    offer.buttons[0].press()
-    history = session.editor.history
-    assert history.now == before.now
-    assert history.past == (*lost.states, *before.past)
-    assert session.editor.objects.own == ["block"]
-    assert not list(tmp_path.glob("session-999999999*"))
-
-
-def test_a_session_in_which_nothing_was_made_is_not_offered(launch: Launch, tmp_path: Path) -> None:
-    session, _ = launch()
-    session.project().save(tmp_path / "session-999999999.codenerf", session.models)
+    assert session.editor.history.past
+    session.editor.show_object("object 3")
+    kill(autosave)
     session, autosave = launch()
-    assert not autosave.recoverable
-    assert not session.messages.shown
+    assert not session.editor.history.past
+    assert "ended twice" in session.messages.shown[-1].text
+    (earlier,) = autosave.earlier
+    assert len(Project.load(earlier, session.models).history.past) == 2
+    session.editor.show_object("object 3")
+    autosave.close()
+    session, autosave = launch()
+    assert session.editor.history.past
 
 
 def test_a_photo_whose_fit_was_interrupted_makes_one_object(
@@ -227,8 +218,6 @@ def test_a_photo_whose_fit_was_interrupted_makes_one_object(
     session.fitting.stop()  # its object is kept, the end of the fit is written no more
     session.tick()
     session, autosave = launch()
-    assert session.editor.objects.own == ["block"]
-    autosave.restore()
     finish(session, lambda: not session.fitting.running)
     assert session.editor.objects.own == ["block"]
 
@@ -249,7 +238,6 @@ def test_an_object_of_another_photo_of_the_same_name_stays(
     session.fitting.close()
     session.tick()
     session, autosave = launch()
-    autosave.restore()
     finish(session, lambda: not session.fitting.running)
     assert session.editor.objects.own == ["block (2)", "block"]
 
@@ -259,8 +247,8 @@ def test_a_session_that_ends_the_program_is_not_begun_with_again(launch: Launch,
     session.editor.show_object("object 2")
     autosave.close()
     launch()
-    (path,) = tmp_path.glob("session*.codenerf")
-    assert path.stem.startswith("session-")  # as is offered where that run is no more
+    (path,) = tmp_path.glob("*.codenerf")
+    assert path.stem.startswith("running-")  # that of the run that loaded it
 
 
 def test_the_place_of_the_project_is_known_at_the_next_launch(launch: Launch, tmp_path: Path) -> None:
@@ -280,7 +268,7 @@ def test_of_two_windows_neither_session_is_lost(launch: Launch, tmp_path: Path) 
     second.editor.show_object("object 3")
     of_first.close()
     of_second.close()
-    assert len(list(tmp_path.glob("session*.codenerf"))) == 2
+    assert len(list(tmp_path.glob("session-*.codenerf"))) == 2
 
 
 def test_new_begins_afresh_and_keeps_what_there_was(launch: Launch, photo: Path) -> None:
@@ -320,27 +308,20 @@ def test_a_kept_session_that_is_broken_is_reported_and_stays(launch: Launch, tmp
     assert [path.read_text() for path in autosave.earlier] == ["broken"]
 
 
-def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) -> None:
-    for name in ("alive", "dead"):
-        (tmp_path / f"session-{name}.codenerf").write_text("{}")
-    with FileLock(tmp_path / ".session-alive.lock"):
-        autosave = Autosave(session, tmp_path)
-        assert [path.name for path in autosave.recoverable] == ["session-dead.codenerf"]
-        autosave.discard()
-        assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session-alive.codenerf"]
-    assert [path.name for path in Autosave(session, tmp_path).recoverable] == ["session-alive.codenerf"]
-
-
-def test_of_several_that_were_left_the_last_is_offered_first(session: Session, tmp_path: Path) -> None:
-    for age, name in enumerate(("999999999-a", f"{os.getpid()}-b", "c")):
-        (tmp_path / f"session-{name}.codenerf").write_text("{}")
-        os.utime(tmp_path / f"session-{name}.codenerf", (age, age))
-    autosave = Autosave(session, tmp_path)
-    assert [path.stat().st_mtime for path in autosave.recoverable] == [0, 1, 2]
-    autosave.discard()
-    autosave.discard()
-    assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session-999999999-a.codenerf"]
-    assert autosave.recoverable
+def test_of_several_sessions_the_newest_goes_on_unless_it_runs(launch: Launch, tmp_path: Path) -> None:
+    for age, name in enumerate(("object 2", "object 3", "object 4")):
+        (tmp_path / name).mkdir()
+        session, autosave = launch(folder=tmp_path / name)
+        session.editor.show_object(name)
+        autosave.close()
+        (ended,) = (tmp_path / name).glob("*.codenerf")
+        os.utime(ended.rename(tmp_path / f"running-{age}.codenerf"), (age, age))
+    with FileLock(tmp_path / ".running-2.lock"):
+        session, autosave = launch()
+    assert session.editor.state.mix.a.shape == "object 3"
+    (earlier,) = autosave.earlier
+    assert Project.load(earlier, session.models).history.now.mix.a.shape == "object 2"
+    assert (tmp_path / "running-2.codenerf").exists()
 
 
 @pytest.mark.parametrize("harm", ["{", "no key", "another model", "bad timeline", "no such object"])
@@ -348,7 +329,7 @@ def test_what_cannot_be_read_is_reported_and_changes_nothing(
     session: Session, editor: Editor, tmp_path: Path, harm: str
 ) -> None:
     editor.show_object("object 3")
-    path = tmp_path / "session-999999999.codenerf"
+    path = tmp_path / "running-999999999.codenerf"
     session.project().save(path, session.models)
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist()}
@@ -368,13 +349,10 @@ def test_what_cannot_be_read_is_reported_and_changes_nothing(
             file.writestr(name, content)
     before = editor.history
     autosave = Autosave(session, tmp_path)
-    autosave.restore()
     finish(session)
     assert session.editor.history is before
     assert len(session.messages.errors) == 1
-    assert len(list(tmp_path.glob("*.codenerf"))) == 1
-    autosave.discard()
-    assert not list(tmp_path.glob("*.codenerf"))
+    assert len(autosave.earlier) == 1
 
 
 def test_the_window_does_not_wait_for_a_save(
@@ -480,8 +458,6 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once(launch: Launch, kill: 
     again.viewport.change(panel=(300, 200))
     assert again.viewport.frame is None and not again.jobs.busy("view")  # nothing is rendered before it is restored
     again.start()
-    if crashed:
-        second.restore()
     frame = again.viewport.frame
     assert shown is not None and frame is not None and not again.viewport.sharp
     np.testing.assert_array_equal(frame.image, shown.image)

@@ -20,7 +20,7 @@ from viewer.values.project import Project
 
 
 def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, tmp_path: Path, model: Model) -> None:
-    session.exporting.scene(tmp_path / "saved.json", session.editor.scene)
+    session.editor.scene.save(tmp_path / "saved.json")
     edits = (
         lambda: editor.set_camera(orbit.dragged(editor.scene.camera, 0.2, 0.1)),
         lambda: editor.show_object("object 2"),

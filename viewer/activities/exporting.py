@@ -74,15 +74,6 @@ class Exporting:
             self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
-    def scene(self, path: Path, scene: Scene) -> None:
-        """Write a scene as JSON, and report the result."""
-        try:
-            scene.save(path)
-        except ValueError as error:
-            self._jobs.messages.report("Cannot save the scene", error)
-        else:
-            self._jobs.messages.notify(f"Saved {path.name}")
-
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(self._jobs.models, scene, self._editor.state.timeline)[0]
         about = settings.behind, settings.exact, settings.shows_shadow

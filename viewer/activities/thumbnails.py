@@ -15,15 +15,15 @@ from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.photo_detail import PhotoDetail
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer.services.jobs import BACKGROUND_SHARE, TILES_SHARE, Jobs
-from viewer.services.kept_thumbnails import KeptThumbnails, Pixels
+from viewer.services.jobs import TILES_SHARE, Jobs
+from viewer.services.pictures import Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
 
 SIZE = 64  # px, side of most thumbnails
 _SAMPLES = 40  # intervals along the longest side of the scene's box
 _MAX_KEPT = 1000  # cached thumbnails; one of 64 px takes 28 kB
-_OF_SESSION = 300  # thumbnails stored with the session
+_STORED = 300  # thumbnails stored for the next launch
 _COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of coarse thumbnails
 _BATCH = 6  # thumbnails rendered before the requests are read again
 
@@ -40,8 +40,8 @@ class _Key(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """A hash of all but the model, for file names."""
-        text = f"{self.camera} {self.samples}".encode()
+        """A hash of all inputs, for the names of stored images."""
+        text = f"{self.model} {self.camera} {self.samples}".encode()
         detail = _detail_digest(self.detail) if self.detail else b""
         return hashlib.blake2b(self.shape + self.texture + text + detail, digest_size=16).hexdigest()
 
@@ -59,7 +59,7 @@ def _detail_digest(detail: PhotoDetail) -> bytes:
 
 
 def digest(codes: Codes, camera: Camera) -> str:
-    """Return a hash of an image's inputs, for file names."""
+    """Return a hash of an image's inputs, for the names of stored images."""
     return _key(codes, camera, 0).digest
 
 
@@ -90,32 +90,18 @@ def _no_depth(opacity: Float32[np.ndarray, "height width"]) -> Float32[np.ndarra
 class Thumbnails:
     """Renders the thumbnails that panels request in every frame; a request that is not repeated is dropped."""
 
-    def __init__(
-        self, jobs: Jobs, kept: KeptThumbnails | None = None, of_session: Mapping[str, Pixels] | None = None
-    ) -> None:
-        """Begin with stored images: of models in ``kept``, and of the last session, by digest."""
-        self._jobs, self._kept, self._of_session = jobs, kept or KeptThumbnails(), of_session or {}
-        self._on_disk = dict[str, dict[str, Pixels]]()  # stored images of models, by fingerprint and digest
-        self._wanted = dict[_Key, str]()  # digests of thumbnails to store: objects from their model's first view
+    def __init__(self, jobs: Jobs, stored: Mapping[str, Pixels] | None = None) -> None:
+        """Begin with images of the last launch, by digest; larger ones are no thumbnails."""
+        self._jobs = jobs
+        self._stored = {digest: one for digest, one in (stored or {}).items() if len(one) <= SIZE}
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()  # cached thumbnails, the least recently used first
         self._queue: dict[_Key, Codes] = {}  # requests of this frame
         self._failed: set[_Key] = set()  # keys whose rendering failed, not tried again
 
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
-        """Return the thumbnail of an object from its model's first view, as :meth:`get`.
-
-        Those of the usual size and without photo detail are stored on disk.
-        """
-        model = self._jobs.models.of(codes)
-        camera = orbit.home(model).resized(size, size)
-        key = _key(codes, camera, samples)
-        if size == SIZE and codes.detail is None and key not in self._wanted:
-            self._wanted[key] = name = key.digest
-            if codes.model not in self._on_disk:
-                self._on_disk[codes.model] = self._kept.load(model)
-            if (found := self._on_disk[codes.model].get(name)) is not None and key not in self._frames:
-                self._frames[key] = frame_of(found, samples)
-        return self._get(key, codes)
+        """Return the thumbnail of an object from its model's first view, as :meth:`get`."""
+        camera = orbit.home(self._jobs.models.of(codes)).resized(size, size)
+        return self._get(_key(codes, camera, samples), codes)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False) -> Frame | None:
         """Return the thumbnail at the camera's size; until it is rendered, a coarse one or None.
@@ -128,7 +114,7 @@ class Thumbnails:
         return self._get(_key(codes, camera, _SAMPLES), codes, soon)
 
     def _get(self, key: _Key, codes: Codes, soon: bool = False) -> Frame | None:
-        if key not in self._frames and (found := self._of_session.get(key.digest)) is not None:
+        if key not in self._frames and (found := self._stored.get(key.digest)) is not None:
             self._frames[key] = frame_of(found, key.samples)
         if key in self._frames:
             self._frames.move_to_end(key)
@@ -139,9 +125,9 @@ class Thumbnails:
 
     @property
     def newest(self) -> dict[str, Pixels]:
-        """The newest images to store with the session, by digest, except those stored with models."""
-        keys = [key for key in self._frames if key not in self._wanted][-_OF_SESSION:]
-        return {key.digest: pixels_of(self._frames[key]) for key in keys}
+        """The newest images to store for the next launch, by digest."""
+        found = self._stored | {key.digest: pixels_of(frame) for key, frame in self._frames.items()}
+        return dict([*found.items()][-_STORED:])
 
     def _due(self) -> dict[_Key, RenderJob]:
         """Return the jobs of requested thumbnails that do not exist yet, each coarse before full."""
@@ -162,7 +148,6 @@ class Thumbnails:
         coarse = [one for one in queue if one[0].camera.width <= _COARSE]
         batch = (coarse or queue)[:_BATCH]
         if not batch:
-            self._save()
             return
 
         def ended(error: Exception | None) -> None:
@@ -171,26 +156,6 @@ class Thumbnails:
                 self._jobs.messages.report("Cannot render the thumbnails", error)
 
         self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=TILES_SHARE))
-
-    def _save(self) -> None:
-        """Store new thumbnails of objects on disk, if any."""
-        new = [
-            (key, name)
-            for key, name in self._wanted.items()
-            if name not in self._on_disk[key.model] and key in self._frames
-        ]
-        if not new:
-            return
-        for key, name in new:
-            self._on_disk[key.model][name] = pixels_of(self._frames[key])
-        changed = {key.model for key, _ in new}
-
-        def stream() -> Iterator[None]:
-            for fingerprint in changed:
-                self._kept.save(self._jobs.models[fingerprint], dict(self._on_disk[fingerprint]))
-                yield None
-
-        self._jobs.submit(Job("thumbnails", stream, lambda nothing: None, share=BACKGROUND_SHARE))
 
     def close(self) -> None:
         """Stop rendering."""

@@ -16,7 +16,7 @@ from viewer.activities.framing import Framing
 from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_SHARE, SHARPENING_SHARE, TILES_SHARE, Jobs
-from viewer.services.kept_thumbnails import Pixels
+from viewer.services.pictures import Pixels
 from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values import orbit

@@ -42,16 +42,6 @@ class Project:
         """True if nothing was made, edited or begun."""
         return not (self.history.past or self.history.future or self.fit.sources or self.pending)
 
-    @property
-    def summary(self) -> str:
-        """Counts of undo steps, objects and unfinished fits in words; empty if all are 0."""
-        counts = {
-            ("step", "steps"): len(self.history.past) + len(self.history.future),
-            ("object", "objects"): len({one.name for one in self.objects} - {*self.removed}),
-            ("photo under way", "photos under way"): len(self.pending),
-        }
-        return ", ".join(f"{count} {one if count == 1 else more}" for (one, more), count in counts.items() if count)
-
     def shared(self) -> "Project":
         """Return the project for other machines: paths are names, except those of photos not yet read."""
         return replace(self._moved(lambda path: Path(path.name)), path=None)

@@ -3,12 +3,9 @@
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.fitting.confidence import in_words
-from core.models.scene import Scene
 from viewer.context import PanelContext
-from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
-from viewer.values.printable import file_name
 from viewer.widgets.controls import NameField
 
 COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
@@ -42,7 +39,7 @@ def about(found: EditableObject) -> str:
 
 
 class UserObjectMenu:
-    """The menu entries of an added object: rename, export, remove."""
+    """The menu entries of an added object: rename, remove."""
 
     def __init__(self) -> None:
         self._field = NameField()
@@ -52,8 +49,6 @@ class UserObjectMenu:
         """Draw the entries in an added object's menu."""
         imgui.separator()
         self._draw_rename(name)
-        if imgui.menu_item_simple("Export…###export object"):
-            _export(context, name)
         if imgui.begin_menu("Remove###remove object"):
             if imgui.menu_item_simple(f"Remove {name}###remove for good"):
                 context.session.remove(name)
@@ -70,18 +65,3 @@ class UserObjectMenu:
             if new := self._field.draw(name):
                 self._renamed = name, new
             imgui.end_menu()
-
-
-def _export(context: PanelContext, name: str) -> None:
-    """Ask for a file and write the object as a scene."""
-    editor = context.session.editor
-    scene = Scene(editor.objects[name].codes, editor.scene.camera)
-    context.files.ask(
-        FileRequest(
-            "Export the object as",
-            lambda path: context.session.exporting.scene(path, scene),
-            (".json",),
-            True,
-            f"{file_name(name)}.json",
-        )
-    )

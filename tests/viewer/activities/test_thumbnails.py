@@ -1,6 +1,5 @@
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_frames
 from viewer.activities.thumbnails import SIZE, Thumbnails
-from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.session import Session
 
 
@@ -111,22 +109,17 @@ def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, model:
     assert sorted(rendered) == [32, 32, 32, 64, 64, 64]
 
 
-def test_objects_have_their_thumbnails_at_once_the_next_time(session: Session, model: Model, tmp_path: Path) -> None:
-    kept, camera = KeptThumbnails(tmp_path), model.camera(0.1, 0.2).resized(16, 16)
+def test_thumbnails_are_there_at_once_the_next_time(session: Session, model: Model) -> None:
+    def shown(thumbnails: Thumbnails) -> list[Frame | None]:
+        return [thumbnails.of_object(model.codes[index]) for index in range(3)]
 
-    def shown(first: Thumbnails) -> list[Frame | None]:
-        first.get(model.codes[0], camera)  # of a panel: not kept
-        return [first.of_object(model.codes[index]) for index in range(3)]
-
-    first = Thumbnails(session.jobs, kept)
+    first = Thumbnails(session.jobs)
     while (before := shown(first)) and (None in before or min(one.image.shape[0] for one in before if one) < SIZE):
         first.tick()
         finish(session)
-    first.tick()
-    finish(session)
-    again = shown(Thumbnails(session.jobs, kept))
-    for one, other in zip(before, again, strict=True):
+    again = Thumbnails(session.jobs, first.newest)
+    for one, other in zip(before, shown(again), strict=True):
         assert one and other
         np.testing.assert_array_equal(one.image, other.image)
         np.testing.assert_allclose(one.opacity, other.opacity, atol=1 / 255)
-    assert len(kept.load(model)) == 3
+    assert Thumbnails(session.jobs, again.newest).newest.keys() == first.newest.keys()  # what is not shown stays, too

@@ -14,7 +14,7 @@ def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path
         session, editor = window.session, window.session.editor
         window.drag("View/orbit", 80)
         scene = editor.scene
-        session.exporting.scene(tmp_path / "mine.json", session.editor.scene)
+        session.editor.scene.save(tmp_path / "mine.json")
         window.context.drop([str(tmp_path / "mine.json")])
         window.context.drop([str(photo)])
         window.wait(lambda: not session.fitting.running)

@@ -235,7 +235,7 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
         editor = window.session.editor
         window.drag("View/orbit", 90, -20)
         scene = editor.scene
-        window.session.exporting.scene(tmp_path / "mine.json", window.session.editor.scene)
+        window.session.editor.scene.save(tmp_path / "mine.json")
         window.menu("File/###share")
         window.click("Share/###picture")
         window.click("Share/###save")

@@ -2,16 +2,15 @@ from pathlib import Path
 
 import numpy as np
 
-from core.models.scene import Scene
 from tests.viewer.driver import Drive, Driver
 from viewer.widgets import user_objects
 
 
-def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
+def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
     folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
+        editor = window.session.editor
         window.fit(photo)
         colour = user_objects.colour_of(editor.objects["block"])
         window.fit(photo)
@@ -28,9 +27,6 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         assert editor.objects.own[:2] == ["block (2)", "Red chair"]
         window.undo()
         assert editor.state.mix.a.shape == "Red chair"
-        window.choose("Red chair", "###export object")
-        window.type(str(tmp_path / "out.json"))
-        assert Scene.load(tmp_path / "out.json", session.editor.model).codes == editor.objects["Red chair"].codes
         window.click("Library/**/show block (2)", 1)
         window.ctx.item_click("//**/###remove object")
         window.ctx.item_click("//**/###remove for good")
