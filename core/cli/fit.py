@@ -23,7 +23,6 @@ from core.fitting.category_check import (
     likeliest_model,
 )
 from core.fitting.confidence import DOUBTFUL
-from core.fitting.explain import explain
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
@@ -75,9 +74,7 @@ def fit(chosen: argparse.Namespace) -> None:
     if said := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
         print(f"python -m core: {said}", file=sys.stderr)
     with clock("search"):
-        job = FitJob(photos, bank, settings, chosen.seed)
-        steps = _search(model, job, chosen.log)
-    last = steps[-1]
+        last = _search(model, FitJob(photos, bank, settings, chosen.seed), chosen.log)
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
     if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
@@ -86,7 +83,7 @@ def fit(chosen: argparse.Namespace) -> None:
     print(json.dumps(_to_dict(last) | seconds), flush=True)
     if chosen.explain:
         seen = draw_detections(read_rgba(chosen.images[0]), cuts[0])
-        write_page(model, job, explain(model, job, steps), chosen.explain, seen)
+        write_page(model, photos[0], last, seen, chosen.explain)
     if chosen.out:
         codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
         save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)
@@ -153,20 +150,19 @@ def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, pose: Path | N
         return prepare_photo(cut, model, bank, read_pose(pose, axes) if pose else None)
 
 
-def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
-    """Run a fit under a progress bar and return its steps, also written to ``log`` if given."""
-    steps, bar = list[FitStep](), tqdm(unit="step", leave=False, disable=None)
+def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
+    """Run a fit under a progress bar and return its last step; write all steps to ``log`` if given."""
+    step, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as lines:
         for step in fit_as_set(model, job):
-            steps.append(step)
             bar.total = step.steps
             bar.set_postfix_str(f"{step.psnr:.2f} dB")
             bar.update()
             if lines:
                 lines.write(json.dumps(_to_dict(step) | {"origin": step.origin}) + "\n")
-    if not steps:
+    if step is None:
         raise ValueError("the fit made no step")
-    return steps
+    return step
 
 
 def _hints(

@@ -197,7 +197,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--out", type=Path, metavar="S.json", help="save the fitted scene to this file")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="write every step to this file, one line each")
     command.add_argument(
-        "--explain", type=Path, metavar="DIR", help="write a page of images: candidates tried and kept by the search"
+        "--explain", type=Path, metavar="DIR", help="write a page of detections, cut-out, witnesses and results"
     )
     add_seed(command)
 

@@ -24,7 +24,7 @@ from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, 
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_views import with_photo_detail
 from core.fitting.problem import FitJob, Problem, told_direction
-from core.fitting.schedule import Schedule, build_schedule, stage_numbers
+from core.fitting.schedule import Schedule, build_schedule
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitStep, RunnerUp, SearchState
@@ -70,11 +70,9 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
     """Run the five steps; yield the state after every iteration."""
     # 1. Rank the view bank.
-    initial, first_stage = yield from _initial(problem, schedule, job, generator)
+    initial = yield from _initial(problem, schedule, job, generator)
     result: SearchResult | None = None
     for attempt in range(1 + job.settings.max_restarts):
-        numbers = stage_numbers(schedule.stages, first_stage + attempt * len(schedule.stages))
-        last_stage = first_stage + (attempt + 1) * len(schedule.stages) - 1
         if attempt:
             problem = replace(problem, occluded=True)
         state = partial(SearchState, problem, range(len(job.photos)), restart=attempt > 0)
@@ -82,19 +80,19 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             # 2. Optimise and prune hypotheses: from the best cameras of the bank, then around the best results.
             coarse = initial
             for coarse in optimise(problem, initial, schedule.coarse, generator):
-                yield state(next(numbers), coarse, result)
+                yield state(coarse, result)
             batch = local = (
                 local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
             )
             for batch in optimise(problem, local, schedule.local, generator):
                 # The coarse winner is kept, so that stopping early returns the best of all.
-                yield state(next(numbers), concatenate(batch, coarse.best) if schedule.coarse else batch, result)
+                yield state(concatenate(batch, coarse.best) if schedule.coarse else batch, result)
             # 3. Refine the best.
             selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
             refined = selected.winner
             for number, refined in enumerate(refine(problem, selected.winner, schedule.final, generator), 1):
                 if number < schedule.final.steps:
-                    yield state(last_stage, refined, result or selected._replace(winner=refined))
+                    yield state(refined, result or selected._replace(winner=refined))
             # 4. Runner-up, uncertainty, confidence.
             found = assess(problem, selected, refined, schedule.final)
         except DivergedError:
@@ -108,30 +106,29 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             result = found
         # 5. Restart while in doubt, with other pixels, assuming that an occluder may hide parts of the object.
         again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
-        yield state(last_stage, result.winner, result, restart_follows=again, finished=True)
+        yield state(result.winner, result, restart_follows=again, finished=True)
         if not again:
             return
 
 
 def _initial(
     problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator
-) -> Generator[SearchState, None, tuple[HypothesisBatch, int]]:
-    """Find the first hypotheses; return them and the number of the next stage.
+) -> Generator[SearchState, None, HypothesisBatch]:
+    """Find and return the first hypotheses.
 
     With several unknown cameras, each first gets a coarse search of its own, whose states are yielded.
     """
     if job.resume_from:
-        return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces), 0
+        return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces)
     count, unknown = schedule.stages[0].hypotheses, problem.unknown.nonzero()[:, 0].tolist()
     if len(unknown) < 2:
-        return initial_hypotheses(problem, count, generator), 0
+        return initial_hypotheses(problem, count, generator)
     parts, known = [], [view for view, photo in enumerate(job.photos) if photo.camera]
-    numbers = stage_numbers(schedule.coarse * len(unknown))
     for view in unknown:
         views, own = [*known, view], torch.Generator().manual_seed(job.seed)
         part = Problem.of(problem.model, replace(job, photos=tuple(job.photos[other] for other in views)), own)
         batch = first = initial_hypotheses(part, count, own)
         for batch in optimise(part, first, schedule.coarse, own):
-            yield SearchState(part, views, next(numbers), batch)
+            yield SearchState(part, views, batch)
         parts.append((views, batch))
-    return combine_views(parts, len(job.photos), count), len(schedule.coarse) * len(unknown)
+    return combine_views(parts, len(job.photos), count)

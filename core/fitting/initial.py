@@ -94,8 +94,8 @@ def _candidates(problem: Problem, view: int, count: int, generator: torch.Genera
     model, photo = problem.model, problem.photos[view]
     if problem.bank is None:
         azimuth, elevation = random_angles(count, generator).unbind(-1)
-        distance, zeros = torch.full((count,), model.distance), torch.zeros(count)
-        return CandidateCameras(azimuth, elevation, distance, torch.zeros(count, 2), zeros.long(), zeros)
+        distance, first = torch.full((count,), model.distance), torch.zeros(count, dtype=torch.long)
+        return CandidateCameras(azimuth, elevation, distance, torch.zeros(count, 2), first)
     image = ObjectMask(photo.mask, problem.cameras[view].focal, photo.unseen)
     return rank_cameras(problem.bank, image, count, problem.viewpoints[view], photo.cropped)
 

@@ -1,8 +1,7 @@
 """The schedule of a fit: numbers of hypotheses, steps, rays and samples of its stages."""
 
 import math
-from collections.abc import Iterator, Sequence
-from itertools import chain, repeat
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from core.fitting.settings import Components, FitSettings
@@ -35,11 +34,6 @@ class Schedule(NamedTuple):
     def steps(self) -> int:
         """Number of steps in all stages."""
         return sum(stage.steps for stage in self.stages)
-
-
-def stage_numbers(stages: Sequence[Stage], first: int = 0) -> Iterator[int]:
-    """Yield the number of each step's stage; the first stage has number ``first``."""
-    return chain.from_iterable(repeat(number, stage.steps) for number, stage in enumerate(stages, first))
 
 
 class _Row(NamedTuple):

@@ -48,7 +48,6 @@ class FitStep:
 
     category_likelihood: float = 1.0  # probability that the photos show the model's category
     mask_confidence: float = 1.0  # probability that all masks are right
-    stage: int = 0  # number of the stage, counted through all searches
     witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box (:func:`witness_odds`)
 
     @property
@@ -65,7 +64,6 @@ class SearchState(NamedTuple):
 
     problem: Problem
     views: Sequence[int]  # photos of the job in this search
-    stage: int
     batch: HypothesisBatch  # the optimised hypotheses
     result: SearchResult | None = None  # its winner leads, once it exists
     restart: bool = False  # see FitStep
@@ -93,7 +91,6 @@ class SearchState(NamedTuple):
             len(self.batch),
             self.restart,
             hypotheses=hypotheses,
-            stage=self.stage,
         )
         if not (self.result and runner_up and math.isfinite(self.result.margin) and self.problem.unknown.sum() == 1):
             return shown
