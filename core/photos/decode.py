@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
-from core.runtime.reading import open_image, optional, read_bytes, reading
+from core.runtime.reading import open_image, optional, reading
 
 WORKING_SIDE = 1024  # px: longer side at which images are cut out
 _NARROWEST = 128  # largest aspect ratio; beyond, the shorter side would be under 8 px at the working size
@@ -19,10 +19,6 @@ _LENSES = 8, 600  # mm, plausible focal lengths
 _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
 """of whole photographs, longer by shorter side; and their relative tolerance"""
 NOTE = "note"  # in ``Image.info``: how an ambiguous file was read
-_DEPTHS = 255, 1023, 4095, 16383, 65535
-"""white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into 16-bit files"""
-_MAX_FRAMES, MAX_LOOKED = 64, 100_000_000  # examined frames of an animation, and their pixels in total
-_FADED = 0.8  # contrast, relative to the clearest frame, below which a frame is fading
 _TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that exchange width and height
 _TURNS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -39,7 +35,7 @@ _NO_COLOURS_OF_SCREENS = ("L", "CMYK")  # modes with colour profiles of their ow
 def read_rgba(path: Path) -> Image.Image:
     """Read an image upright, in sRGB, as 8-bit RGBA, its longer side at most :data:`WORKING_SIDE`.
 
-    Reads the largest of several images in a file, and the first clear frame of an animation, as ``info[NOTE]`` tells.
+    Reads the largest page of a TIFF, and the first frame of an animation, as ``info[NOTE]`` tells.
     Raises ``ValueError`` naming the file if it is not an image, or too large.
     """
     with reading(path, "an image"), warnings.catch_warnings():
@@ -47,9 +43,8 @@ def read_rgba(path: Path) -> Image.Image:
         with open_image(path, WORKING_SIDE) as image:
             if max(image.size) > _NARROWEST * min(image.size):
                 raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
-            _seek_clearest(image)
             number, count = image.tell() + 1, getattr(image, "n_frames", 1)
-            found = _small_rgba(_deep_colours(image, path))
+            found = _small_rgba(image)
             if count > 1:
                 found.info[NOTE] = f"image {number} of the {count} in this file is used"
             return found
@@ -63,7 +58,7 @@ def on_white(image: Image.Image) -> Image.Image:
 def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     """Read a photo's mask from an image that is white on the object, or transparent elsewhere.
 
-    A mask with the proportions of the photo before rotation is rotated, too.
+    A mask drawn on the pixels of a photo before its rotation by 90 degrees is rotated, too, as ``info[NOTE]`` tells.
 
     Args:
         size: of the result in px, upright.
@@ -72,18 +67,13 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     or all background.
     """
     image, note = read_rgba(path), ""
-    upright, drawn, orientation = upright_size(photo), upright_size(path), _orientation(photo)
-    fits = _same_proportions(drawn, upright)
-    fits_turned = orientation in _TURNS and _same_proportions(
-        drawn[::-1] if orientation in _TRANSPOSED else drawn, upright
-    )
-    if not (fits or fits_turned):
-        raise ValueError(f"{path}: a mask of {_by(drawn)} px does not fit a photo of {_by(upright)} px")
-    if not fits:
+    drawn, upright, orientation = upright_size(path), upright_size(photo), _orientation(photo)
+    if not _same_proportions(drawn, upright):
+        if orientation not in _TRANSPOSED or not _same_proportions(drawn[::-1], upright):
+            sizes = f"a mask of {drawn[0]}x{drawn[1]} px does not fit a photo of {upright[0]}x{upright[1]} px"
+            raise ValueError(f"{path}: {sizes}")
         image = image.transpose(_TURNS[orientation])
         note = f"{path.name} is turned as {photo.name} is: it was drawn on pixels that are not upright"
-    elif fits_turned:
-        note = f"{path.name} is taken as drawn on the upright photo"
     alpha = image.getchannel("A")
     mask = alpha if (np.asarray(alpha) < 255).any() else image.convert("L")
     object_there = np.asarray(mask) > 127
@@ -112,10 +102,6 @@ def _same_proportions(first: tuple[int, int], second: tuple[int, int]) -> bool:
     return abs(first[0] * second[1] - first[1] * second[0]) <= max(*first, *second)
 
 
-def _by(size: tuple[int, int]) -> str:
-    return f"{size[0]}x{size[1]}"
-
-
 def lens_focal(image: Image.Image) -> float | None:
     """Return the focal length in px from an image's EXIF, which gives it as 35 mm equivalent; None if unknown."""
     details = optional(lambda: _exif(image).get_ifd(ExifTags.IFD.Exif)) or {}
@@ -131,42 +117,6 @@ def lens_focal(image: Image.Image) -> float | None:
 def _exif(image: Image.Image) -> Image.Exif:
     """Return the EXIF data; empty if unreadable."""
     return optional(image.getexif) or Image.Exif()
-
-
-def _seek_clearest(image: Image.Image) -> None:
-    """Go to the first frame of an animation that does not fade in from, or out to, one colour."""
-    frames = getattr(image, "n_frames", 1) if image.format in ("GIF", "WEBP", "PNG", "AVIF") else 1
-    frames = min(frames, _MAX_FRAMES, MAX_LOOKED // (image.width * image.height))
-    if frames < 2:
-        return
-    contrast = list[float]()
-    for number in range(frames):
-        image.seek(number)
-        contrast.append(float(np.asarray(on_white(_shrunk(image, WORKING_SIDE // 4))).std()))
-    image.seek(next(number for number, one in enumerate(contrast) if one >= _FADED * max(contrast)))
-
-
-def _deep_colours(image: Image.Image, path: Path) -> Image.Image:
-    """Rescale colours of fewer than 16 bits in a 16-bit file, which Pillow would show nearly black."""
-    deep = image.mode in ("RGB", "RGBA") and any(";16" in str(tile[3]) for tile in getattr(image, "tile", ()))
-    if not deep or np.asarray(image)[..., :3].max() > _DEPTHS[-2] >> 8:
-        return image
-    import cv2  # imports slowly, and few images need it
-
-    values = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
-    if values is None or values.dtype != np.uint16:
-        return image
-    colours = values[..., 2::-1] / _white(float(values[..., :3].max()))
-    deeper = Image.fromarray((colours.clip(0, 1) * 255 + 0.5).astype(np.uint8))
-    if image.mode == "RGBA":
-        deeper.putalpha(image.getchannel("A"))
-    deeper.info = image.info
-    return deeper
-
-
-def _white(largest: float) -> int:
-    """Return the value of white, judged by the largest value of an image."""
-    return next((depth for depth in _DEPTHS if largest <= depth), _DEPTHS[-1])
 
 
 def _small_rgba(image: Image.Image) -> Image.Image:
@@ -215,8 +165,8 @@ def _shrunk(image: Image.Image, side: int, resampling: Image.Resampling = Image.
 
 
 def _eight_bits(image: Image.Image) -> Image.Image:
-    """Convert grey of 16 or 32 bits or floating point to 8 bits by the range of its values."""
+    """Convert grey of 16 or 32 bits or floating point to 8 bits. White is 1, 255 or else the largest value."""
     values = np.nan_to_num(np.asarray(image, dtype=np.float32))
     largest = float(values.max(initial=0))
-    full = 1.0 if largest <= 1 and image.mode == "F" else _white(largest)
-    return Image.fromarray((np.clip(values / max(full, largest), 0, 1) * 255 + 0.5).astype(np.uint8))
+    white = next((white for white in (1.0, 255.0) if largest <= white), largest)
+    return Image.fromarray((np.clip(values / white, 0, 1) * 255 + 0.5).astype(np.uint8))

@@ -1,15 +1,12 @@
-import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
-from core.photos import decode
 from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.segmentation import cut_out
-from tests.core.photos.test_photo import drawing, write_png
+from tests.core.photos.test_photo import drawing
 
 
 def mask_of(image: Image.Image) -> Image.Image:
@@ -23,9 +20,7 @@ def inside(mask: Image.Image) -> np.ndarray:
 
 @pytest.mark.parametrize("size", [(300, 200), (150, 100), (301, 200)])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_a_mask_is_taken_upright_or_as_the_pixels_of_its_photo_lie(
-    orientation: int, size: tuple[int, int], tmp_path: Path
-) -> None:
+def test_a_mask_is_taken_upright_or_as_its_photo_lies(orientation: int, size: tuple[int, int], tmp_path: Path) -> None:
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = orientation
     drawing().save(tmp_path / "photo.png", exif=exif)
@@ -34,7 +29,7 @@ def test_a_mask_is_taken_upright_or_as_the_pixels_of_its_photo_lie(
     mask_of(photo.convert("RGB")).resize(size[::-1] if transposed else size).save(tmp_path / "upright.png")
     found = read_mask(tmp_path / "upright.png", tmp_path / "photo.png", photo.size)
     assert (inside(found) == expected).mean() > 0.99
-    assert bool(found.info[NOTE]) == (2 <= orientation <= 4)  # it may be meant either way
+    assert not found.info[NOTE]
     if transposed:
         mask_of(drawing()).resize(size).save(tmp_path / "lying.png")
         found = read_mask(tmp_path / "lying.png", tmp_path / "photo.png", photo.size)
@@ -60,50 +55,17 @@ def test_of_the_pages_of_a_tif_the_largest_is_meant(sizes: tuple[tuple[int, int]
     np.testing.assert_array_equal(np.asarray(found.convert("RGB")), np.asarray(drawing()))
 
 
-def faded(share: float) -> Image.Image:
-    return Image.blend(Image.new("RGB", (300, 200), "white"), drawing(), share)
-
-
 @pytest.mark.parametrize("kind", ["gif", "webp", "png"])
-@pytest.mark.parametrize(("shares", "used"), [((0, 0.1, 0.6, 0.9, 1), 4), ((1, 0.8, 0.2), 1), ((0, 0.1, 1, 0), 3)])
-def test_of_an_animation_the_first_clear_frame_is_meant(
-    kind: str, shares: tuple[float, ...], used: int, tmp_path: Path
-) -> None:
-    first, *others = map(faded, shares)
-    first.save(tmp_path / f"a.{kind}", save_all=True, append_images=others, duration=100, lossless=True)
+def test_of_an_animation_the_first_frame_is_read(kind: str, tmp_path: Path) -> None:
+    white = Image.new("RGB", (300, 200), "white")
+    drawing().save(tmp_path / f"a.{kind}", save_all=True, append_images=[white], duration=100, lossless=True)
     found = read_rgba(tmp_path / f"a.{kind}")
-    cut = cut_out(found)
     assert inside(mask_of(found.convert("RGB"))).mean() == pytest.approx(inside(mask_of(drawing())).mean(), abs=0.01)
-    assert cut.note == found.info[NOTE]
-    assert cut.note == f"image {used} of the {len(shares)} in this file is used"
-
-
-def test_of_an_animation_with_too_many_pixels_the_first_frame_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first, *others = map(faded, (0.3, 0.6, 1))
-    first.save(tmp_path / "a.gif", save_all=True, append_images=others, duration=100)
-    monkeypatch.setattr(decode, "MAX_LOOKED", 300 * 200)
-    assert read_rgba(tmp_path / "a.gif").info[NOTE] == "image 1 of the 3 in this file is used"
+    assert cut_out(found).note == found.info[NOTE] == "image 1 of the 2 in this file is used"
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-@pytest.mark.parametrize("channels", [1, 3])
-def test_images_of_any_depth_in_files_of_16_bits_are_as_bright(bits: int, channels: int, tmp_path: Path) -> None:
-    expected = np.asarray(drawing() if channels == 3 else drawing().convert("L"))
-    values = np.round(expected / 255 * (2**bits - 1)).astype(">u2")
-    header = struct.pack(">IIBBBBB", 300, 200, 16, 2 if channels == 3 else 0, 0, 0, 0)
-    write_png(tmp_path / "a.png", header, zlib.compress(b"".join(b"\0" + row.tobytes() for row in values)))
-    found = np.asarray(read_rgba(tmp_path / "a.png").convert("RGB" if channels == 3 else "L"))
-    np.testing.assert_allclose(found, expected, atol=1)
-
-
-def test_colours_of_12_bits_keep_their_opacity(tmp_path: Path) -> None:
-    colours = np.round(np.asarray(drawing()) / 255 * 4095).astype(">u2")
-    opacity = np.where(np.asarray(mask_of(drawing()))[..., None], 65535, 0).astype(">u2")
-    rows = np.concatenate((colours, opacity), -1).astype(">u2")
-    header = struct.pack(">IIBBBBB", 300, 200, 16, 6, 0, 0, 0)
-    write_png(tmp_path / "a.png", header, zlib.compress(b"".join(b"\0" + row.tobytes() for row in rows)))
-    found = np.asarray(read_rgba(tmp_path / "a.png"))
-    assert ((found[..., 3] > 127) == inside(mask_of(drawing()))).all()
-    np.testing.assert_allclose(found[found[..., 3] > 127][:, :3], np.asarray(drawing())[found[..., 3] > 127], atol=1)
+def test_grey_of_any_depth_in_a_file_of_16_bits_is_as_bright(bits: int, tmp_path: Path) -> None:
+    expected = np.asarray(drawing().convert("L"))
+    Image.fromarray(np.round(expected / 255 * (2**bits - 1)).astype(np.uint16)).save(tmp_path / "a.png")
+    np.testing.assert_allclose(np.asarray(read_rgba(tmp_path / "a.png").convert("L")), expected, atol=1)
