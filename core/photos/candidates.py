@@ -102,9 +102,10 @@ def salient_box(image: Image.Image) -> Box:
 def box_at(image: Image.Image, point: tuple[float, float]) -> Box:
     """Return the box of the salient object at a point (fractions of width and height)."""
     for share in _WINDOWS:
-        salient = _salient(image, _in_pixels(_around(point, share, image), image))
-        if (piece := _piece_at(salient > 0.5, point)).any():
-            return share_box(piece)
+        pieces, _ = label(_salient(image, _in_pixels(_around(point, share, image), image)) > 0.5, np.ones((3, 3)))
+        height, width = pieces.shape
+        if piece := pieces[min(height - 1, int(point[1] * height)), min(width - 1, int(point[0] * width))]:
+            return share_box(pieces == piece)
     return _around(point, _POINTED, image)
 
 
@@ -115,14 +116,6 @@ def _salient(image: Image.Image, window: tuple[int, int, int, int]) -> Float[np.
     if found is not None:
         whole[top:bottom, left:right] = found
     return whole
-
-
-def _piece_at(mask: Bool[np.ndarray, "height width"], point: tuple[float, float]) -> Bool[np.ndarray, "height width"]:
-    """Return the connected piece of a mask at a point; empty if the point is beside the mask."""
-    height, width = mask.shape
-    pieces, _ = label(mask, np.ones((3, 3)))
-    number = pieces[min(height - 1, int(point[1] * height)), min(width - 1, int(point[0] * width))]
-    return (pieces == number) & mask
 
 
 def mask_overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "height width"]) -> float:

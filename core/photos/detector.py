@@ -21,7 +21,8 @@ _MIN_SCORE = 0.16  # above it, 26 of 26 photographs have the right category
 _MIN_OTHER = 0.3  # the same for objects other than the most prominent one
 _SAME = 0.5  # intersection over union from which two boxes count as one object
 _CENTRE_SCALE, _SIZE_SCALE = 10.0, 5.0  # of the encoded boxes, from the network's training
-_MISSED = 0.2  # probability of each category without detection: the detector misses some toys and drawings
+UNDETECTED = dict.fromkeys(_CLASSES, 0.2)
+"""Category probabilities of a photograph without detections: the detector misses some toys and drawings."""
 
 
 class Detection(NamedTuple):
@@ -71,11 +72,6 @@ def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detecti
     box = share_box(mask)
     best = max(found, key=lambda one: box_overlap(one.box, box), default=None)
     return best if best and box_overlap(best.box, box) >= _SAME else None
-
-
-def missed() -> dict[str, float]:
-    """Return the category probabilities of a photograph without detections."""
-    return dict.fromkeys(_CLASSES, _MISSED)
 
 
 def share_box(mask: Bool[np.ndarray, "height width"]) -> Box:
@@ -132,4 +128,4 @@ def _anchors() -> Float[np.ndarray, "anchors 4"]:
     try:
         return np.load(NETWORKS / "ssd_anchors.npy")
     except (OSError, ValueError, EOFError) as error:
-        raise ValueError(f"ssd_anchors.npy cannot be read: {error}") from None
+        raise ValueError("ssd_anchors.npy is missing or damaged") from error

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from PIL import Image
 from torch import Tensor
 
@@ -114,21 +114,6 @@ def naming(path: Path) -> Iterator[None]:
         raise kind(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def photo_from_array(
-    pixels: UInt8[np.ndarray, "height width channels"] | Float[np.ndarray, "height width channels"],
-    model: Model,
-    bank: ViewBank,
-) -> Photo:
-    """Prepare pixels in memory like :func:`load_photo`: 3 or 4 channels, bytes or numbers in [0, 1]."""
-    if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4):
-        raise ValueError(f"an image has 3 or 4 channels, got an array of shape {pixels.shape}")
-    if pixels.dtype != np.uint8:
-        if not np.isfinite(pixels).all():
-            raise ValueError("an image's pixels must be finite")
-        pixels = to_bytes(pixels)
-    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, bank)
-
-
 def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, pose: Float[Tensor, "4 4"] | None = None) -> Photo:
     """Prepare a cut-out at the model's size like a training image; with a pose it is only resized."""
     height, width = cut.mask.shape
@@ -138,20 +123,16 @@ def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, pose: Float[Tensor,
         photo = _resampled(cut, (0, 0, width, height), (across, size))
         return replace(photo, camera=Camera.from_pose(pose, model.focal, across, size))
     usual = apparent_size(bank, model)
+    left, top, right, bottom = bounding_box(cut.mask)
+    scaled, half = True, max(right - left, bottom - top) / usual.median / 2
     if cut.focal is None and _like_training(cut, usual):
         photo = _resampled(cut, (0, 0, width, width), (size, size))
-        if not bool(photo.mask.any()):
-            raise ValueError(f"the object is too thin to be seen at {size} px")
         if offset_from_expected(bank, ObjectMask(photo.mask, model.focal)) < _MAX_OFFSET:
             return photo
         scaled, half = False, width / 2  # recentre only: the apparent size determines the distance
-    else:
-        left, top, right, bottom = bounding_box(cut.mask)
-        scaled, half = True, max(right - left, bottom - top) / usual.median / 2
-    square = _square(cut, half)
+    across, down = (left + right) / 2, (top + bottom) / 2
+    square = across - half, down - half, across + half, down + half
     photo = _resampled(cut, square, (size, size))
-    if not bool(photo.mask.any()):
-        raise ValueError(f"the object is too thin to be seen at {size} px")
     focal = cut.focal and cut.focal * size / (2 * half)
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 
@@ -167,13 +148,6 @@ def _like_training(cut: CutOut, usual: SizeRange) -> bool:
     left, top, right, bottom = bounding_box(cut.mask)
     size = max(right - left, bottom - top) / width
     return 0.6 * usual.min < size < min(1.4 * usual.max, 0.9)
-
-
-def _square(cut: CutOut, half: float) -> tuple[float, float, float, float]:
-    """Return the square, in px of the cut-out, that centres the object."""
-    left, top, right, bottom = bounding_box(cut.mask)
-    across, down = (left + right) / 2, (top + bottom) / 2
-    return across - half, down - half, across + half, down + half
 
 
 def _unseen(
@@ -196,9 +170,14 @@ def _unseen(
 
 
 def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]) -> Photo:
-    """Resample a part of the image and measure its blur and edge error; outside the image is white background."""
+    """Resample a part of the image and measure its blur and edge error; outside the image is white background.
+
+    Raises ``ValueError`` if nothing of the object is left.
+    """
     pixels, opacity = _resampled_pixels(cut, box, size)
     mask, blur = opacity > 0.5, measure_blur(pixels)
+    if not bool(mask.any()):
+        raise ValueError(f"the object is too thin to be seen at {size[1]} px")
     edge_error = math.hypot(cut.edge_error * size[1] / (box[3] - box[1]), edge_softness(opacity, blur))
     fine = _fine_pixels(cut, box, size) if max(box[2] - box[0], box[3] - box[1]) > max(size) else None
     return Photo(

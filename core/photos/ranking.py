@@ -40,7 +40,6 @@ class CandidateCameras(NamedTuple):
     distance: Float[Tensor, "cameras"]
     shift: Float[Tensor, "cameras 2"]  # from the prototype's position to the object's, focal lengths
     prototype: Int[Tensor, "cameras"]  # best matching prototype of the view bank at this camera
-    score: Float[Tensor, "cameras"]  # overlap, less differences in size and position, plus the direction's probability
 
 
 def rank_cameras(
@@ -77,7 +76,7 @@ def rank_cameras(
     scale = sizes[template] / bank.sizes[prototype, chosen]
     distance = (bank.distance / scale).clamp(0.5 * bank.distance, 2 * bank.distance)
     shift = middles[template] - bank.offsets[prototype, chosen] * scale[:, None]
-    return CandidateCameras(bank.azimuth[chosen], bank.elevation[chosen], distance, shift, prototype, best[chosen])
+    return CandidateCameras(bank.azimuth[chosen], bank.elevation[chosen], distance, shift, prototype)
 
 
 def shape_similarity(

@@ -13,7 +13,7 @@ from core.geometry.pixels import bounding_box
 from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
 from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import NOTE, lens_focal, on_white
-from core.photos.detector import Box, Detection, box_overlap, detect, detection_of, missed, share_box
+from core.photos.detector import UNDETECTED, Box, Detection, box_overlap, detect, detection_of, share_box
 from core.photos.grabcut import grabcut
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
 
@@ -114,7 +114,7 @@ def _described(cut: CutOut, rgb: Image.Image, found: tuple[Detection, ...] | Non
     seen = detection_of(cut.mask, found or ())
     if seen is None:
         # The detector may not recognise the category of renders, drawings and toys on white.
-        return replace(cut, categories={} if cut.white or found is None else missed())
+        return replace(cut, categories={} if cut.white or found is None else UNDETECTED)
     # The viewpoint classifier, trained on renders, is better for renders and cut-outs on white.
     boxed = seen.category == "chairs" and not cut.white
     corners = chair_corners(rgb, seen.box) if boxed else None

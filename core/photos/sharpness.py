@@ -21,11 +21,11 @@ def measure_blur(pixels: Float[Tensor, "height width 3"]) -> float:
     Blurs the image again (Zhuo and Sim 2011), which divides the gradient of an edge of blur s by sqrt(1 + (2 / s)^2).
     """
     grey = pixels.mean(-1).cpu().numpy()
-    steep = _gradient(grey)
+    steep, flat = (np.hypot(*np.gradient(image)) for image in (grey, gaussian_filter(grey, _BLUR_AGAIN)))
     edges = steep >= max(np.quantile(steep, 1 - _STEEPEST), 1e-3)
     if not edges.any():
         return 0.0
-    ratio = float(np.median(steep[edges] / _gradient(gaussian_filter(grey, _BLUR_AGAIN))[edges].clip(1e-6)))
+    ratio = float(np.median(steep[edges] / flat[edges].clip(1e-6)))
     seeming = _BLUR_AGAIN / math.sqrt(max(ratio**2 - 1, (_BLUR_AGAIN / _MAX_BLUR) ** 2))
     return math.sqrt(max(0.0, seeming**2 - _SHARP**2))
 
@@ -38,7 +38,3 @@ def edge_softness(opacity: Float[Tensor, "height width"], blur: float) -> float:
     soft = int(((values > _SOFT) & (values < 1 - _SOFT)).sum())
     ramp = soft / max(1, length) / _RAMP
     return math.sqrt(max(0.0, ramp**2 - blur**2 - (1 / _RAMP) ** 2))
-
-
-def _gradient(grey: Float[np.ndarray, "height width"]) -> Float[np.ndarray, "height width"]:
-    return np.hypot(*np.gradient(grey))

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from core.runtime.reading import first_line
+from core.runtime.reading import first_line, shortened
 
 NETWORKS = Path(__file__).resolve().parents[2] / "assets" / "networks"
 
@@ -29,4 +29,4 @@ def run_network(path: Path, batch: Float[np.ndarray, "1 *shape"]) -> dict[str, n
         names = [output.name for output in session.get_outputs()]
         return dict(zip(names, session.run(names, {session.get_inputs()[0].name: batch}), strict=True))
     except Exception as error:
-        raise ValueError(f"{path.name} cannot be used: {first_line(error)}") from error
+        raise ValueError(f"{path.name} cannot be used: {shortened(first_line(error), 100)}") from error

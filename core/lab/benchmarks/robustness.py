@@ -11,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from PIL import Image
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings, PaperSettings
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.lab.benchmarks.held_out_views import HeldOutView, is_symmetric_view, render_on_white
 from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor
 from core.lab.evaluation.statistics import Mean, mean_of
@@ -24,7 +26,8 @@ from core.metrics import rotation_error
 from core.models.codes import Codes
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
-from core.photos.photo import photo_from_array
+from core.photos.photo import prepare_photo
+from core.photos.segmentation import cut_out
 from core.photos.view_bank import build_view_bank
 from core.rendering.surface import surface_points
 from core.streams import run_to_end
@@ -168,7 +171,8 @@ class _Attempt(NamedTuple):
     def job(self, model: Model) -> FitJob:
         """Return the fit; the paper's recipe from the mean codes if the stressor gives an initial camera."""
         bank = run_to_end(build_view_bank(model))
-        photo, initial = photo_from_array(self.image, model, bank), None
+        cut = cut_out(Image.fromarray(to_bytes(self.image)).convert("RGBA"))
+        photo, initial = prepare_photo(cut, model, bank), None
         if self.stressor.init and isinstance(self.settings, PaperSettings):
             camera = self.stressor.init(self.seen.camera, self.level)
             initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 4))

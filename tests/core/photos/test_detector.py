@@ -8,7 +8,7 @@ from PIL import Image
 from core.models.library import sample_images
 from core.photos import detector
 from core.photos.decode import on_white, read_rgba
-from core.photos.detector import Detection, box_overlap, detect, detection_of, missed
+from core.photos.detector import UNDETECTED, Detection, box_overlap, detect, detection_of
 from core.photos.segmentation import Hints, cut_out
 
 
@@ -48,7 +48,7 @@ def test_of_two_objects_both_are_found_and_a_person_chooses():
 def test_noise_and_a_single_pixel_show_neither():
     for size in ((1, 1), (300, 20)):
         assert detect(Image.effect_noise(size, 60).convert("RGB")) == ()
-    assert set(missed()) == {"cars", "chairs"}
+    assert set(UNDETECTED) == {"cars", "chairs"}
 
 
 def test_without_its_file_everything_else_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog):

@@ -11,9 +11,9 @@ from pillow_heif import from_pillow
 
 from core.models.model import Model
 from core.photos.decode import read_rgba
-from core.photos.photo import Photo, load_photo, photo_from_array
+from core.photos.photo import Photo, load_photo, prepare_photo
 from core.photos.plain_background import NoBackgroundError
-from core.photos.segmentation import Hints
+from core.photos.segmentation import Hints, cut_out
 from core.photos.view_bank import apparent_size
 from core.rendering.reference import render_exact
 from tests.core.tiny import SIDE, tiny_bank
@@ -39,6 +39,10 @@ def write_png(path: Path, header: bytes, pixels: bytes, *more: tuple[bytes, byte
     parts = [(b"IHDR", header), *more, (b"IDAT", pixels), (b"IEND", b"")]
     chunks = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts]
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+
+
+def photo_from(pixels: np.ndarray, model: Model) -> Photo:
+    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, tiny_bank())
 
 
 def check_found(photo: Photo, model: Model) -> None:
@@ -184,7 +188,7 @@ def test_only_formats_of_photographs_are_opened(tmp_path: Path, tiny: Model, kin
 
 def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
     """The drawing, of which only a box is there."""
-    return photo_from_array(np.asarray(drawing().crop(box)), tiny, tiny_bank())
+    return photo_from(np.asarray(drawing().crop(box)), tiny)
 
 
 def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
@@ -205,7 +209,7 @@ def test_all_is_known_around_a_whole_object_and_one_that_an_image_was_trimmed_to
 ):
     cutout = drawing().convert("RGBA")
     cutout.putalpha(Image.fromarray((np.asarray(drawing()).min(-1) < 255).astype(np.uint8) * 255))
-    assert photo_from_array(np.asarray(cutout.crop(box)), tiny, tiny_bank()).unseen is None
+    assert photo_from(np.asarray(cutout.crop(box)), tiny).unseen is None
 
 
 def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
@@ -218,7 +222,7 @@ def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
 
 @pytest.mark.parametrize("background", [(255, 255, 255), (240, 240, 240), (0, 200, 60), (255, 120, 130), (0, 0, 0)])
 def test_a_plain_background_of_any_colour_is_taken_off(tiny: Model, background: tuple[int, ...]):
-    photo = photo_from_array(np.asarray(drawing(background=background)), tiny, tiny_bank())
+    photo = photo_from(np.asarray(drawing(background=background)), tiny)
     check_found(photo, tiny)
 
 
@@ -228,7 +232,7 @@ def test_a_noisy_background_lit_from_the_side_is_taken_off(tiny: Model):
     noise = np.random.default_rng(0).normal(0, 2, image.shape)
     plain = (image == [180, 170, 160]).all(-1, keepdims=True)
     lit = np.clip(np.where(plain, image * light, image) + noise, 0, 255).astype(np.uint8)
-    check_found(photo_from_array(lit, tiny, tiny_bank()), tiny)
+    check_found(photo_from(lit, tiny), tiny)
 
 
 def test_a_soft_shadow_is_background(tiny: Model):
@@ -236,13 +240,11 @@ def test_a_soft_shadow_is_background(tiny: Model):
     shade = 1 - 0.25 * np.exp(-(((x - 150) / 60.0) ** 2 + ((y - 165) / 25.0) ** 2))
     image = np.asarray(drawing()).astype(float)
     white = (image == 255).all(-1, keepdims=True)
-    check_found(
-        photo_from_array(np.where(white, image * shade[..., None], image).astype(np.uint8), tiny, tiny_bank()), tiny
-    )
+    check_found(photo_from(np.where(white, image * shade[..., None], image).astype(np.uint8), tiny), tiny)
 
 
 def test_a_white_part_inside_stays_with_the_object(tiny: Model):
-    photo = photo_from_array(np.asarray(drawing((900, 600))), tiny, tiny_bank())
+    photo = photo_from(np.asarray(drawing((900, 600))), tiny)
     bright = (photo.pixels > 0.8).all(-1)
     assert bool((bright & photo.mask).any())
 
@@ -250,7 +252,7 @@ def test_a_white_part_inside_stays_with_the_object(tiny: Model):
 def test_the_gap_in_a_frame_is_background(tiny: Model):
     image = Image.new("RGB", (300, 200), (120, 190, 120))
     ImageDraw.Draw(image).rectangle((60, 40, 200, 180), outline=(90, 20, 20), width=25)
-    photo = photo_from_array(np.asarray(image), tiny, tiny_bank())
+    photo = photo_from(np.asarray(image), tiny)
     assert not bool(photo.mask[SIDE // 2, SIDE // 2])
     assert bool((photo.pixels[SIDE // 2, SIDE // 2] == 1).all())
 
@@ -259,13 +261,13 @@ def test_alpha_is_taken_at_its_word(tiny: Model):
     image = drawing(background=(200, 10, 10)).convert("RGBA")
     values = np.asarray(image).copy()
     values[(values[..., :3] == [200, 10, 10]).all(-1), 3] = 0
-    check_found(photo_from_array(values, tiny, tiny_bank()), tiny)
+    check_found(photo_from(values, tiny), tiny)
 
 
 def test_specks_are_left_out(tiny: Model):
     image = drawing()
     ImageDraw.Draw(image).rectangle((280, 10, 283, 13), fill=(90, 90, 90))
-    check_found(photo_from_array(np.asarray(image), tiny, tiny_bank()), tiny)
+    check_found(photo_from(np.asarray(image), tiny), tiny)
 
 
 # Crop
@@ -287,16 +289,16 @@ def test_what_is_too_thin_for_the_models_size(tiny: Model):
     pixels[300:720, 300:720] = 0
     pixels[302:718, 302:718] = 255
     with pytest.raises(ValueError, match="too thin"):
-        photo_from_array(pixels, tiny, tiny_bank())
+        photo_from(pixels, tiny)
 
 
 @pytest.mark.parametrize("across, down", [(6, 0), (0, -6), (-4, 5)])
 def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Model, across: int, down: int):
     seen = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
     pixels = (seen.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
-    photo = photo_from_array(np.roll(pixels, (down, across), (0, 1)), tiny, tiny_bank())
+    photo = photo_from(np.roll(pixels, (down, across), (0, 1)), tiny)
     assert photo.cropped
-    kept = photo_from_array(pixels, tiny, tiny_bank())
+    kept = photo_from(pixels, tiny)
     assert not kept.cropped
     for axis in (0, 1):
         moved, before = (one.mask.any(axis).nonzero()[:, 0] for one in (photo, kept))
