@@ -37,7 +37,7 @@ _FADE = 10.0  # px from an edge over which the weight grows to 1
 _SHAPE_FADE = 12.0  # px likewise, from disagreeing outlines, which may lie amid a smooth surface
 _REACH = 8.0  # px beyond the photo's mask up to which its colours are extrapolated
 _SOLID = 0.9  # opacity from which a pixel has the object's colour, with little background mixed in
-_DEEP = 340  # colours are extrapolated from at least side/340 inside the outline
+_DEEP = 200  # outlines are noisy: colours are extrapolated from side/200 inside, or from the middle of thin parts
 _LEAP = 0.02  # scene units of the second difference of depth at an edge of a nearer surface; slopes have none
 _DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
 MIRROR_SHARE = 0.9  # weight of the residual at places that only the mirror image shows
@@ -180,7 +180,7 @@ def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generat
         normals = surface_normals(rays.origins, rays.directions, source)
         mask = _resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
         kept = smooth_step(_distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
-        photo, render = _object_colours(rgba, source), _surface_colours(source)
+        photo, render = _object_colours(rgba), _surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
         surface = _continued(surface, source.opacity > 0.5)
         texels, parts = _surface_texels(model, codes, rays, source)
@@ -332,20 +332,22 @@ def _surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:
     return _continued(surface, source.opacity > _SOLID)
 
 
-def _object_colours(rgba: Float32[np.ndarray, "height width 4"], source: Rendered) -> Float[Tensor, "3 height width"]:
+def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor, "3 height width"]:
     """Return the photo without the background's light, extrapolated beyond its outline."""
     opacity = torch.from_numpy(rgba[..., 3:]).movedim(-1, 0)
     photo = torch.from_numpy(rgba[..., :3]).movedim(-1, 0)
-    light = _enlarged((1 - source.opacity)[None], photo)
-    # Colours that make the render's pixel equal the photo's: at an outline both contain background. In a photo finer
-    # than the render these pixels would be visible as a thin line.
-    exact = ((photo - light) / (1 - light).clamp_min(0.1)).clamp(0, 1)
-    mixed = (opacity > 0.5) & (light < 0.9) if len(rgba) <= SOURCE_SIZE else torch.zeros_like(opacity).bool()
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
     solid = opacity[0] > _SOLID
-    deep = solid & (_distance(solid) > len(rgba) / _DEEP)  # a photo's outline is noisy
-    photo = _continued(photo, deep if bool(deep.any()) else solid)
-    return torch.where(mixed, exact, photo)
+    depth = len(rgba) / _DEEP
+    core = _core(solid, depth)
+    return torch.where(core, photo, _blurred(_continued(photo, core), depth))
+
+
+def _core(mask: Bool[Tensor, "h w"], depth: float) -> Bool[Tensor, "h w"]:
+    """Return the pixels of a mask that are at least so many px inside it, and the middle of narrower parts."""
+    inside, reach = _distance(mask), math.ceil(depth)
+    deepest = functional.max_pool2d(inside[None], 2 * reach + 1, 1, reach)[0]
+    return mask & (inside >= deepest.clamp_max(depth))
 
 
 def _continued(image: Float[Tensor, "channels h w"], known: Bool[Tensor, "h w"]) -> Float[Tensor, "channels h w"]:
