@@ -22,18 +22,11 @@ class Action:
 
     def run(self, context: PanelContext) -> None:
         """Run the action."""
-        if self.id in _TOGGLES:
-            context.set_preference(**{self.id: not getattr(context.preferences, self.id)})
-        else:
-            _RUN[self.id](context)
+        _RUN[self.id](context)
 
     def enabled(self, context: PanelContext) -> bool:
         """True if the action can be run now."""
         return self.id not in _ENABLED or _ENABLED[self.id](context)
-
-    def checked(self, context: PanelContext) -> bool:
-        """True if the action is a switch that is on."""
-        return self.id in _TOGGLES and bool(getattr(context.preferences, self.id))
 
     def hint(self) -> str:
         """Return the tooltip of the action's button: effect and keys."""
@@ -126,7 +119,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("redo", "Redo", "Ctrl+Y, Ctrl+Shift+Z", "redo the undone edit"),
         Action("larger_text", "Larger text", "Ctrl++", "larger text"),
         Action("smaller_text", "Smaller text", "Ctrl+-", "smaller text"),
-        Action("dark", "Dark", "", "dark or light colours"),
+        Action("dark", "Dark or light", "", "dark or light colours"),
         Action("reset_layout", "Reset layout", "", "the panels as at first"),
         Gesture("Esc", "close what is on top: a menu, a dialog, the help"),
         Gesture("Ctrl+Tab", "the next panel; there Tab and arrow keys move between controls, and Space presses one"),
@@ -138,7 +131,6 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
 
 
-_TOGGLES = ("dark",)  # ids of actions that switch the preference of that name
 _IN_VIEW_ONLY = "reset_view", "fold_panels"  # actions whose keys work only with the mouse or the focus in the view
 _RUN: dict[str, Callable[[PanelContext], object]] = {
     "reset_view": lambda c: c.session.viewport.reset_view(),
@@ -169,6 +161,7 @@ _RUN: dict[str, Callable[[PanelContext], object]] = {
     "redo": lambda c: c.session.editor.redo(),
     "larger_text": lambda c: c.resize_text(1),
     "smaller_text": lambda c: c.resize_text(-1),
+    "dark": lambda c: c.set_preference(dark=not c.preferences.dark),
     "reset_layout": lambda c: c.reset_layout(),
     "help": lambda c: setattr(c, "help_open", not c.help_open),
     "quit": lambda c: c.quit(),

@@ -84,7 +84,6 @@ class App:
         self._gl: moderngl.Context | None = None
         self._surface: moderngl.Framebuffer | None = None
         self._software, self._touched = False, 0.0
-        self._frame_started = 0.0
         self._themed: bool | None = None
         self._popup_open = False  # a popup was open before this frame; imgui closes some on Esc
         self._folded: list[Panel] = []  # panels that were shown before the view was shown alone
@@ -246,7 +245,6 @@ class App:
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         window.on_drop(self._dropped)
         window.limit_size()
-        self._frame_started = time.thread_time()
         if self._headless:
             window.resize(*self._size)
             self._surface = window.draw_into(self._gl, self._size)
@@ -278,10 +276,7 @@ class App:
         self.context.images.release()
 
     def _before_frame(self) -> None:
-        now = time.thread_time()
         self._popup_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-        self.context.frame_times.append(now - self._frame_started)
-        self._frame_started = now
         try:
             self.session.tick()
             if self.context.autosave:

@@ -1,6 +1,5 @@
 """The context of panels: the session, the window's own state, and actions on both."""
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -50,7 +49,6 @@ class PanelContext:
     tool: str = "turn"  # use of a drag in the view: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
     dragged: str = ""  # name of the object that is dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px
-    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # processor time of frames, s
     covered: float = 0.0  # px of the view's lower edge that the history covers
     overlay: np.ndarray | None = None  # square RGBA pixels to draw over the object in the next frame
     quit: Callable[[], None] = lambda: None

@@ -1,6 +1,5 @@
 """The shown fit, running or finished: its steps, its selected photo and its cameras."""
 
-import time
 from dataclasses import replace
 
 from core.export.keyframes import View
@@ -13,9 +12,6 @@ from viewer.editor import Editor
 from viewer.values.fit_history import FitHistory
 from viewer.values.seen_cut_out import SeenCutOut
 
-_RENDER_EVERY = 0.3  # least s between renders of a running fit, as they delay it
-_RENDER_STEPS = 4  # least steps between renders, for slow machines
-
 
 class FitView:
     """The history of the shown fit; its steps are rendered while the view follows it."""
@@ -25,12 +21,10 @@ class FitView:
         self.history = FitHistory()
         self.seen: SeenCutOut | None = None  # cut-out of the photo that was read last
         self.from_runner_up = False  # the runner-up's camera is shown
-        self._rendered_at, self._steps_since = 0.0, 0  # s on the monotonic clock of the last render, and steps since
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which is finished or about to begin."""
         self.history, self.seen, self.from_runner_up = history, None, False
-        self._rendered_at, self._steps_since = 0.0, 0
 
     def close(self) -> None:
         """Return the view to the scene."""
@@ -68,11 +62,6 @@ class FitView:
             self.history = replace(self.history, photo_index=index)
 
     def add_step(self, step: FitStep) -> None:
-        """Add a step of the running fit; render it if the last render is old enough."""
+        """Add a step of the running fit, which a view that follows it shows."""
         self.history = self.history.with_step(step)
-        self._viewport.update_live(View(step.codes, self.camera_of(step)))
-        self._steps_since += 1
-        due = self._steps_since >= _RENDER_STEPS and time.monotonic() - self._rendered_at > _RENDER_EVERY
-        if due:
-            self._rendered_at, self._steps_since = time.monotonic(), 0
-            self._viewport.render_live()
+        self._viewport.show_live(View(step.codes, self.camera_of(step)))

@@ -24,7 +24,6 @@ SIZE = 64  # px, side of most thumbnails
 _SAMPLES = 40  # intervals along the longest side of the scene's box
 _MAX_KEPT = 1000  # cached thumbnails; one of 64 px takes 28 kB
 _STORED = 300  # thumbnails stored for the next launch
-_COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of coarse thumbnails
 _BATCH = 6  # thumbnails rendered before the requests are read again
 
 
@@ -63,14 +62,6 @@ def digest(codes: Codes, camera: Camera) -> str:
     return _key(codes, camera, 0).digest
 
 
-def _coarse(key: _Key) -> _Key:
-    """Return the key of the coarse thumbnail; the same key if the thumbnail is as small."""
-    camera = key.camera
-    if min(camera.width, camera.height) <= _COARSE:
-        return key
-    return key._replace(camera=camera.resized(_COARSE, _COARSE), samples=min(key.samples, _COARSE_SAMPLES))
-
-
 def frame_of(pixels: Pixels, samples: int = 0, stages: int = 1) -> Frame:
     """Return stored pixels as a frame without depth, the first of ``stages``."""
     opacity = pixels[..., 3] / np.float32(255)
@@ -104,9 +95,7 @@ class Thumbnails:
         return self._get(_key(codes, camera, samples), codes)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False) -> Frame | None:
-        """Return the thumbnail at the camera's size; until it is rendered, a coarse one or None.
-
-        Call in every frame that shows the thumbnail. Coarse thumbnails are rendered first, as they are fast.
+        """Return the thumbnail at the camera's size, or None until it is rendered; call in every frame that shows it.
 
         Args:
             soon: render before other requests.
@@ -121,7 +110,7 @@ class Thumbnails:
             return self._frames[key]
         wanted = {key: codes}
         self._queue = wanted | self._queue if soon else self._queue | wanted
-        return self._frames.get(_coarse(key))
+        return None
 
     @property
     def newest(self) -> dict[str, Pixels]:
@@ -129,24 +118,13 @@ class Thumbnails:
         found = self._stored | {key.digest: pixels_of(frame) for key, frame in self._frames.items()}
         return dict([*found.items()][-_STORED:])
 
-    def _due(self) -> dict[_Key, RenderJob]:
-        """Return the jobs of requested thumbnails that do not exist yet, each coarse before full."""
-        due = dict[_Key, RenderJob]()
-        for key, codes in self._queue.items():
-            coarse = _coarse(key)
-            step = key if coarse in self._frames or coarse in self._failed else coarse
-            if key not in self._frames and step not in self._frames and step not in self._failed:
-                due[step] = RenderJob(codes, step.camera, RenderSettings(step.samples, divisors=(1,)))
-        return due
-
     def tick(self) -> None:
         """Begin to render a batch of the requests since the last call; call once a frame."""
         if self._jobs.busy("thumbnails"):
             self._queue = {}
             return
-        queue, self._queue = list(self._due().items()), {}
-        coarse = [one for one in queue if one[0].camera.width <= _COARSE]
-        batch = (coarse or queue)[:_BATCH]
+        due = [one for one in self._queue.items() if one[0] not in self._frames and one[0] not in self._failed]
+        batch, self._queue = due[:_BATCH], {}
         if not batch:
             return
 
@@ -161,9 +139,9 @@ class Thumbnails:
         """Stop rendering."""
         self._jobs.cancel("thumbnails")
 
-    def _render(self, batch: list[tuple[_Key, RenderJob]]) -> Iterator[tuple[_Key, Frame] | None]:
-        for key, job in batch:
-            for frame in self._jobs.frames(job):
+    def _render(self, batch: list[tuple[_Key, Codes]]) -> Iterator[tuple[_Key, Frame] | None]:
+        for key, codes in batch:
+            for frame in self._jobs.frames(RenderJob(codes, key.camera, RenderSettings(key.samples, divisors=(1,)))):
                 yield (key, frame) if frame else None
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:

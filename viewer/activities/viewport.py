@@ -204,16 +204,16 @@ class Viewport:
             self.source = "scene"
             self.render()
 
-    def update_live(self, newest: View) -> None:
-        """Store the fit's newest object, seen from the photo's camera at the model's image size."""
+    def show_live(self, newest: View) -> None:
+        """Take the fit's newest object, seen from the photo's camera at the model's image size.
+
+        It is rendered unless an earlier one still is, in a share of the time, as that delays the fit.
+        """
         self._live = newest
-
-    def render_live(self) -> None:
-        """Render the fit's newest object, unless an earlier one is being rendered."""
         if not self._jobs.busy("fit view"):
-            self._render_live()
+            self._render_live(urgent=False)
 
-    def _render_live(self) -> None:
+    def _render_live(self, urgent: bool = True) -> None:
         """Render the fit's newest object, if a fit is followed."""
         if not (self._live and self.following):
             return
@@ -228,7 +228,8 @@ class Viewport:
                 self._show(frame, crop)
 
         ended = self._jobs.reporting("Cannot show the search")
-        self._jobs.submit(Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent=True))
+        frames = Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent, TILES_SHARE)
+        self._jobs.submit(frames)
 
     def _show_chosen(self) -> None:
         """Show an object that a person chose: stop following a fit, and frame the object."""

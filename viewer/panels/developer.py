@@ -1,9 +1,7 @@
 """The panel for developers: all view modes, camera, speed, candidates of a fit, and all messages."""
 
 import math
-from collections.abc import Collection
 from dataclasses import replace
-from statistics import median
 from typing import Any
 
 from imgui_bundle import hello_imgui, imgui
@@ -105,13 +103,7 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
         ("Kept", f"{CACHE.used / 2**20:.0f} of {CACHE.limit / 2**20:.0f} MB"),
         ("Device", device.type if device.type == "cpu" else str(device)),
         ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
-        ("Its own time", _own_time(context.frame_times)),
     ]
-
-
-def _own_time(seconds: Collection[float]) -> str:
-    """Format median and longest processor time of the window's thread in the last frames."""
-    return f"{1000 * median(seconds):.1f} ms, of {len(seconds)} at most {1000 * max(seconds):.0f}"
 
 
 def _row(*cells: str) -> None:

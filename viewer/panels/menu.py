@@ -37,7 +37,7 @@ def _menu(context: PanelContext, title: str, entries: tuple[str | Callable[[Pane
 def _draw_item(context: PanelContext, name: str) -> None:
     action = ACTIONS[name]
     keys = action.keys.partition(",")[0]
-    if imgui.menu_item(f"{action.words}###{name}", keys, action.checked(context), action.enabled(context))[0]:
+    if imgui.menu_item_simple(f"{action.words}###{name}", keys, enabled=action.enabled(context)):
         action.run(context)
     tooltip(action.tooltip[:1].upper() + action.tooltip[1:])
 

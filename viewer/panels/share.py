@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
@@ -22,6 +22,7 @@ from viewer.values.share_settings import BACKGROUNDS, KINDS, WIDE, ShareSettings
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, choose, draw_progress, flow, tooltip
 
+T = TypeVar("T")
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
     "turntable": icons_fontawesome_4.ICON_FA_SYNC,
@@ -36,7 +37,11 @@ _ABOUT = {
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
-_SIZES = {256: "Small", 512: "Standard", 1080: "Large"}  # px of height
+_TOGGLES = {kind: (f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind]) for kind, name in KINDS.items()}
+_SIZES = {
+    size: (f"{name}###{name.lower()}", f"{size} px")
+    for size, name in ((256, "Small"), (512, "Standard"), (1080, "Large"))
+}  # by px of height
 _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
@@ -72,14 +77,16 @@ class ShareDialog:
 
     def _draw_content(self, context: PanelContext) -> None:
         settings, em = context.preferences.share, hello_imgui.em_size()
-        changed = _draw_kinds(settings)
+        width = min(7.2, (imgui.get_main_viewport().work_size.x / em - 3) / len(KINDS))
+        changed = replace(settings, kind=_draw_toggles(settings.kind, _TOGGLES, width))
         imgui.spacing()
         room = imgui.get_main_viewport().work_size.x / em - _LABEL - _WIDTH - 3
         self._draw_preview(context, _as_in_view(context, changed), min(_SIDE, room) * em)
         imgui.same_line(0, em)
         imgui.begin_group()
         if changed.kind != "mesh":
-            changed = _draw_sizes(changed)
+            width = (_LABEL + _WIDTH - 0.6) / len(_SIZES)
+            changed = replace(changed, size=_draw_toggles(changed.size, _SIZES, width))
         if button("Less###more" if self._more else "More…###more", "Format, background, and choices that few change"):
             self._more = not self._more
         if self._more:
@@ -132,20 +139,22 @@ def _on_background(image: Image, background: Background | None) -> np.ndarray:
     return (image[..., :3] * opacity + behind * (1 - opacity) + 0.5).astype(np.uint8)
 
 
-def _draw_kinds(settings: ShareSettings) -> ShareSettings:
-    room = imgui.get_main_viewport().work_size.x / hello_imgui.em_size() - 3
-    width = min(7.2, room / len(KINDS))
-    for kind, name in KINDS.items():
-        if kind != settings.kind:
-            imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(imgui.Col_.window_bg))
-        else:
-            imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(imgui.Col_.button_active))
-        if button(f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind], width):
-            settings = replace(settings, kind=kind)
+def _draw_toggles(chosen: T, toggles: Mapping[T, tuple[str, str]], width: float) -> T:
+    """Draw buttons side by side and return the chosen value.
+
+    Args:
+        toggles: label and tooltip by value.
+        width: em of each.
+    """
+    for value, (label, text) in toggles.items():
+        colour = imgui.Col_.button_active if value == chosen else imgui.Col_.button
+        imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(colour))
+        if button(label, text, width):
+            chosen = value
         imgui.pop_style_color()
         imgui.same_line(0, hello_imgui.em_size(0.3))
     imgui.new_line()
-    return settings
+    return chosen
 
 
 def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
@@ -169,22 +178,6 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
     _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
     tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
     return replace(settings, fill=fill)
-
-
-def _draw_sizes(settings: ShareSettings) -> ShareSettings:
-    """Draw the three sizes."""
-    gap = hello_imgui.em_size(0.3)
-    for size, name in _SIZES.items():
-        imgui.push_style_color(
-            imgui.Col_.button,
-            imgui.get_style_color_vec4(imgui.Col_.button_active if size == settings.size else imgui.Col_.button),
-        )
-        if button(f"{name}###{name.lower()}", f"{size} px", (_LABEL + _WIDTH - 0.6) / len(_SIZES)):
-            settings = replace(settings, size=size)
-        imgui.pop_style_color()
-        imgui.same_line(0, gap)
-    imgui.new_line()
-    return settings
 
 
 def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:

@@ -94,7 +94,7 @@ class SlidersPanel(Panel):
         codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
         ends = (direction.moved(codes, mean, value + step) for step in (-1.0, 1.0))
         low, high = (context.session.thumbnails.get(one, camera, soon=True) for one in ends)
-        if low is None or high is None or low.resolution != high.resolution:  # one is still the coarse thumbnail
+        if low is None or high is None:
             return ""
         if self.influence is None or self._compared != (low, high):
             self._compared, self.influence = (low, high), CodeInfluence.between(low, high)

@@ -1,7 +1,5 @@
 """The panel of the view: the image of the scene, with its mouse, keys, buttons and badge."""
 
-import time
-
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.rendering.progressive import Frame
@@ -17,7 +15,6 @@ from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
 _KEY_TURN = 0.12  # rad per key press
-_REST = 0.6  # s without wheel or keys after which the next nudge is another step of undo
 _FINE = 0.2  # factor of motion while Shift is held
 _BUTTONS = {
     "undo": icons_fontawesome_4.ICON_FA_UNDO,
@@ -41,7 +38,6 @@ class ViewPanel(Panel):
     bare = True
 
     def __init__(self) -> None:
-        self._nudged = 0.0  # s on the monotonic clock of the last wheel click or key; 0 after its gesture has ended
         self._welcome, self._over = Welcome(), OverView()
         self._covered = 0  # px of the view's lower edge that the welcome card covers
         self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
@@ -133,11 +129,6 @@ class ViewPanel(Panel):
                 self._zoom(context, io.mouse_wheel)
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(context)
-        if self._nudged and imgui.is_any_item_active():
-            self._nudged = 0.0  # a drag has taken over, and ends the gesture itself
-        if self._nudged and time.monotonic() - self._nudged > _REST:
-            editor.end_gesture()
-            self._nudged = 0.0
 
     def _zoom(self, context: PanelContext, steps: float) -> None:
         """Zoom about the point under the mouse."""
@@ -162,9 +153,9 @@ class ViewPanel(Panel):
         run_keys(context, in_view=True)
 
     def _nudge(self, context: PanelContext, camera: orbit.Camera, gesture: str) -> None:
-        self._nudged = time.monotonic()
         context.set_preference(newcomer=False)
         context.session.editor.set_camera(camera, gesture)
+        context.session.editor.end_gesture()
 
 
 def _turn_idly(context: PanelContext) -> None:

@@ -51,7 +51,7 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
 
 def test_numbers_describe_the_frame_on_screen_and_move_the_camera(drive: Drive, real_backend: Backend) -> None:
     def act(window: Driver) -> None:
-        session, own = window.session, window.context.frame_times
+        session = window.session
         window.show("Developer")
         window.set("Developer/##azimuth", 30.0)
         window.set("Developer/##elevation", 10.0)
@@ -65,8 +65,6 @@ def test_numbers_describe_the_frame_on_screen_and_move_the_camera(drive: Drive, 
         sizes, seconds = zip(*session.viewport.times, strict=True)
         assert sizes[-1] == session.viewport.full_frame[0].resolution
         assert list(seconds) == sorted(seconds)
-        window.wait(lambda: len(own) == own.maxlen == 120)
-        assert all(seconds >= 0 for seconds in own)
         assert session.messages.errors == []
 
     drive(act, real_backend)
