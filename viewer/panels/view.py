@@ -24,8 +24,8 @@ _BUTTONS = {
 }  # icons of buttons, by actions' ids
 _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _EYE = icons_fontawesome_4.ICON_FA_EYE
-_LOW = 24.0  # em: a lower view has no room for the hint above the welcome card
-_COVERED = 4  # divisor of the height that may be covered, as an object fills three quarters of the view
+_LOW = 24.0  # em: a lower view has no room for the hint
+_COVERED, _FREE = 4, 8  # divisors of the height: most that may be covered, and what an object leaves free below it
 _NARROW, _SMALL = 26.0, 11.0  # em: a narrower view has buttons without words, a smaller one no hint
 _ENOUGH = 0.5  # fraction of the view's px below which an image counts as a preview
 
@@ -39,7 +39,7 @@ class ViewPanel(Panel):
 
     def __init__(self) -> None:
         self._welcome, self._over = Welcome(), OverView()
-        self._covered = 0  # px of the view's lower edge that the welcome card covers
+        self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
         self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
 
     def draw(self, context: PanelContext) -> None:
@@ -52,7 +52,8 @@ class ViewPanel(Panel):
         viewport = context.session.viewport
         begins, history = self._welcome.is_due(context), context.session.editor.history
         if not history.gesture and not (begins and history.past):  # the object must not move during a drag
-            self._covered = round(self._welcome.covered * scale.y) if begins else 0
+            low = self._welcome.covered if begins else context.covered if context.covered > size.y / _FREE else 0.0
+            self._covered = round(low * scale.y)
         covered = min(self._covered, pixels[1] // _COVERED)
         viewport.change(panel=pixels, covered=covered, opengl=context.fast_opengl)
         if viewport.frame is None:
@@ -76,7 +77,7 @@ class ViewPanel(Panel):
         if not self._over.draw(context, corner, size):
             self._react(context, size)
         draw.channels_merge()
-        if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
+        if context.preferences.newcomer and size.y > hello_imgui.em_size(_LOW):
             self._draw_hint(corner, size)
         if begins:
             self._welcome.draw(context, corner, size)
