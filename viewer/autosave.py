@@ -13,12 +13,11 @@ from filelock import FileLock, Timeout
 from viewer.services.messages import MessageKind
 from viewer.services.pictures import Pixels, write_pictures
 from viewer.session import PICTURES, Session
-from viewer.values.project import SUFFIX, Project, left_out
+from viewer.values.project import SUFFIX, Project
 
 EVERY = 5.0  # least s between two saves
 _ENDED, _RUNNING, _AGAIN = "session", "running", "again"  # files of an ended run, a running one, one after a crash
 _EARLIER = 10  # replaced sessions that are kept
-_DAY = 86_400.0  # s after which a killed run's partial file is removed
 
 
 class Autosave:
@@ -34,7 +33,7 @@ class Autosave:
         self._written: tuple[object, ...] = ()  # contents of the last save
         self._when = clock()  # s of the last save
         self._thread = ThreadPoolExecutor(1, "autosave")
-        self._writing: Future[int] | None = None
+        self._writing: Future[None] | None = None
         found = [path for kind in (_ENDED, _RUNNING, _AGAIN) for path in folder.glob(f"{kind}*{SUFFIX}")]
         left = sorted((path for path in found if not _runs(path)), key=lambda path: path.stat().st_mtime)
         crashed = bool(left) and not left[-1].name.startswith(_ENDED)
@@ -44,7 +43,6 @@ class Autosave:
         self._lock = _lock(self._own_file)
         with suppress(Timeout, OSError):  # the folder is not writable
             self._lock.acquire(timeout=0)
-        _sweep(folder)
         session.archive.connect(self._archive)
         if left:
             self._resume(left)
@@ -66,9 +64,9 @@ class Autosave:
             if not (project := self._session.project()).is_empty:
                 self._writing = self._thread.submit(self._save, project, self._session.pictures)
 
-    def _save(self, project: Project, pictures: Mapping[str, Pixels]) -> int:
+    def _save(self, project: Project, pictures: Mapping[str, Pixels]) -> None:
         write_pictures(self._pictures_file, pictures)
-        return project.save(self._own_file, self._session.models)
+        project.save(self._own_file, self._session.models)
 
     def finish(self) -> None:
         """Wait for the current save and report its result."""
@@ -122,15 +120,13 @@ class Autosave:
     def _write(self, project: Project, path: Path) -> bool:
         return self._tell(lambda: project.save(path, self._session.models))
 
-    def _tell(self, save: Callable[[], int]) -> bool:
-        """Call ``save``; report an error, or undo steps left out; return whether a file was written."""
+    def _tell(self, save: Callable[[], None]) -> bool:
+        """Call ``save``; report an error; return whether a file was written."""
         try:
-            dropped = save()
+            save()
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot save the session", error)
             return False
-        if dropped:
-            self._session.messages.notify(left_out("session", dropped), MessageKind.NOTE)
         return True
 
 
@@ -156,11 +152,3 @@ def _runs(path: Path) -> bool:
     lock.release()
     Path(lock.lock_file).unlink(missing_ok=True)
     return False
-
-
-def _sweep(folder: Path) -> None:
-    """Remove partial files of killed runs."""
-    for path in folder.glob(".*.partial*"):
-        with suppress(OSError):
-            if time.time() - path.stat().st_mtime > _DAY:
-                path.unlink()

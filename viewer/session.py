@@ -26,7 +26,7 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
-from viewer.services.messages import MessageKind, Messages
+from viewer.services.messages import Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.pictures import Pixels, read_pictures
 from viewer.services.signal import Signal
@@ -36,7 +36,7 @@ from viewer.values import orbit
 from viewer.values.fit_history import FitHistory
 from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
-from viewer.values.project import Project, left_out
+from viewer.values.project import Project
 from viewer.values.view_request import ViewSettings
 
 PICTURES = "pictures-2.safetensors"  # file of the last images of view and tiles; another name if renders change
@@ -292,14 +292,12 @@ class Session:
     def save_project(self, path: Path) -> bool:
         """Save everything as a project file for any machine; report an error and return False if that fails."""
         try:
-            dropped = self.project().shared().save(path, self.models)
+            self.project().shared().save(path, self.models)
         except Exception as error:
             self.messages.report("Cannot save the project", error)
             return False
         self.project_path = path
         self.messages.notify(f"Saved {path.name}")
-        if dropped:
-            self.messages.notify(left_out("project", dropped), MessageKind.NOTE)
         return True
 
     def open_project(self, path: Path, keep_path: bool = True) -> None:

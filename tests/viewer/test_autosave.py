@@ -4,7 +4,6 @@ import random
 import subprocess
 import sys
 import threading
-import time
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +17,6 @@ from PIL import Image
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
 from core.rendering.progressive import Frame
-from core.runtime import reading
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock, endless_fit
@@ -382,27 +380,6 @@ def test_the_window_does_not_wait_for_a_save(
     assert threading.main_thread() not in threads
 
 
-def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
-    session: Session, editor: Editor, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    autosave = Autosave(session, tmp_path, clock)
-    for step in range(40):
-        editor.mix_both(0.0, (step % 7 + 1) / 10)
-    monkeypatch.setattr(reading, "MAX_TEXT", 12_000)
-    clock.now += 10.0
-    autosave.tick()
-    autosave.finish()
-    (path,) = tmp_path.glob("*.codenerf")
-    found = Project.load(path, session.models)
-    history = editor.history
-    assert found.history.now == history.now
-    assert 0 < len(found.history.past) < len(history.past)
-    assert found.history.past == history.past[-len(found.history.past) :]
-    lost = len(history.past) - len(found.history.past)
-    assert session.messages.shown[-1].text.endswith(f"its file lacks the {lost} most distant steps of undo")
-    assert session.messages.errors == []
-
-
 def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_path: Path) -> None:
     """Each state holds all strokes that were drawn before it; the file has each stroke once."""
     codes = editor.scene.codes
@@ -426,14 +403,6 @@ def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_
     assert found.history == saved.history
     first, last = (found.history.states[at].scene.codes.detail for at in (-10, -1))
     assert first.views[0].erased[0] is last.views[0].erased[0]
-
-
-def test_unfinished_files_of_runs_that_were_killed_are_removed_after_a_day(session: Session, tmp_path: Path) -> None:
-    for name, age in (("old", 90_000), ("new", 10)):
-        (tmp_path / f".{name}.partial.codenerf").touch()
-        os.utime(tmp_path / f".{name}.partial.codenerf", (time.time() - age, time.time() - age))
-    Autosave(session, tmp_path)
-    assert [path.name for path in tmp_path.glob(".*.partial*")] == [".new.partial.codenerf"]
 
 
 @pytest.mark.parametrize("crashed", [False, True])

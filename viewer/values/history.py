@@ -139,12 +139,6 @@ class History:
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
 
-    def shortened(self) -> History:
-        """Return the history without the older half of undo or, if that is empty, the later half of redo."""
-        if self.past:
-            return replace(self, past=self.past[(len(self.past) + 1) // 2 :])
-        return replace(self, future=self.future[: len(self.future) // 2])
-
     def after(self, earlier: History) -> History:
         """Return the history with all states of another one before its own."""
         return replace(self, past=(*earlier.states, *self.past)[-_DEPTH:])

@@ -14,7 +14,7 @@ from safetensors.torch import load, save
 
 from core.models.open_models import OpenModels
 from core.runtime.files import atomic_file
-from core.runtime.reading import TooLargeError, open_zip, parse_json, reading, typed
+from core.runtime.reading import open_zip, parse_json, reading, typed
 from viewer.values.encoding import BlobStore, decode, encode
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.history import History
@@ -66,24 +66,8 @@ class Project:
             pending=(*self.pending, *earlier.pending),
         )
 
-    def save(self, path: Path, models: OpenModels) -> int:
-        """Write the project atomically; return the number of undo steps that were left out.
-
-        The older half of undo is left out, again and again, as long as the file is too large to be read back. Raises
-        ``ValueError`` for a path that cannot be written.
-        """
-        project = self
-        while True:
-            try:
-                project._write(path, models)
-                return len(self.history.states) - len(project.history.states)
-            except ValueError as error:
-                if not _is_too_large(error) or len(project.history.states) == 1:
-                    raise
-                project = replace(project, history=project.history.shortened())
-
-    def _write(self, path: Path, models: OpenModels) -> None:
-        """Write the project. Raises ``ValueError``, caused by ``TooLargeError`` if the file cannot be read back."""
+    def save(self, path: Path, models: OpenModels) -> None:
+        """Write the project atomically. Raises ``ValueError`` if it cannot be written or read back."""
         store = BlobStore()
         bare = replace(self, fit=_shortened(self.fit), pending=tuple(map(_request, self.pending)))
         about = {"format": "codenerf-project-2", "project": encode(bare, store), "timelines": store.timelines}
@@ -171,11 +155,6 @@ def _of_model(fit: FitHistory, model: str) -> FitHistory:
     return replace(fit, model=model if fit.photos else "")
 
 
-def left_out(what: str, steps: int) -> str:
-    """Return the message that a file ("project" or "session") lacks some steps of undo."""
-    return f"The {what} was too large: its file lacks the {steps} most distant steps of undo"
-
-
 def is_project(path: Path) -> bool:
     """True for a project file, judged by name."""
     return path.suffix.lower() == SUFFIX
@@ -200,10 +179,6 @@ def _check_cameras(fit: FitHistory) -> None:
         for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
             if not {(camera.width, camera.height) for camera in cameras} <= sizes:
                 raise ValueError("the cameras have another size than the photos")
-
-
-def _is_too_large(error: BaseException | None) -> bool:
-    return error is not None and (isinstance(error, TooLargeError) or _is_too_large(error.__cause__))
 
 
 def _shortened(fit: FitHistory) -> FitHistory:
