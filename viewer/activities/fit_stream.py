@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from core.fitting.category_check import describe_category, describe_difference, likeliest_model
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
-from core.fitting.settings import PaperSettings
+from core.fitting.fit import FitJob, FitSettings, FitStep
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.photos.decode import read_rgba
@@ -17,8 +16,6 @@ from viewer.services.jobs import Jobs
 from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
 from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white
 
-WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
-"""Presets of the window. The paper's recipe is only a baseline for the command line."""
 _RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
 
 
@@ -39,12 +36,11 @@ class Doubt(NamedTuple):
 class FitOptions:
     """Options of the next fit."""
 
-    preset: str = "normal"
     estimate_focal: bool = False
 
     def settings(self, resumed: bool) -> FitSettings:
         """Return the settings of a new fit, or of a resumed one."""
-        settings = replace(PRESETS[self.preset], estimate_focal=self.estimate_focal)
+        settings = FitSettings(estimate_focal=self.estimate_focal)
         return replace(settings, steps=max(1, settings.steps // _RESUMED_SHARE)) if resumed else settings
 
 

@@ -39,7 +39,6 @@ class Viewport:
         self.source: Source = "none"  # source of the displayed frames; none until :meth:`begin`
         self.frame: Frame | None = None  # newest frame, cropped to the view
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
-        self.times: tuple[tuple[tuple[int, int], float], ...] = ()  # per stage: image size in px, s from the start
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw
@@ -146,7 +145,7 @@ class Viewport:
         rests = self._last_render is not None and now - self._last_render >= _FULL_RESOLUTION_DELAY
         if rests and not self._jobs.busy("fit"):
             self._last_render = None
-            self._submit(request, request.full, continues=True)
+            self._submit(request, request.full)
 
     # Baked by core, drawn by OpenGL
 
@@ -247,28 +246,18 @@ class Viewport:
 
     # Rendering
 
-    def _submit(
-        self,
-        request: ViewRequest,
-        detail: int,
-        stages: tuple[int, ...] = (1,),
-        urgent: bool = False,
-        continues: bool = False,
-    ) -> None:
+    def _submit(self, request: ViewRequest, detail: int, stages: tuple[int, ...] = (1,), urgent: bool = False) -> None:
         """Submit a render with ``detail`` px along the view's shorter side.
 
         Args:
             stages: divisors of the resolution, one per stage.
             urgent: a preview, before all other jobs.
-            continues: a further stage of the image on screen.
         """
-        crop, before = request.crop(detail), self.times if continues else ()
+        crop = request.crop(detail)
         render = RenderSettings(request.settings.quality.samples, stages)
         job = RenderJob(request.codes, crop.camera, render, shadow=True)
 
         def rendered(frame: Frame) -> None:
-            earlier = self.times if self.full_frame and self.full_frame[1] is crop else before
-            self.times = (*earlier, (frame.resolution, frame.seconds + (before[-1][1] if before else 0.0)))
             self._show(frame, crop)
             self.sharp = frame.final and detail == request.full
             if urgent and frame.stage == 0:

@@ -74,20 +74,14 @@ def _draw_camera(context: PanelContext) -> None:
 
 
 def _draw_speed(context: PanelContext) -> None:
-    """Draw the times of the frame on screen, and settings of the machine."""
-    viewport = context.session.viewport
-    if viewport.frame is None:
-        return
-    if imgui.begin_table("stages", 3, _FLAGS):
-        started = 0.0
-        for size, seconds in viewport.times:
-            rate = size[0] * size[1] / max(seconds - started, 1e-6)
-            started = seconds
-            _row(f"{size[0]} x {size[1]} px", f"{1000 * seconds:.0f} ms", f"{rate:,.0f} rays/s")
-        imgui.end_table()
-    if imgui.begin_table("machine", 2, _FLAGS):
-        for what, value in _machine(context, viewport.frame):
-            _row(what, value)
+    """Draw the time of the image on screen, and settings of the machine."""
+    frame = context.session.viewport.frame
+    if frame and imgui.begin_table("machine", 2, _FLAGS):
+        for row in _machine(context, frame):
+            imgui.table_next_row()
+            for cell in row:
+                imgui.table_next_column()
+                imgui.text_wrapped(cell)
         imgui.end_table()
 
 
@@ -95,7 +89,9 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
     budget, device = context.session.viewport.budget, context.session.editor.model.device
     baked = context.session.viewport.baked if context.session.viewport.settings.baked else None
     evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
+    width, height = frame.resolution
     return [
+        ("Image", f"{width} x {height} px in {1000 * frame.seconds:.0f} ms"),
         ("Samples a ray", f"{frame.samples}{evaluated}"),
         ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.limit:.0f} ms"),
         ("Turning", f"OpenGL, {baked.cells} cells a side" if baked else "rendered"),
@@ -104,13 +100,6 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
         ("Device", device.type if device.type == "cpu" else str(device)),
         ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
     ]
-
-
-def _row(*cells: str) -> None:
-    imgui.table_next_row()
-    for cell in cells:
-        imgui.table_next_column()
-        imgui.text_wrapped(cell)
 
 
 def _draw_candidates(context: PanelContext) -> None:

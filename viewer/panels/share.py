@@ -203,10 +203,9 @@ def _draw_background(settings: ShareSettings) -> ShareSettings:
         settings = replace(settings, background=chosen)
     if settings.background == "colour":
         imgui.same_line()
-        colour = [part / 255 for part in (settings.red, settings.green, settings.blue)]
-        _, colour = imgui.color_edit3("##colour", colour, imgui.ColorEditFlags_.no_inputs)
-        red, green, blue = (round(255 * part) for part in colour)
-        settings = replace(settings, red=red, green=green, blue=blue)
+        colour = [part / 255 for part in settings.colour]
+        red, green, blue = imgui.color_edit3("##colour", colour, imgui.ColorEditFlags_.no_inputs)[1]
+        settings = replace(settings, colour=_rgb((red, green, blue)))
     return settings
 
 

@@ -1,8 +1,6 @@
 """Images from and to the clipboard: pixels, or copied files."""
 
-import shutil
 import tempfile
-import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urlparse
@@ -12,15 +10,15 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import ImageGrab
 
-_MAX_KEPT = 50  # files in a permanent folder
+_MAX_KEPT = 50  # files in the folder
 
 
 class Clipboard:
     """Reads images; pasted pixels are saved as files, so that they can be fitted again later."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """Save pasted pixels in ``folder``, which keeps the newest files; None: in a temporary folder."""
-        self._folder, self._is_kept = folder, folder is not None
+        """Save pasted pixels in ``folder``, which keeps the newest files; None: among the temporary files."""
+        self._folder = folder or Path(tempfile.gettempdir()) / "codenerf-viewer"
 
     def images(self, text: str) -> Iterator[tuple[Path, ...]]:
         """Yield the clipboard's image files, all at once. Run as a job: reading may start a program.
@@ -40,27 +38,20 @@ class Clipboard:
         if isinstance(found, list):
             yield tuple(map(Path, found))
         elif found is not None:
-            path = self._free_path(self._made_folder())
+            path = self._free_path()
             found.save(path)
             yield (path,)
         else:
             raise ValueError("there is no image in the clipboard")
 
-    def _made_folder(self) -> Path:
-        if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="codenerf-viewer-"))
-            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
-        self._folder.mkdir(parents=True, exist_ok=True)
-        return self._folder
-
-    def _free_path(self, folder: Path) -> Path:
+    def _free_path(self) -> Path:
         """Return a new path and delete the oldest files beyond the limit."""
-        numbers = {path: path.stem.removeprefix("pasted ") for path in folder.glob("pasted *.png")}
+        self._folder.mkdir(parents=True, exist_ok=True)
+        numbers = {path: path.stem.removeprefix("pasted ") for path in self._folder.glob("pasted *.png")}
         there = {int(number): path for path, number in numbers.items() if number.isdecimal()}
-        old = sorted(there)[: -_MAX_KEPT + 1] if self._is_kept else []
-        for number in old:
+        for number in sorted(there)[: -_MAX_KEPT + 1]:
             there[number].unlink(missing_ok=True)
-        return folder / f"pasted {max(there, default=0) + 1}.png"
+        return self._folder / f"pasted {max(there, default=0) + 1}.png"
 
 
 def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:

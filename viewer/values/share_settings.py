@@ -10,7 +10,7 @@ from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.video import WHITE, VideoSettings
 from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
-from core.rendering.background import Background, Gradient
+from core.rendering.background import Background, Gradient, Rgb
 
 KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # labels
 WIDE = 16 / 9  # width of a wide image over its height
@@ -31,9 +31,7 @@ class ShareSettings:
     wide: bool = False  # 16:9, for cars; else square
     fill: bool = True  # the object fills the frame; else it is as large as in the view
     background: str = "view"  # one of :data:`BACKGROUNDS`
-    red: int = 255  # 0..255, of the background "colour"
-    green: int = 255  # 0..255
-    blue: int = 255  # 0..255
+    colour: Rgb = WHITE  # of the background "colour"
     view_background: Gradient | None = None  # of the background "view"; None: white
     exact: bool = False  # render every frame of an image or a video with the network; else bake the object
     cells: int = 0  # cells of a mesh along the longest side; 0: as many as the detail needs
@@ -49,8 +47,8 @@ class ShareSettings:
         for chosen, among in choices:
             if chosen not in among:
                 raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
-        if not all(0 <= part <= 255 for part in (self.red, self.green, self.blue)):
-            raise ValueError(f"a colour has parts of 0 to 255, got {self}")
+        if not all(0 <= part <= 255 for part in self.colour):
+            raise ValueError(f"a colour has parts of 0 to 255, got {self.colour}")
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
         if not 2 <= self.size <= 4096:
@@ -80,7 +78,7 @@ class ShareSettings:
         if self.background == "view":
             return self.view_background or WHITE
         if self.background == "colour":
-            return self.red, self.green, self.blue
+            return self.colour
         return None if self.background == "transparent" and self.can_be_transparent else WHITE
 
     @property

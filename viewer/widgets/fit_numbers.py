@@ -6,22 +6,16 @@ import numpy as np
 from imgui_bundle import hello_imgui, imgui, implot
 
 from core.fitting.fit import FitStep
-from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.context import PanelContext
-from viewer.widgets.controls import button, choose, flow, tooltip
+from viewer.widgets.controls import button, tooltip
 
 _HEIGHT = 5.5  # em, of the curve
 _FOCAL = "Find focal length"  # short enough for the panel at the largest text size
-_PRESET_HELP = """How much work the next search is: draft less than half of normal, fine twice as much.
-Except in a draft, a camera in doubt is searched for once more."""
 
 
 def draw_fit_numbers(context: PanelContext) -> None:
     """Draw settings, result and curve; call once a frame."""
     fitting = context.session.fitting
-    presets = {name: name for name in WINDOW_PRESETS}
-    fitting.options.preset = choose("preset", fitting.options.preset, presets, _PRESET_HELP)
-    flow(f"{_FOCAL}        ")
     fitting.options.estimate_focal = imgui.checkbox(_FOCAL, fitting.options.estimate_focal)[1]
     tooltip("Estimate it: for photos from nearer or further away than the model's training images")
     if (last := fitting.history.last) is not None and not fitting.running:

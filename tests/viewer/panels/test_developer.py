@@ -62,9 +62,6 @@ def test_numbers_describe_the_frame_on_screen_and_move_the_camera(drive: Drive, 
         window.click("Developer/##mode")
         window.click("**/Opacity")
         window.wait(lambda: session.viewport.frame.final and not session.jobs.busy("view"))
-        sizes, seconds = zip(*session.viewport.times, strict=True)
-        assert sizes[-1] == session.viewport.full_frame[0].resolution
-        assert list(seconds) == sorted(seconds)
         assert session.messages.errors == []
 
     drive(act, real_backend)

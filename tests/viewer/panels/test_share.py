@@ -83,7 +83,7 @@ def test_the_preview_is_the_first_frame_on_its_background(
         window.click("Share/###picture")
         window.click("Share/###fill")
         choose(window, "##background", "Colour")
-        window.context.set_preference(share=replace(window.context.preferences.share, red=200, green=10, blue=20))
+        window.context.set_preference(share=replace(window.context.preferences.share, colour=(200, 10, 20)))
         window.click("Share/###small")
         window.click("Share/###save")
         window.type(str(tmp_path / "red.png"))

@@ -1,7 +1,3 @@
-import threading
-import time
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,10 +5,7 @@ import torch
 from imgui_bundle import imgui
 
 from core.models.codes import CODE_KINDS
-from core.models.model import Model
-from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import quick_frames
 from viewer.panels.sliders import SlidersPanel
 from viewer.services.backend import Backend
 from viewer.values.influence import CodeInfluence
@@ -105,30 +98,3 @@ def test_the_slider_under_the_mouse_shows_what_it_changes(drive: Drive, real_bac
         assert not editor.history.past
 
     drive(act, real_backend)
-
-
-def test_what_a_slider_changes_is_of_renders_of_one_size(drive: Drive, backend: Backend) -> None:
-    may_end, fine = threading.Event(), list[RenderJob]()
-
-    def second_is_late(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-        if (job.camera.width, job.camera.height) == (96, 96):
-            fine.append(job)
-            while len(fine) > 1 and not may_end.is_set():
-                time.sleep(0.01)
-                yield None
-        yield from quick_frames(model, job)
-
-    def act(window: Driver) -> None:
-        panel = next(panel for panel in window.app.panels if isinstance(panel, SlidersPanel))
-        window.show("Sliders")
-        window.wait()
-        window.ctx.mouse_move("//Sliders/**/##shape 1")
-        window.wait(lambda: len(fine) == 2)
-        window.ctx.yield_(5)
-        assert window.session.messages.errors == []
-        assert panel.influence is not None
-        assert len(panel.influence.image) == 32
-        may_end.set()
-        window.wait(lambda: len(panel.influence.image) == 96)
-
-    drive(act, replace(backend, frames=second_is_late), strict=False)

@@ -10,9 +10,9 @@ from viewer.services import clipboard
 from viewer.services.clipboard import Clipboard
 
 
-def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(clipboard.ImageGrab, "grabclipboard", lambda: Image.new("RGBA", (20, 10), "red"))
-    board = Clipboard()
+    board = Clipboard(tmp_path)
     ((first,),) = board.images("")
     ((second,),) = board.images("some words\nand more")
     assert first != second

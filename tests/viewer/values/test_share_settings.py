@@ -23,7 +23,7 @@ def scene(model: Model) -> Scene:
         {"mesh": ".dae"},
         {"size": 1},
         {"background": "black"},
-        {"red": 256},
+        {"colour": (256, 0, 0)},
         {"cells": 4},
     ],
 )
