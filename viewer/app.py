@@ -155,8 +155,6 @@ class App:
         calls.show_gui = self._draw
         calls.show_menus = self._draw_menus
         self.session.jobs.worker.wake = hello_imgui.request_refresh
-        if self._instance:
-            self._instance.wake = hello_imgui.request_refresh
 
     def _dock(self) -> None:
         window_params = self.params.imgui_window_params

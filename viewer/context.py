@@ -23,7 +23,7 @@ from viewer.session import Session
 from viewer.values.camera_text import camera_from_text, camera_text
 from viewer.values.preferences import Preferences
 from viewer.values.printable import file_name
-from viewer.values.project import SUFFIX, is_project
+from viewer.values.project import SUFFIX
 from viewer.values.view_modes import USUAL_MODES
 
 PROJECTS = (SUFFIX,)  # endings of project files
@@ -154,7 +154,7 @@ class PanelContext:
     def load(self, path: Path) -> None:
         """Open a project, a model, a scene or an image of a scene, and list the file as recent."""
         self._remember(path)
-        if is_project(path):
+        if path.suffix.lower() in PROJECTS:
             self.session.open_project(path)
         elif path.suffix.lower() in MODELS:
             self.session.open_model(str(path))
@@ -195,7 +195,7 @@ class PanelContext:
         """Open dropped projects, models, scenes and images of scenes; fit all other files as photos of one object."""
         others = []
         for path in map(Path, paths):
-            if path.suffix.lower() in (SUFFIX, ".json", *MODELS) or embedded_scene(path):
+            if path.suffix.lower() in (*PROJECTS, ".json", *MODELS) or embedded_scene(path):
                 self.load(path)
             else:
                 others.append(path)

@@ -35,7 +35,6 @@ from viewer.services.backend import Backend
 from viewer.services.single_instance import SingleInstance
 from viewer.services.worker import Worker
 from viewer.session import Session
-from viewer.values.view_request import Quality
 
 
 @pytest.fixture(autouse=True)
@@ -109,7 +108,7 @@ def worker() -> Iterator[Worker]:
 def session(worker: Worker, backend: Backend) -> Session:
     """A session with its model open and everything rendered, without a window."""
     session = Session(worker, backend, seed=0)
-    session.viewport.change(quality=Quality(32, 96))
+    session.viewport.change(detail=32, samples=96)
     session.start()
     finish(session)
     return session
@@ -180,7 +179,7 @@ def drive(
         instance: SingleInstance | None = None,
     ) -> None:
         session = Session(Worker(), backend, 0, folder)
-        session.viewport.change(quality=Quality(32, 96))
+        session.viewport.change(detail=32, samples=96)
         app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filelock import FileLock
-from PIL import Image
 
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
@@ -204,40 +203,6 @@ def test_a_session_that_ended_the_program_twice_is_not_opened(launch: Launch, ki
     autosave.close()
     session, autosave = launch()
     assert session.editor.history.past
-
-
-def test_a_photo_whose_fit_was_interrupted_makes_one_object(
-    launch: Launch, photo: Path, kill: Kill, backend: Backend
-) -> None:
-    session, autosave = launch(replace(backend, fit=endless_fit))
-    session.fitting.start(photo)
-    deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    kill(autosave)
-    session.fitting.stop()  # its object is kept, the end of the fit is written no more
-    session.tick()
-    session, autosave = launch()
-    finish(session, lambda: not session.fitting.running)
-    assert session.editor.objects.own == ["block"]
-
-
-def test_an_object_of_another_photo_of_the_same_name_stays(
-    launch: Launch, backend: Backend, photo: Path, kill: Kill
-) -> None:
-    session, autosave = launch()
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
-    with Image.open(photo) as image:
-        red, green, blue, *rest = image.split()
-        Image.merge(image.mode, (blue, red, green, *rest)).save(photo)
-    session.jobs.backend = replace(backend, fit=endless_fit)
-    session.fitting.start(photo)
-    deliver(session, lambda: len(session.fitting.history.steps) > 3)
-    kill(autosave)
-    session.fitting.close()
-    session.tick()
-    session, autosave = launch()
-    finish(session, lambda: not session.fitting.running)
-    assert session.editor.objects.own == ["block (2)", "block"]
 
 
 def test_a_session_that_ends_the_program_is_not_begun_with_again(launch: Launch, tmp_path: Path) -> None:

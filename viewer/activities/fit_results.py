@@ -1,7 +1,5 @@
 """Results of fits, which join the objects; a result is shown at once if the view followed its fit."""
 
-import re
-
 from core.geometry.camera import Camera
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -19,12 +17,11 @@ class FitResults:
         self.unseen: dict[str, Camera] = {}  # photos' cameras of results that were not shown yet, by name
         editor.scene_changed.connect(self._forget_seen)
 
-    def add(self, found: EditableObject, camera: Camera, restored: bool = False) -> Ready:
+    def add(self, found: EditableObject, camera: Camera) -> Ready:
         """Add a result to the objects and return its name and camera.
 
         Args:
             camera: camera of its photo, at the size of the model's images.
-            restored: replace an object of the same photo, which a crashed run may have added.
         """
         if self._viewport.following:
             turned, own = self._viewport.turned, self._editor.scene.camera
@@ -32,10 +29,7 @@ class FitResults:
             if not turned:
                 self._viewport.frame_result()
             return ready
-        objects = self._editor.objects
-        if same := restored and next((one.name for one in objects.added if _is_same_photo(one, found)), ""):
-            objects.replace(same, found)
-        name = same or objects.add(found)
+        name = self._editor.objects.add(found)
         self.unseen[name] = camera
         return Ready(name, camera)
 
@@ -69,8 +63,3 @@ class FitResults:
         codes, objects = self._editor.scene.codes, self._editor.objects
         for name in [name for name in self.unseen if objects[name].codes == codes or name in objects.removed]:
             del self.unseen[name]
-
-
-def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
-    """Return whether both objects have the same photo and name, but for the number of a unique name."""
-    return one.photo == other.photo != "" and re.sub(r" \(\d+\)$", "", one.name) == other.name

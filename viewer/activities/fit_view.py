@@ -26,10 +26,6 @@ class FitView:
         """Show another fit, which is finished or about to begin."""
         self.history, self.seen, self.from_runner_up = history, None, False
 
-    def close(self) -> None:
-        """Return the view to the scene."""
-        self._viewport.unfollow()
-
     @property
     def model(self) -> Model:
         """The model of the fit. Raises ``ValueError`` until it is known."""

@@ -17,7 +17,7 @@ from viewer.editor import Editor
 from viewer.services.jobs import FIT_SHARE, Jobs
 from viewer.services.messages import Button, MessageKind
 from viewer.services.worker import Job
-from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, match_poses
+from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, photo_sources
 from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.seen_cut_out import SeenCutOut
@@ -95,22 +95,18 @@ class Fitting:
             found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
             if name := next(found, ""):
                 self._keep_fit(name)
-        self.queue = (*self.queue, *(request._replace(restored=True) for request in pending))
+        self.queue = (*self.queue, *pending)
         self._next()
 
     # What is fitted
 
     def start(self, *paths: Path) -> None:
-        """Fit one object to image files; pose files (.txt) belong to the images of the same name."""
-        try:
-            sources, others = match_poses(paths)
-        except ValueError as error:
-            self._jobs.messages.report("Cannot fit this", error)
-            return
+        """Fit one object to image files."""
+        sources, others = photo_sources(paths)
         if others:
             names = ", ".join(printable(path.name) for path in others[:_NAMED])
             more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-            self._jobs.messages.notify(f"Left out {names}{more}: neither image nor pose", MessageKind.NOTE)
+            self._jobs.messages.notify(f"Left out {names}{more}: no image", MessageKind.NOTE)
         self.fit(*sources)
 
     def ask_first(self, request: FitRequest) -> None:
@@ -241,7 +237,7 @@ class Fitting:
     def _drop(self) -> None:
         """Cancel the running fit without a result."""
         self._jobs.cancel("fit")
-        self.view.close()
+        self._viewport.unfollow()
         self.request = self.results.checking = None
 
     def _run(self, request: FitRequest, follow: bool = True, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
@@ -323,8 +319,7 @@ class Fitting:
         self._tell(f"{found.name} can be used; it is being checked from other sides", found)
 
     def _add(self, step: FitStep) -> Ready:
-        restored = self.request is not None and self.request.restored
-        return self.results.add(self._fitted(step), self.view.camera_of(step), restored)
+        return self.results.add(self._fitted(step), self.view.camera_of(step))
 
     def _tell(self, text: str, found: Ready) -> None:
         """Report a result, with a button to show it if something else is being edited."""
@@ -339,5 +334,4 @@ class Fitting:
         return with_photo_detail(self.view.model, [fitted.photo for fitted in self.history.photos], step)
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        photo = self.history.photo
-        return EditableObject(self.history.name, step.codes, True, step.confidence, photo.digest if photo else "")
+        return EditableObject(self.history.name, step.codes, True, step.confidence)

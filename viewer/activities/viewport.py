@@ -254,7 +254,7 @@ class Viewport:
             urgent: a preview, before all other jobs.
         """
         crop = request.crop(detail)
-        render = RenderSettings(request.settings.quality.samples, stages)
+        render = RenderSettings(request.settings.samples, stages)
         job = RenderJob(request.codes, crop.camera, render, shadow=True)
 
         def rendered(frame: Frame) -> None:

@@ -11,6 +11,7 @@ from viewer.actions import ACTIONS, TABLE, Action, Gesture
 from viewer.context import PanelContext
 from viewer.values.variety import readable
 from viewer.values.view_modes import MODES
+from viewer.widgets.controls import begin_dialog
 from viewer.widgets.text import heading
 
 _WHAT, _DOES = 13, 32  # em: widths of the columns
@@ -36,16 +37,10 @@ class Help:
         """Draw the search above its results or, by default, the table, while the help is open."""
         if not context.help_open:
             return
-        viewport = imgui.get_main_viewport()
-        imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
-        imgui.set_next_window_size_constraints((0, 0), viewport.work_size)  # a low window scrolls
-        flags = imgui.WindowFlags_
-        unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
-        shown, stays = imgui.begin("Help", True, unmoved)
-        context.help_open = bool(stays)
+        shown, context.help_open = begin_dialog("Help")
         if shown:
             self._draw_search(context)
-            room = viewport.work_size.x - hello_imgui.em_size(_WHAT + 3)
+            room = imgui.get_main_viewport().work_size.x - hello_imgui.em_size(_WHAT + 3)
             if imgui.begin_table("help", 2):
                 imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(_WHAT))
                 does = min(hello_imgui.em_size(_DOES), room)

@@ -5,7 +5,6 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import PanelContext
-from viewer.screen.theme import packed
 from viewer.values.history import Edit, History, State
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
@@ -82,10 +81,7 @@ class HistoryStrip:
         state = history.now if shown else self._states[edit.last]
         object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), corner, side)
         if states[0] > now:
-            pale = packed(context.palette.panel, 0.55)
-            imgui.get_window_draw_list().add_rect_filled(
-                corner, corner + ImVec2(side, side), pale, object_tiles.rounding()
-            )
+            object_tiles.shade(corner, side, context.palette.panel, object_tiles.DIMMED)
         if shown:
             object_tiles.outline(corner, side, context.palette.accent)
 

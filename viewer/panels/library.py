@@ -159,12 +159,11 @@ def _draw_object(
             user_menu.draw(context, name)
         imgui.end_popup()
     object_tiles.paint(context, name, corner, side)
-    draw = imgui.get_window_draw_list()
     for number, (label, colour) in enumerate(_marks(context, name)):
         object_tiles.outline(corner, side, colour, inset=2.0 * number)
         object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
-        draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), object_tiles.rounding())
+        object_tiles.shade(corner, side, (1, 1, 1), 0.12)
     user_objects.draw_dot(context, name, corner, side)
 
 

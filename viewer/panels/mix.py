@@ -73,10 +73,7 @@ class MixPanel(Panel):
         """Draw the previews of the mixes; the one at ``over`` (column and row) is outlined."""
         self._follow(context)
         cell, last = side / STEPS, STEPS - 1
-        size, ground = ImVec2(cell, cell), packed(context.palette.panel, 1 - _FAINT)
-        imgui.get_window_draw_list().add_rect_filled(
-            corner, corner + size * STEPS, packed(context.palette.raised), object_tiles.rounding()
-        )
+        object_tiles.shade(corner, side, context.palette.raised)
         for (column, row), codes in self._previews.items():
             place = corner + ImVec2(column, last - row) * cell
             preview = context.session.thumbnails.of_object(codes, _PREVIEW, _SAMPLES)
@@ -84,7 +81,7 @@ class MixPanel(Panel):
             if (column, row) == over:
                 object_tiles.outline(place, cell, context.palette.accent)
             elif not {column, row} <= {0, last}:
-                imgui.get_window_draw_list().add_rect_filled(place, place + size, ground)
+                object_tiles.shade(place, cell, context.palette.panel, 1 - _FAINT)
         object_tiles.mark(corner + ImVec2(0, last) * cell, "A", context.palette.accent)
         object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
 
@@ -98,10 +95,8 @@ class MixPanel(Panel):
 
 def _draw_b(context: PanelContext) -> None:
     name, em = context.session.editor.state.mix.b, hello_imgui.em_size()
-    corner, side = (
-        imgui.get_cursor_screen_pos(),
-        min(object_tiles.THUMBNAIL * em, 0.4 * imgui.get_content_region_avail().x),
-    )
+    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    side = min(object_tiles.THUMBNAIL * em, 0.4 * room)
     imgui.invisible_button("slot B", (side, side))
     tooltip(f"B is {readable(name)}\nDrop another object here, or right click one in the library and make it B")
     if dropped := object_tiles.dropped(context):

@@ -133,7 +133,7 @@ def _draw_photos(fitting: Fitting, shown: FitHistory) -> None:
         if imgui.radio_button(f"{number + 1}###photo {number + 1}", shown.photo_index == number):
             fitting.view.show_photo(number)
         imgui.end_disabled()
-        tooltip(source.name + (", its camera known" if source.pose else ""))
+        tooltip(source.name)
 
 
 def _draw_progress(fitting: Fitting) -> None:

@@ -147,14 +147,6 @@ class SegmentingDialog:
             segmenting.undo()
         if is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
-        imgui.same_line()
-        if button(
-            "Clear###clear hints",
-            "No points, box or strokes: found automatically",
-            enabled=bool(segmenting.hints),
-        ):
-            segmenting.begin_change()
-            segmenting.set_hints(Hints())
         if not segmenting.settled:
             problem = segmenting.problem
             imgui.text_wrapped(f"{problem[:1].upper()}{problem[1:]}" if problem else "Cutting …")

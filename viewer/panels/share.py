@@ -20,7 +20,7 @@ from viewer.screen.theme import Colour, packed
 from viewer.values.printable import printable
 from viewer.values.share_settings import BACKGROUNDS, KINDS, WIDE, ShareSettings
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import button, choose, draw_progress, flow, tooltip
+from viewer.widgets.controls import begin_dialog, button, choose, draw_progress, flow, tooltip
 
 T = TypeVar("T")
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
@@ -63,13 +63,8 @@ class ShareDialog:
         if not context.share_open:
             preview.close()
             return
-        centre = imgui.get_main_viewport().get_center()
-        imgui.set_next_window_pos(centre, imgui.Cond_.appearing, (0.5, 0.5))
-        imgui.set_next_window_size_constraints((0, 0), imgui.get_main_viewport().work_size)
-        flags = imgui.WindowFlags_
-        unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
-        shown, stays = imgui.begin("Share", True, unmoved)
-        context.share_open = bool(stays) and not _left_by_escape()
+        shown, stays = begin_dialog("Share")
+        context.share_open = stays and not _left_by_escape()
         if shown:
             preview.update(_as_in_view(context, context.preferences.share))
             self._draw_content(context)

@@ -64,11 +64,8 @@ class SlidersPanel(Panel):
         """Draw a slider below the words of its ends."""
         editor, key = context.session.editor, f"{kind} {index + 1}"
         direction = Direction.principal(editor.model.codes, kind, index)
-        value, corner, room = (
-            editor.strength(direction),
-            imgui.get_cursor_screen_pos(),
-            imgui.get_content_region_avail(),
-        )
+        value = editor.strength(direction)
+        corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         paint_caption(context, ends[0], corner, room.x / 2, 0.0)
         paint_caption(context, ends[1], corner + ImVec2(room.x / 2, 0), room.x / 2, 1.0)
         imgui.dummy((room.x, small_height()))

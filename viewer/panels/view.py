@@ -22,11 +22,11 @@ _BUTTONS = {
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }  # icons of buttons, by actions' ids
-_HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
+_HINT = "Drag to turn    Wheel to zoom    F1 for help"
 _EYE = icons_fontawesome_4.ICON_FA_EYE
 _LOW = 24.0  # em: a lower view has no room for the hint
 _COVERED, _FREE = 4, 8  # divisors of the height: most that may be covered, and what an object leaves free below it
-_NARROW, _SMALL = 26.0, 11.0  # em: a narrower view has buttons without words, a smaller one no hint
+_NARROW = 26.0  # em: a narrower view has buttons without words
 _ENOUGH = 0.5  # fraction of the view's px below which an image counts as a preview
 
 
@@ -78,20 +78,12 @@ class ViewPanel(Panel):
             self._react(context, size)
         draw.channels_merge()
         if context.preferences.newcomer and size.y > hello_imgui.em_size(_LOW):
-            self._draw_hint(corner, size)
+            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
         if begins:
             self._welcome.draw(context, corner, size)
             context.covered = max(context.covered, self._welcome.covered)
         if not begins or context.session.editor.history.past:
             _draw_badge(viewport, viewport.frame, corner + ImVec2(0, size.y - context.covered))
-
-    @staticmethod
-    def _draw_hint(corner: ImVec2, size: ImVec2) -> None:
-        """Draw the hint if there is room."""
-        em = hello_imgui.em_size()
-        if min(size) > _SMALL * em:
-            hint = _HINT if size.x > _NARROW * em else _SHORT_HINT
-            _note(corner + ImVec2(size.x / 2, 4.2 * em), hint)
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
         """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""

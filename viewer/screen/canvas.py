@@ -9,11 +9,11 @@ import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
-from core.geometry.pixels import to_bytes
 from core.rendering.background import GLSL
 from core.rendering.ground_shader import GroundShader
 from core.rendering.ground_shadow import GroundShadow
 from core.rendering.progressive import Frame
+from viewer.activities.thumbnails import pixels_of
 from viewer.screen.theme import Palette, mixed
 from viewer.values.orbit import PanelCrop
 
@@ -148,7 +148,7 @@ class Canvas:
                 resource.release()
 
     def _upload(self, frame: Frame) -> None:
-        rgba = with_alpha(frame)
+        rgba = pixels_of(frame)
         if self._image is None or self._image.size != frame.resolution:
             if self._image:
                 self._image.release()
@@ -209,12 +209,6 @@ class Images:
         for _, texture in self._textures.values():
             texture.release()
         self._textures.clear()
-
-
-def with_alpha(frame: Frame) -> np.ndarray:
-    """Return a frame as uint8 RGBA: the image on white, and opacity as alpha."""
-    opacity = to_bytes(frame.opacity)
-    return np.dstack((frame.image, opacity))
 
 
 def over_background(frame: Frame, palette: Palette) -> np.ndarray:

@@ -13,7 +13,6 @@ from core.export.video import VideoSettings, write_video
 from core.export.video_frames import Image, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
 from core.geometry.camera import Camera
-from core.geometry.pose_files import read_pose
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
@@ -29,12 +28,9 @@ from viewer.values.fit_history import PhotoSource
 
 
 def frame_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
-    """Prepare a photo's cut-out object for a fit with a model.
-
-    Raises ``ValueError`` naming the photo, also for its pose file.
-    """
+    """Prepare a photo's cut-out object for a fit with a model. Raises ``ValueError`` naming the photo."""
     with naming(source.path):
-        return prepare_photo(cut, model, bank, read_pose(source.pose) if source.pose else None)
+        return prepare_photo(cut, model, bank)
 
 
 @dataclass(frozen=True)

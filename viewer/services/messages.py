@@ -15,11 +15,8 @@ import torch
 
 from viewer.values.printable import printable
 
-_MAX_OLDER, _MAX_ERRORS, _MAX_OFFERS = (
-    3,
-    2,
-    3,
-)  # older messages kept beside a new one; errors, and offers, shown at a time
+_MAX_OLDER = 3  # older messages kept beside a new one
+_MAX_ERRORS, _MAX_OFFERS = 2, 3  # shown at a time
 _SHORT, _LONG = 5.0, 10.0  # s on screen: messages of success; notes and problems
 _LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted

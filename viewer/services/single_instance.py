@@ -8,9 +8,8 @@ import os
 import platform
 import re
 import secrets
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -35,13 +34,11 @@ class SingleInstance:
 
     def __init__(self, folder: Path, lock: FileLock) -> None:
         """Watch a folder whose lock is held, until :meth:`close` or the end of the process."""
-        self._folder, self._lock, self._ends = folder, lock, threading.Event()
-        self.wake: Callable[[], None] = lambda: None  # called from a thread while a start is waiting
-        threading.Thread(target=self._watch, name="second starts", daemon=True).start()
+        self._folder, self._lock, self._ends = folder, lock, False
 
     def starts(self) -> Iterator[Start]:
         """Yield and remove the second starts since the last call; none after :meth:`end`."""
-        for path in () if self._ends.is_set() else _waiting(self._folder):
+        for path in () if self._ends else _waiting(self._folder):
             text = path.read_text()
             path.unlink()
             with suppress(ValueError, TypeError):  # another program's file
@@ -49,17 +46,12 @@ class SingleInstance:
 
     def end(self) -> None:
         """Accept no more second starts: they wait and open their own window after :meth:`close`."""
-        self._ends.set()
+        self._ends = True
 
     def close(self) -> None:
         """Release the display for the next window."""
         self.end()
         self._lock.release()
-
-    def _watch(self) -> None:
-        while not self._ends.wait(_POLL):
-            if _waiting(self._folder):
-                self.wake()
 
 
 def begin(folder: Path, start: Start, display: str | None = None) -> SingleInstance | None:

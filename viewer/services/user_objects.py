@@ -76,7 +76,7 @@ def _file_name(name: str) -> str:
 
 def _write(path: Path, one: EditableObject, model: Model) -> None:
     scene = Scene(one.codes, orbit.home(model))
-    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence, "photo": one.photo}
+    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence}
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path, partial(_read, model=model)) as written:
         written.write_text(json.dumps(about))
@@ -87,11 +87,10 @@ class _About(NamedTuple):
 
     name: str
     confidence: float | None = None
-    photo: str = ""
 
 
 def _read(path: Path, model: Model) -> EditableObject:
     with reading(path, "an object"):
         text = read_text(path)
         about = typed(_About, parse_json(text), name="object")
-        return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence, about.photo)
+        return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence)

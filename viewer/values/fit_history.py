@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +16,7 @@ from core.geometry.pixels import to_bytes
 from core.photos.decode import IMAGE_SUFFIXES, upright_size
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
-from core.runtime.reading import optional, read_numbers
+from core.runtime.reading import optional
 from viewer.values.printable import printable
 from viewer.values.seen_cut_out import SeenCutOut
 
@@ -26,10 +24,9 @@ MAX_STEPS = 800  # limit of kept steps, at which every other step is dropped
 
 
 class PhotoSource(NamedTuple):
-    """A photo to fit: its file, its pose file, and a person's hints."""
+    """A photo to fit: its file, and a person's hints."""
 
     path: Path
-    pose: Path | None = None  # SRN pose file, if the camera is known
     hints: Hints | None = None  # clicks, box and strokes that point out the object
 
     @property
@@ -51,11 +48,6 @@ class FittedPhoto:
     def of(cls, source: PhotoSource, photo: Photo, seen: SeenCutOut | None = None) -> FittedPhoto:
         """Return a fitted photo with the pixels of ``photo`` as bytes."""
         return cls(source, photo, to_bytes(photo.pixels), seen)
-
-    @property
-    def digest(self) -> str:
-        """A hash of the pixels, which identifies the photo."""
-        return hashlib.sha256(self.pixels.tobytes()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +91,6 @@ class FitRequest(NamedTuple):
 
     history: FitHistory  # its sources, and the photos and steps so far
     resume_from: Hypothesis | None = None  # None: search from the beginning
-    restored: bool = False  # from a run that ended during this fit; its result may already be among the objects
     answered: int = 0  # number of photos, from the first, whose questions were answered
 
 
@@ -123,21 +114,10 @@ class Question(NamedTuple):
         return self.request.history.sources[self.number]
 
 
-def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
-    """Sort files into images, each with the pose file of the same name, and other files.
-
-    A pose file is a .txt of 16 numbers. If no file is an image, all but .txt files count as images, so that reading
-    them reports the reason. Raises ``ValueError`` if there are only .txt files.
-    """
-    texts = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
-    no_texts = [path for path in paths if path not in texts.values()]
-    images = tuple(path for path in no_texts if _is_image(path)) or tuple(no_texts)
-    if not images:
-        raise ValueError(f"{paths[0].name}: there is no image beside it")
-    poses = {stem: path for stem, path in texts.items() if optional(partial(read_numbers, path, 16))}
-    sources = tuple(PhotoSource(path, poses.get(path.stem)) for path in images)
-    used = {*images, *(source.pose for source in sources)}
-    return sources, tuple(path for path in paths if path not in used)
+def photo_sources(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
+    """Sort files into images and others. If none is an image, all count as images, so that reading them says why."""
+    images = tuple(path for path in paths if _is_image(path)) or tuple(paths)
+    return tuple(map(PhotoSource, images)), tuple(path for path in paths if path not in images)
 
 
 def _is_image(path: Path) -> bool:

@@ -20,7 +20,6 @@ class EditableObject:
     codes: Codes
     fitted: bool = False  # to a photo
     confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
-    photo: str = ""  # digest of the photo's pixels; empty if unknown
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:

@@ -93,7 +93,7 @@ class Project:
             return _first_format(about, store) if about.project is None else _decoded(about.project, store)
 
     def _moved(self, move: Callable[[Path], Path]) -> "Project":
-        """Apply ``move`` to the paths of photos that were read, and of their poses."""
+        """Apply ``move`` to the paths of photos that were read."""
         pending = tuple(one._replace(history=_moved(one.history, move)) for one in self.pending)
         return replace(self, fit=_moved(self.fit, move), pending=pending)
 
@@ -144,7 +144,7 @@ def _completed(value: Any, store: BlobStore) -> Any:
         return value
     found = {name: _completed(one, store) for name, one in value.items()}
     if {"name", "codes", "photo"} <= found.keys() and not isinstance(found["photo"], str):
-        found |= {"photo": "", "fitted": found["photo"] is not None}  # an object held its photo, now its digest
+        found |= {"fitted": found["photo"] is not None}  # an object held its photo
     if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
         found["crop_transform"] = len(store.tensors)
         store.tensors.append(torch.zeros(len(found["cameras"]), 4))
@@ -155,18 +155,13 @@ def _of_model(fit: FitHistory, model: str) -> FitHistory:
     return replace(fit, model=model if fit.photos else "")
 
 
-def is_project(path: Path) -> bool:
-    """True for a project file, judged by name."""
-    return path.suffix.lower() == SUFFIX
-
-
 def _photo(number: int) -> str:
     return f"photos/{number}.png"
 
 
 def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
     """Apply ``move`` to the paths of photos that were read; the other paths stay."""
-    read = [one._replace(path=move(one.path), pose=one.pose and move(one.pose)) for one in fit.sources]
+    read = [one._replace(path=move(one.path)) for one in fit.sources]
     read = read[: len(fit.photos)]
     photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))
     return replace(fit, sources=(*read, *fit.sources[len(read) :]), photos=photos)

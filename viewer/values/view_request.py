@@ -1,21 +1,10 @@
 """The inputs of the image in the view: object, camera and settings."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from viewer.values import orbit
-
-
-class Quality(NamedTuple):
-    """The quality of the view's images."""
-
-    detail: int = 256  # px along the shorter side of a preview, at most the view's
-    samples: int = 192  # intervals along the longest side of the scene's box
-
-
-USUAL = Quality()
 
 
 @dataclass(frozen=True)
@@ -24,7 +13,8 @@ class ViewSettings:
 
     panel: tuple[int, int] = (512, 512)  # px, width and height of the view
     pan: tuple[float, float] = (0.0, 0.0)  # right and down, as fractions of the view's shorter side
-    quality: Quality = USUAL
+    detail: int = 256  # px along the shorter side of a preview, at most the view's
+    samples: int = 192  # intervals along the longest side of the scene's box
     mode: str = "colour"  # one of :data:`viewer.values.view_modes.MODES`
     opengl: bool = False  # draw a baked object while it turns; else every image is exact
     covered: int = 0  # px covered at the view's lower edge; the object is centred above
@@ -56,7 +46,7 @@ class ViewRequest:
     @property
     def preview(self) -> int:
         """px of the preview along the view's shorter side."""
-        return min(self.settings.quality.detail, self.full)
+        return min(self.settings.detail, self.full)
 
     def crop(self, detail: int) -> orbit.PanelCrop:
         """Return the image to render, with ``detail`` px along the view's shorter side, and its shown part."""

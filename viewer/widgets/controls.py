@@ -41,6 +41,16 @@ def begin_tooltip_beside() -> bool:
     return imgui.begin_tooltip()
 
 
+def begin_dialog(title: str) -> tuple[bool, bool]:
+    """Begin a window in the middle; return whether it is drawn and stays open. Afterwards call imgui's ``end``."""
+    viewport, flags = imgui.get_main_viewport(), imgui.WindowFlags_
+    imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
+    imgui.set_next_window_size_constraints((0, 0), viewport.work_size)  # a low window scrolls
+    unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
+    shown, stays = imgui.begin(title, True, unmoved)
+    return shown, bool(stays)
+
+
 def end_gesture(context: PanelContext) -> None:
     """End the drag of imgui's last item on release: the next edit is another step of undo."""
     if imgui.is_item_deactivated():

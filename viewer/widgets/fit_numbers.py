@@ -8,6 +8,7 @@ from imgui_bundle import hello_imgui, imgui, implot
 from core.fitting.fit import FitStep
 from viewer.context import PanelContext
 from viewer.widgets.controls import button, tooltip
+from viewer.widgets.text import caption
 
 _HEIGHT = 5.5  # em, of the curve
 _FOCAL = "Find focal length"  # short enough for the panel at the largest text size
@@ -20,9 +21,7 @@ def draw_fit_numbers(context: PanelContext) -> None:
     tooltip("Estimate it: for photos from nearer or further away than the model's training images")
     if (last := fitting.history.last) is not None and not fitting.running:
         sure = "" if last.confidence is None else f"    camera {last.confidence:.0%}"
-        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
-        imgui.text_wrapped(f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB{sure}")
-        imgui.pop_style_color()
+        caption(context, f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB{sure}")
         can_resume = fitting.resume_point is not None
         if button("Go on###resume", "Improve it for a third of the steps of a new search", enabled=can_resume):
             fitting.resume()

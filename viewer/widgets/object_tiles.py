@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.models.codes import CodeKind
@@ -24,16 +25,22 @@ def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None
     paint_frame(context, context.session.thumbnails.of_object(context.session.editor.objects[name].codes), corner, side)
 
 
-def paint_frame(context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float) -> None:
-    """Draw a rendered frame, or an empty square for None, with round corners."""
+def paint_frame(context: PanelContext, image: Frame | np.ndarray | None, corner: ImVec2, side: float) -> None:
+    """Draw a frame or RGB pixels in a square of ``side`` px with round corners, empty for None."""
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
-    if thumbnail is None or context.images is None:
-        draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
+    if image is None or context.images is None:
+        shade(corner, side, context.palette.raised)
         return
-    texture = context.images.texture(thumbnail, context.palette)
+    texture = context.images.texture(image, context.palette)
     draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
     if not context.preferences.dark:
         draw.add_rect(corner, opposite, packed(context.palette.line), rounding())
+
+
+def shade(corner: ImVec2, side: float, colour: Colour, opacity: float = 1.0) -> None:
+    """Fill a square of ``side`` px, with round corners."""
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(colour, opacity), rounding())
 
 
 def tile_button(name: str, size: tuple[float, float] | ImVec2) -> bool:
@@ -43,12 +50,7 @@ def tile_button(name: str, size: tuple[float, float] | ImVec2) -> bool:
 
 def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) -> None:
     """Draw a photo file in a square of ``side`` px, empty until it is read."""
-    draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
-    if (pixels := context.session.photo_thumbnails.get(path)) is None or context.images is None:
-        draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
-        return
-    texture = context.images.texture(pixels, context.palette)
-    draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
+    paint_frame(context, context.session.photo_thumbnails.get(path), corner, side)
 
 
 def outline(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:

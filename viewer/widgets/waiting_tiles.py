@@ -9,7 +9,6 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
 _CLOCK, _QUESTION = icons_fontawesome_4.ICON_FA_CLOCK, icons_fontawesome_4.ICON_FA_QUESTION
-_DIMMED = 0.45  # opacity of the shade over the photo
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:
@@ -30,8 +29,7 @@ def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2)
             fitting.ask_first(waits)
     hovered = imgui.is_item_hovered()
     object_tiles.paint_photo(context, source.path, corner, side)
-    shade = packed(context.palette.panel, 0.0 if hovered or running else _DIMMED)
-    imgui.get_window_draw_list().add_rect_filled(corner, corner + ImVec2(side, side), shade, object_tiles.rounding())
+    object_tiles.shade(corner, side, context.palette.panel, 0.0 if hovered or running else object_tiles.DIMMED)
     if running:
         tooltip(f"{source.name} is being fitted\nClick to see it")
         _draw_bar(context, fitting.history.progress, corner, side)

@@ -409,7 +409,7 @@ def test_a_photo_of_something_else_among_several_is_named_and_so_is_what_lies_be
     session.fitting.start(photo, beside, other)
     finish(session, lambda: not session.fitting.running)
     texts = [message.text for message in session.messages.shown]
-    assert "Left out block.mov: neither image nor pose" in texts
+    assert "Left out block.mov: no image" in texts
     (said,) = (text for text in texts if "the images of one fit show one object" in text)
     assert said.startswith("block other.png: this looks like a boat")
 

@@ -10,9 +10,7 @@ from imgui_bundle import imgui
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.photo_detail import Erasure
-from core.photos.photo import Photo
-from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import ViewBank
+from core.photos.segmentation import Hints
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import (
     crowded,
@@ -22,12 +20,10 @@ from tests.viewer.stand_ins import (
     quick_colour,
     quick_fit,
     quick_paint,
-    quick_photo,
 )
 from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
 from viewer.values import orbit
-from viewer.values.fit_history import PhotoSource
 from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
@@ -300,24 +296,19 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, pho
     drive(act, replace(backend, fit=endless_fit))
 
 
-def test_several_photos_are_fitted_together_with_known_poses(
-    drive: Drive, backend: Backend, photo: Path, model: Model, tmp_path: Path
-) -> None:
-    camera = model.camera(2.0, 0.5)
-    for name in ("block b.txt", "other.txt"):
-        (tmp_path / name).write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
+def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path: Path) -> None:
     for name in ("block b.png", "block c.png"):
         (tmp_path / name).write_bytes(photo.read_bytes())
+    (tmp_path / "other.txt").write_text("words")
 
     def act(window: Driver) -> None:
         session = window.session
         fitting = session.fitting
-        window.context.drop([str(photo), str(tmp_path / "block b.png"), str(tmp_path / "block b.txt")])
+        window.context.drop([str(photo), str(tmp_path / "block b.png")])
         window.wait(lambda: bool(fitting.history.steps) and not fitting.running)
-        assert [source.pose is not None for source in fitting.history.sources] == [False, True]
         window.click("Photo/###photo 2")
         window.wait()
-        assert fitting.view.camera.azimuth == pytest.approx(2.0)
+        assert fitting.history.photo_index == 1
         window.click("Photo/###again")
         window.click("**/###add photo")
         window.type(str(tmp_path / "block c.png"))
@@ -325,18 +316,9 @@ def test_several_photos_are_fitted_together_with_known_poses(
         window.click("Photo/###photo 3")
         assert fitting.history.photo_index == 2
         window.context.drop([str(photo), str(tmp_path / "other.txt")])
-        assert session.messages.shown[-1].text == "Left out other.txt: neither image nor pose"
-        window.wait(lambda: not fitting.running)
-        session.messages.all.clear()
-        window.context.drop([str(tmp_path / "other.txt")])
-        assert len(session.messages.errors) == 1
-        assert not fitting.running
+        assert session.messages.shown[-1].text == "Left out other.txt: no image"
 
-    def posed(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
-        found = quick_photo(cut, model, bank, source)
-        return replace(found, camera=camera.resized(32, 32)) if source.pose else found
-
-    drive(act, replace(backend, frame_photo=posed))
+    drive(act)
 
 
 @pytest.mark.parametrize(("psnr", "words"), [(30.0, "sure"), (12.0, "doubtful")])

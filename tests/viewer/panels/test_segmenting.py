@@ -168,11 +168,6 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         window.click("Photo/###point at it")
         window.wait(lambda: segmenting.result is not None)
         assert segmenting.hints == hints
-        window.click("Cut out###segment/**/###clear hints")
-        window.wait(lambda: segmenting.result is not None and not segmenting.result.hints)
-        window.click("Cut out###segment/**/###undo hints")
-        window.wait()
-        assert segmenting.hints == hints
         window.click("Cut out###segment/**/###cancel segmentation")
         window.wait()
         assert not segmenting.active

@@ -15,7 +15,6 @@ from tests.viewer.stand_ins import Bakery, detailed_fit, endless_fit
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.view_modes import MODES
-from viewer.values.view_request import Quality
 
 
 def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
@@ -214,7 +213,7 @@ def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(
 
     def act(window: Driver) -> None:
         context, viewport = window.context, window.session.viewport
-        viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
+        viewport.change(detail=32, samples=32)  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
         context.fast_opengl = True
         window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view
@@ -250,7 +249,7 @@ def test_the_shadow_stays_while_the_object_turns(drive: Drive, real_backend: Bac
             )  # in the border, where nothing has a tooltip
             return window.capture_view(border=100)
 
-        viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
+        viewport.change(detail=32, samples=32)  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
         context.fast_opengl = True
         window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)

@@ -34,16 +34,9 @@ def handed_over(window: SingleInstance, folder: Path, *starts: Start) -> list[St
 
 
 def test_a_second_start_is_handed_over(window: SingleInstance, tmp_path: Path) -> None:
-    woken = threading.Event()
-    window.wake = woken.set
     starts = Start("/photos/chaise à l'été.png", "cars"), Start()
     assert handed_over(window, tmp_path / "home", *starts) == [*starts]
     assert list(window.starts()) == []
-    waiting = threading.Thread(target=lambda: begin(tmp_path / "home", Start()))
-    waiting.start()
-    assert woken.wait(60)
-    list(window.starts())
-    waiting.join(60)
 
 
 def test_two_homes_and_two_displays_do_not_meet(window: SingleInstance, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from viewer.values.objects import EditableObject
 
 @pytest.fixture
 def fitted(model: Model) -> EditableObject:
-    return EditableObject("Red chair (2)", model.codes[1], True, 0.83, "1f2e")
+    return EditableObject("Red chair (2)", model.codes[1], True, 0.83)
 
 
 def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
@@ -20,7 +20,7 @@ def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted
     assert user_objects.open(model) == ()
     user_objects.sync(open_models(model), [fitted])
     (found,) = UserObjects(tmp_path / "mine").open(model)
-    assert (found.name, found.confidence, found.photo) == ("Red chair (2)", 0.83, "1f2e")
+    assert (found.name, found.confidence) == ("Red chair (2)", 0.83)
     assert found.codes == fitted.codes
     assert found.fitted
     (path,) = (tmp_path / "mine").iterdir()

@@ -52,7 +52,7 @@ def saved(session: Session, editor: Editor, photo: Path) -> Project:
     editor.undo()
     found = session.project()
     hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
-    source = PhotoSource(photo, photo.with_suffix(".txt"), hints)
+    source = PhotoSource(photo, hints)
     return replace(found, pending=(FitRequest(FitHistory((source,))),))
 
 
@@ -203,7 +203,7 @@ def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -
         for name, content in parts.items():
             file.writestr(name, content)
     found = Project.load(tmp_path / "a.codenerf", OpenModels(load_model))
-    assert [(one.fitted, one.photo) for one in found.objects] == [(False, ""), (False, "")]
+    assert [one.fitted for one in found.objects] == [False, False]
 
 
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])

@@ -4,12 +4,12 @@ import pytest
 
 from core.models.model import Model
 from viewer.values import orbit
-from viewer.values.view_request import Quality, ViewRequest, ViewSettings
+from viewer.values.view_request import ViewRequest, ViewSettings
 
 
 @pytest.fixture
 def request_(model: Model) -> ViewRequest:
-    return ViewRequest(model.codes[0], orbit.home(model), ViewSettings((300, 200), (0.1, 0.0), Quality(128, 96)))
+    return ViewRequest(model.codes[0], orbit.home(model), ViewSettings((300, 200), (0.1, 0.0), 128, 96))
 
 
 def test_one_record_says_what_is_rendered_and_what_of_it_is_shown(request_: ViewRequest) -> None:
