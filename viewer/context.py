@@ -110,10 +110,9 @@ class PanelContext:
 
     def paste_camera(self) -> None:
         """Set the camera to the one in the clipboard's text."""
+        editor = self.session.editor
         try:
-            self.session.editor.set_camera(
-                camera_from_text(imgui.get_clipboard_text(), self.session.editor.scene.camera)
-            )
+            editor.set_camera(camera_from_text(imgui.get_clipboard_text(), editor.scene.camera))
         except ValueError as error:
             self.session.messages.report("Cannot paste the camera", error)
 

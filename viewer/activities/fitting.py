@@ -89,13 +89,12 @@ class Fitting:
         self.view.show(self._fits[name])
 
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Show a saved fit, unless a fit is shown, and continue unfinished requests."""
-        if not self.history.sources:
-            self.view.show(history)
-            found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
-            if name := next(found, ""):
-                self._keep_fit(name)
-        self.queue = (*self.queue, *pending)
+        """Show a saved fit, and continue unfinished requests."""
+        self.view.show(history)
+        found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
+        if name := next(found, ""):
+            self._keep_fit(name)
+        self.queue = pending
         self._next()
 
     # What is fitted
@@ -104,9 +103,8 @@ class Fitting:
         """Fit one object to image files."""
         sources, others = photo_sources(paths)
         if others:
-            names = ", ".join(printable(path.name) for path in others[:_NAMED])
-            more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-            self._jobs.messages.notify(f"Left out {names}{more}: no image", MessageKind.NOTE)
+            names = ", ".join(printable(path.name) for path in others[:_NAMED]) + ", …" * (len(others) > _NAMED)
+            self._jobs.messages.notify(f"Left out {names}: no image", MessageKind.NOTE)
         self.fit(*sources)
 
     def ask_first(self, request: FitRequest) -> None:
@@ -193,10 +191,6 @@ class Fitting:
             self._finish("Stopped")
             self._next()
 
-    def _undo_beginning(self) -> None:
-        self._drop()
-        self.view.show(self._before)
-
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
         """Remove the request of these photos from queue and questions."""
         self.queue = tuple(one for one in self.queue if one.history.sources is not sources)
@@ -241,7 +235,7 @@ class Fitting:
         self.request = self.results.checking = None
 
     def _run(self, request: FitRequest, follow: bool = True, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
-        self._before = before = self.history
+        self._before = self.history
         history, resume_from = request.history, request.resume_from
         self._drop()
         self.view.show(history)
@@ -253,7 +247,7 @@ class Fitting:
 
         def ended(error: Exception | None) -> None:
             if error and len(self.history.steps) == len(history.steps):
-                self.view.show(before)
+                self.view.show(self._before)
             self._ended(error)
             self._next()
 
@@ -282,7 +276,8 @@ class Fitting:
         assert self.request is not None
         history = replace(self.request.history, photos=self.history.photos, model=self.history.model)
         request = self.request._replace(history=history)
-        self._undo_beginning()
+        self._drop()
+        self.view.show(self._before)
         question = Question(request, doubt.words, doubt.cut, doubt.seen, doubt.model.fingerprint)
         self.questions = (*self.questions, question)
         self._next()

@@ -36,10 +36,8 @@ class DeveloperPanel(Panel):
     def draw(self, context: PanelContext) -> None:
         """Draw view mode and camera above the sections."""
         viewport = context.session.viewport
-        mode = choose(
-            "mode", viewport.settings.mode, {mode: mode.capitalize() for mode in MODES}, "What the view shows"
-        )
-        viewport.change(mode=mode)
+        modes = {mode: mode.capitalize() for mode in MODES}
+        viewport.change(mode=choose("mode", viewport.settings.mode, modes, "What the view shows"))
         _draw_camera(context)
         sections = {
             "Performance": _draw_speed,

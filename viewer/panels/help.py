@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.actions import ACTIONS, TABLE, Action, Gesture
+from viewer.actions import ACTIONS, TABLE, Action
 from viewer.context import PanelContext
 from viewer.values.variety import readable
 from viewer.values.view_modes import MODES
@@ -114,13 +114,9 @@ def _draw_table(context: PanelContext) -> None:
         imgui.table_next_row()
         imgui.table_next_column()
         heading(context, place)
-        for what, does in map(_columns, rows):
+        for row in rows:
             imgui.table_next_row()
             imgui.table_next_column()
-            imgui.text(what)
+            imgui.text((row.keys or row.words) if isinstance(row, Action) else row.words)
             imgui.table_next_column()
-            imgui.text_wrapped(does)
-
-
-def _columns(row: Action | Gesture) -> tuple[str, str]:
-    return (row.keys or row.words) if isinstance(row, Action) else row.words, row.tooltip
+            imgui.text_wrapped(row.tooltip)

@@ -38,7 +38,7 @@ class TimelinePanel(Panel):
         tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
         flow(f"{_VIDEO}  Share…")
         there = bool(player.timeline.keys)
-        if button(f"{_VIDEO}  Share…###share video", "Write the timeline as a video", enabled=there):
+        if button(f"{_VIDEO}  Share…###share video", "Save the timeline as a video", enabled=there):
             context.share("video")
         _draw_line(context, player)
 
@@ -90,10 +90,8 @@ def _draw_key(
     tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it in time; Delete removes the shown one")
     thumbnail = context.session.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
     object_tiles.paint_frame(context, thumbnail, corner, side)
-    chosen = player.key == index
-    object_tiles.outline(
-        corner, side, context.palette.accent if chosen else mixed(context.palette.panel, context.palette.text, 0.4)
-    )
+    quiet = mixed(context.palette.panel, context.palette.text, 0.4)
+    object_tiles.outline(corner, side, context.palette.accent if player.key == index else quiet)
 
 
 def _paint_ruler(

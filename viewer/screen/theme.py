@@ -10,8 +10,6 @@ HEADING, SMALL = 1.15, 0.84  # sizes of headings and captions, relative to the t
 PLATE: Colour = (0.07, 0.08, 0.09)  # plate behind text over the view
 ON_PLATE: Colour = (0.95, 0.95, 0.96)  # text on that plate
 PLATE_OPACITY = 0.88
-
-
 WARM: Colour = (0.93, 0.63, 0.27)  # colour of object B; A has the accent
 
 

@@ -118,12 +118,8 @@ def on_drop(dropped: Callable[[list[str]], None]) -> None:
 
 def limit_size() -> None:
     """Limit the window's size so that controls stay reachable."""
-    glfw.set_window_size_limits(
-        glfw_utils.glfw_window_hello_imgui(),
-        *SMALLEST,
-        glfw.DONT_CARE,
-        glfw.DONT_CARE,
-    )
+    window = glfw_utils.glfw_window_hello_imgui()
+    glfw.set_window_size_limits(window, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
 
 
 def draw_into(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Framebuffer:

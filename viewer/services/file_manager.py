@@ -12,11 +12,8 @@ def folder_command(path: Path, platform: str = sys.platform) -> list[str]:
         >>> folder_command(Path("/home/me/chair.glb"), "darwin")
         ['open', '-R', '/home/me/chair.glb']
     """
-    if platform == "darwin":
-        return ["open", "-R", str(path)]
-    if platform == "win32":
-        return ["explorer", f"/select,{path}"]
-    return ["xdg-open", str(path.parent)]
+    commands = {"darwin": ["open", "-R", str(path)], "win32": ["explorer", f"/select,{path}"]}
+    return commands.get(platform, ["xdg-open", str(path.parent)])
 
 
 def show_in_folder(path: Path) -> None:

@@ -28,11 +28,8 @@ class PhotoThumbnails:
         """
         if path not in self._pixels:
             self._pixels[path] = None
-            self._jobs.submit(Job(f"photo {path}", lambda: (_square(path),), partial(self._keep, path)))
+            self._jobs.submit(Job(f"photo {path}", lambda: (_square(path),), partial(self._pixels.__setitem__, path)))
         return self._pixels[path]
-
-    def _keep(self, path: Path, pixels: UInt8[np.ndarray, "side side 3"]) -> None:
-        self._pixels[path] = pixels
 
 
 def _square(path: Path) -> UInt8[np.ndarray, "side side 3"]:

@@ -125,8 +125,7 @@ def _is_image(path: Path) -> bool:
     return path.suffix.lower() in IMAGE_SUFFIXES or optional(lambda: upright_size(path)) is not None
 
 
-@dataclass(frozen=True)
-class Ready:
+class Ready(NamedTuple):
     """A fitted object that is ready to be shown."""
 
     name: str
