@@ -25,7 +25,7 @@ _BUTTONS = {
 _HINT = "Drag to turn    Wheel to zoom    F1 for help"
 _EYE = icons_fontawesome_4.ICON_FA_EYE
 _LOW = 24.0  # em: a lower view has no room for the hint
-_COVERED, _FREE = 4, 8  # divisors of the height: most that may be covered, and what an object leaves free below it
+_COVERED, _FREE = 4, 6  # divisors of the height: most that may be covered, and what the history may cover in place
 _NARROW = 26.0  # em: a narrower view has buttons without words
 _ENOUGH = 0.5  # fraction of the view's px below which an image counts as a preview
 
