@@ -135,14 +135,9 @@ class Objective(NamedTuple):
 class ObjectiveValue(NamedTuple):
     """The objective of hypotheses on some pixels."""
 
-    terms: Float[Tensor, "terms hypotheses"]  # value of each term, in the order of :attr:`Objective.terms`
+    objective: Float[Tensor, "hypotheses"]  # the sum of the terms
     squared_error: Float[Tensor, "hypotheses"]
     """mean squared error per channel over whole photos, estimated from these pixels"""
-
-    @property
-    def objective(self) -> Float[Tensor, "hypotheses"]:
-        """The sum of the terms."""
-        return self.terms.sum(0)
 
 
 def evaluate_objective(
@@ -162,8 +157,8 @@ def evaluate_objective(
     codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
     rendered = _render(model, parameters, codes, pixels, samples, None, cells)
     terms = [term(pixels, objective) for term in objective.terms]
-    values = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms])
-    return ObjectiveValue(values, image_squared_error(rendered, pixels, objective.occluder_scale).detach())
+    value = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms]).sum(0)
+    return ObjectiveValue(value, image_squared_error(rendered, pixels, objective.occluder_scale).detach())
 
 
 def paper_objective(
@@ -182,7 +177,7 @@ def paper_objective(
     rendered = _render(model, parameters, (parameters.shape, parameters.texture), pixels, samples, jitter)
     error = image_squared_error(rendered, pixels)
     norms = parameters.shape.square().sum(-1) + parameters.texture.square().sum(-1)
-    return ObjectiveValue(torch.stack((error, code_prior * norms)), error.detach())
+    return ObjectiveValue(error + code_prior * norms, error.detach())
 
 
 def image_squared_error(

@@ -71,7 +71,7 @@ def test_steps_that_diverge_leave_the_best_before_them(tiny: Model, monkeypatch:
 
     def diverging(*arguments: object) -> ObjectiveValue:
         found = plain(*arguments)
-        return found._replace(terms=found.terms * math.nan) if next(calls) > 13 else found
+        return found._replace(objective=found.objective * math.nan) if next(calls) > 13 else found
 
     monkeypatch.setattr(paper, "paper_objective", diverging)
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
