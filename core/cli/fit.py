@@ -16,12 +16,7 @@ from tqdm import tqdm
 
 from core.cli.explain import draw_detections, write_page
 from core.cli.progress import wait_for_view_bank
-from core.fitting.category_check import (
-    describe_ambiguity,
-    describe_category,
-    describe_difference,
-    likeliest_model,
-)
+from core.fitting.category_check import describe_ambiguity, describe_category, describe_difference, likeliest_model
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set

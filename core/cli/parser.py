@@ -155,10 +155,7 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(
-        commands,
-        "fit",
-        "fit.fit",
-        "estimate camera and codes of an object in images; ends with one JSON line",
+        commands, "fit", "fit.fit", "estimate camera and codes of an object in images; ends with one JSON line"
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
     command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
@@ -189,9 +186,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     )
     _add_preset(command)
     command.add_argument(
-        "--estimate-focal",
-        action="store_true",
-        help="also estimate the focal length (default: the model's)",
+        "--estimate-focal", action="store_true", help="also estimate the focal length (default: the model's)"
     )
     add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
     command.add_argument("--out", type=Path, metavar="S.json", help="save the fitted scene to this file")

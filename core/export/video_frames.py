@@ -96,11 +96,7 @@ def exact_frames(
 
 
 def baked_frames(
-    model: Model,
-    views: Sequence[View],
-    background: Background | None,
-    shadow: bool = False,
-    cells: int = CELLS,
+    model: Model, views: Sequence[View], background: Background | None, shadow: bool = False, cells: int = CELLS
 ) -> Iterator[Image | None]:
     """Yield every frame rasterised from baked objects, with None many times in between.
 

@@ -24,14 +24,7 @@ from core.fitting.hypotheses import (
     known_cells,
     to_vector,
 )
-from core.fitting.objective import (
-    Objective,
-    RenderedPixels,
-    Term,
-    image_squared_error,
-    residual_weights,
-    term_value,
-)
+from core.fitting.objective import Objective, RenderedPixels, Term, image_squared_error, residual_weights, term_value
 from core.fitting.observations import PixelBatch
 from core.fitting.pieces import Piece, cells_of, map_rays
 from core.fitting.schedule import Stage

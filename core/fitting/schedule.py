@@ -65,15 +65,7 @@ _LOCAL = (
 _FINAL = _Row(1.0, 1, 24, 1, 1, 0.2, 0.03)
 _ALL_STEPS = sum(row.steps for row in (*_LOCAL, _FINAL))
 LOCAL_OFFSETS = (
-    (
-        (0.0, 0.0, 4),
-        (1.5, 0.0, 1),
-        (-1.5, 0.0, 1),
-        (0.0, 1.5, 1),
-        (0.0, -1.5, 1),
-        (13.0, 0.0, 2),
-        (-13.0, 0.0, 2),
-    ),
+    ((0.0, 0.0, 4), (1.5, 0.0, 1), (-1.5, 0.0, 1), (0.0, 1.5, 1), (0.0, -1.5, 1), (13.0, 0.0, 2), (-13.0, 0.0, 2)),
     ((0.0, 0.0, 4), (13.0, 0.0, 1), (-13.0, 0.0, 1)),
 )
 """Start cameras of the local search around the camera of the best basin, and around that of the next.

@@ -55,10 +55,7 @@ def chair_direction(corners: Float[np.ndarray, "9 2"], aspect: float) -> tuple[f
     zeros = np.zeros_like(signs)
     # Camera axes: x right, y up, looking along -z, so a point appears at (x, -y) / -z.
     rows = np.concatenate(
-        (
-            np.stack((signs, zeros, across[:, None] * signs), -1),
-            np.stack((zeros, signs, -down[:, None] * signs), -1),
-        )
+        (np.stack((signs, zeros, across[:, None] * signs), -1), np.stack((zeros, signs, -down[:, None] * signs), -1))
     )
     solution = np.linalg.svd(rows.reshape(18, 12))[2][-1].reshape(4, 3)
     centre, *edges = solution * (-1 if solution[0, 2] > 0 else 1)  # in front of the camera

@@ -32,12 +32,7 @@ _BLOCK = 4096  # points evaluated at a time, so that activations stay in cache
 
 
 def render_steps(
-    model: Model,
-    codes: Codes,
-    camera: Camera,
-    samples: int,
-    complete: bool = True,
-    cutoff: Tolerances | None = None,
+    model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
 ) -> Generator[None, None, Rendered]:
     """Render like :func:`core.rendering.reference.render_exact`, many times faster.
 
@@ -120,13 +115,7 @@ class VisibilityKey(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        model: Model,
-        codes: Codes,
-        camera: Camera,
-        samples: int,
-        complete: bool,
-        cutoff: Tolerances | None = None,
+        cls, model: Model, codes: Codes, camera: Camera, samples: int, complete: bool, cutoff: Tolerances | None = None
     ) -> "VisibilityKey":
         """Return the key of an object seen from a camera."""
         return cls(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff, outline(model, codes))

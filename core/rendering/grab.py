@@ -79,11 +79,7 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
 
 
 def dragged_pull(
-    pulls: Sequence[Pull],
-    words: Sequence[str],
-    camera: Camera,
-    point: tuple[float, float],
-    drag: tuple[float, float],
+    pulls: Sequence[Pull], words: Sequence[str], camera: Camera, point: tuple[float, float], drag: tuple[float, float]
 ) -> Pull:
     """Return the pull whose word names the axis of a drag, such as *taller* for one upwards; else the largest.
 

@@ -7,15 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry.camera import Camera
-from core.metrics import (
-    MAX_PSNR,
-    haze,
-    psnr,
-    rotation_error,
-    silhouette_overlap,
-    ssim,
-    translation_error,
-)
+from core.metrics import MAX_PSNR, haze, psnr, rotation_error, silhouette_overlap, ssim, translation_error
 
 angles = st.floats(-3.1, 3.1)
 heights = st.floats(-1.55, 1.55)

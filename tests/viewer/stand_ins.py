@@ -65,11 +65,7 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
 
 
 def quick_pictures(
-    model: Model,
-    views: Sequence[View],
-    background: Background | None,
-    exact: bool = False,
-    shadow: bool = False,
+    model: Model, views: Sequence[View], background: Background | None, exact: bool = False, shadow: bool = False
 ) -> Iterator[np.ndarray | None]:
     """Frames of :func:`quick_frames`, one for each view."""
     for codes, camera in views:

@@ -115,10 +115,7 @@ def test_a_user_without_name_and_home_has_a_window(tmp_path: Path, file: Path, o
 
 def test_what_goes_wrong_is_on_the_screenshot_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
     (tmp_path / "text.png").write_text("no image")
-    done = call(
-        *("--model", file, "--image", tmp_path / "text.png"),
-        *("--screenshot", tmp_path / "w.png"),
-    )
+    done = call(*("--model", file, "--image", tmp_path / "text.png"), *("--screenshot", tmp_path / "w.png"))
     assert done.returncode == 1
     assert len(done.stderr.strip().splitlines()) == 1
     assert "text.png" in done.stderr

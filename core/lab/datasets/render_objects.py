@@ -24,12 +24,7 @@ class RenderTask:
 
 
 def render_objects(
-    tasks: Sequence[RenderTask],
-    out: Path | str,
-    category: str,
-    split: Split,
-    views: int,
-    size: int,
+    tasks: Sequence[RenderTask], out: Path | str, category: str, split: Split, views: int, size: int
 ) -> Iterator[str]:
     """Render the tasks into the dataset ``out``, yielding each name when it is done.
 

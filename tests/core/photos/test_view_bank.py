@@ -10,13 +10,7 @@ import torch
 from core.geometry.camera import camera_rotation
 from core.models.codes import Codes
 from core.models.model import Model
-from core.photos.view_bank import (
-    SIDE,
-    ViewBank,
-    apparent_size,
-    build_view_bank,
-    unpack_bits,
-)
+from core.photos.view_bank import SIDE, ViewBank, apparent_size, build_view_bank, unpack_bits
 from core.rendering.reference import render_exact
 from core.rendering.surface import surface_points
 from core.runtime.folders import cache_folder

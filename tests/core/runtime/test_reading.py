@@ -9,16 +9,7 @@ from typing import Literal, NamedTuple
 import pytest
 from PIL import Image
 
-from core.runtime.reading import (
-    open_image,
-    open_zip,
-    parse_json,
-    read_json,
-    read_numbers,
-    read_text,
-    reading,
-    typed,
-)
+from core.runtime.reading import open_image, open_zip, parse_json, read_json, read_numbers, read_text, reading, typed
 
 
 @pytest.mark.parametrize(

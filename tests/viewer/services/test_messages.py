@@ -29,12 +29,7 @@ def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "seconds"),
-    [
-        ({}, 5),
-        ({"kind": MessageKind.NOTE}, 10),
-        ({"kind": MessageKind.PROBLEM}, 10),
-    ],
+    ("more", "seconds"), [({}, 5), ({"kind": MessageKind.NOTE}, 10), ({"kind": MessageKind.PROBLEM}, 10)]
 )
 def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     messages = Messages()

@@ -18,12 +18,7 @@ ABOUT = {"machine": "a machine", "views": "2"}
 @pytest.fixture(scope="module")
 def rows() -> Iterator[list[RenderTiming]]:
     with pytest.MonkeyPatch.context() as changed:
-        for name, value in (
-            ("TURNS", 2),
-            ("NAIVE_TURNS", 1),
-            ("SIZES", (16, 32)),
-            ("REFERENCE_SAMPLES", 96),
-        ):
+        for name, value in (("TURNS", 2), ("NAIVE_TURNS", 1), ("SIZES", (16, 32)), ("REFERENCE_SAMPLES", 96)):
             changed.setattr(rendering, name, value)
         yield list(measure_rendering(tiny_model(), 2))
 

@@ -94,20 +94,14 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
     assert next(rendered(out, "train", 4, 32)) == "one"
     assert [one.name for one in read_dataset(out).objects] == ["one"]
     before = (out / "one/rgb/000000.png").stat().st_mtime_ns
-    assert list(rendered(out, "train", 4, 32)) == [
-        "one",
-        "two",
-    ]
+    assert list(rendered(out, "train", 4, 32)) == ["one", "two"]
     assert (out / "one/rgb/000000.png").stat().st_mtime_ns == before
     dataset = read_dataset(out)
     assert (dataset.category, dataset.image_size, len(dataset.objects[0].cameras)) == ("chairs", 32, 4)
     assert all(0.02 < one.masks.mean() < 0.5 for one in dataset.objects)
     assert list(rendered(tmp_path / "test", "test", 3, 32)) == [kept]
     # Another size is another job: the old images do not stand in for it.
-    assert list(rendered(out, "train", 4, 16)) == [
-        "one",
-        "two",
-    ]
+    assert list(rendered(out, "train", 4, 16)) == ["one", "two"]
     assert read_dataset(out).image_size == 16
 
 
