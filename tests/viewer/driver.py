@@ -2,10 +2,14 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from inspect import Signature, signature
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
+import pytest
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
@@ -16,6 +20,31 @@ from viewer.app import App
 from viewer.session import Session
 
 Drive = Callable[..., None]
+
+
+def in_window(
+    of: str = "backend", size: tuple[int, int] = (1280, 800), strict: bool = True, **stand_ins: Any
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a test the real window as its argument ``window``; its others are fixtures.
+
+    Args:
+        of: the fixture of the window's backend.
+        stand_ins: what of the backend is replaced.
+    """
+
+    def decorate(act: Callable[..., None]) -> Callable[..., None]:
+        def test(drive: Drive, request: pytest.FixtureRequest, **fixtures: object) -> None:
+            backend = replace(request.getfixturevalue(of), **stand_ins)
+            drive(lambda window: act(window, **fixtures), backend, size, strict)
+
+        ours, given = (list(signature(one).parameters.values()) for one in (test, act))
+        test.__signature__ = Signature([*ours[:2], *given[1:]])  # by which pytest finds the fixtures
+        test.__name__, test.__doc__, test.__module__ = act.__name__, act.__doc__, act.__module__
+        return test
+
+    return decorate
+
+
 _RASTERIZER_DISCARD = 0x8C89
 """of OpenGL: everything is drawn but no pixel is coloured"""
 

@@ -57,16 +57,6 @@ def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:
     assert editor.state == before
 
 
-def test_a_direction_moves_alone(editor: Editor, model: Model) -> None:
-    before = editor.space("shape").coordinates(editor.code("shape"))
-    editor.move_along(Direction.principal(model.codes, "shape", 2), -1.5)
-    after = editor.space("shape").coordinates(editor.code("shape"))
-    expected = before.clone()
-    expected[2] = -1.5
-    torch.testing.assert_close(after, expected, atol=1e-4, rtol=1e-4)
-    torch.testing.assert_close(editor.code("texture"), editor.objects["object 0"].codes.texture)
-
-
 def test_shape_and_texture_slide_from_a_to_b_independently(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.set_b("object 2")
@@ -132,15 +122,6 @@ def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
     editor = Editor(open_models(empty), empty, torch.Generator())
     assert editor.objects.families == {empty.fingerprint: {"mean": ()}}
     assert editor.scene.codes == empty.codes.mean
-
-
-def test_the_same_seed_samples_the_same(model: Model) -> None:
-    sampled = []
-    for _ in range(2):
-        editor = Editor(open_models(model), model, torch.Generator().manual_seed(7))
-        editor.sample()
-        sampled.append(editor.scene.codes)
-    assert sampled[0] == sampled[1]
 
 
 def fitted(model: Model) -> EditableObject:

@@ -20,14 +20,6 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
     assert session.messages.errors == []
 
 
-@pytest.mark.parametrize("name", ["turn.avi", "turn", "missing/turn.mp4", "missing/turn.gif"])
-def test_a_turntable_that_cannot_be_written_is_reported(session: Session, tmp_path: Path, name: str) -> None:
-    session.exporting.share(tmp_path / name, ShareSettings(size=16))
-    finish(session)
-    assert len(session.messages.errors) == 1
-    assert not session.exporting.running
-
-
 def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(session: Session, tmp_path: Path) -> None:
     for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
         session.messages.all.clear()
@@ -47,14 +39,6 @@ def test_a_picture_is_saved_on_white(session: Session, tmp_path: Path, name: str
         assert image.size == (48, 48)
         assert min(image.convert("RGB").getpixel((0, 0))) > 250  # type: ignore[arg-type, type-var]
     assert len(list(tmp_path.iterdir())) == 1
-
-
-@pytest.mark.parametrize("name", ["a.xyz", "missing/a.png"])
-def test_a_picture_that_cannot_be_saved_is_reported(session: Session, tmp_path: Path, name: str) -> None:
-    session.exporting.share(tmp_path / name, ShareSettings("picture", size=16))
-    finish(session)
-    assert len(session.messages.errors) == 1
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_is_reported_and_leaves_nothing(

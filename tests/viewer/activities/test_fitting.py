@@ -46,13 +46,6 @@ def test_a_fit_joins_the_objects_and_becomes_current(
     assert "block" in editor.objects.own
 
 
-def test_a_second_fit_of_the_same_file_has_a_name_of_its_own(session: Session, editor: Editor, photo: Path) -> None:
-    for _ in range(2):
-        session.fitting.start(photo)
-        finish(session, lambda: not session.fitting.running)
-    assert editor.objects.own[:2] == ["block (2)", "block"]
-
-
 def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     session.fitting.start(photo)

@@ -1,7 +1,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from core.models.model import Model
@@ -27,11 +26,3 @@ def test_all_mixes_are_one_image(session: Session, editor: Editor, tmp_path: Pat
     finish(session)
     with Image.open(tmp_path / "mixes.png") as image:
         assert image.size == (80, 80)
-
-
-@pytest.mark.parametrize("name", ["mixes.xyz", "missing/mixes.png"])
-def test_an_image_that_cannot_be_written_is_reported(session: Session, tmp_path: Path, name: str) -> None:
-    session.exporting.mixes(tmp_path / name, size=16)
-    finish(session)
-    assert len(session.messages.errors) == 1
-    assert list(tmp_path.iterdir()) == []

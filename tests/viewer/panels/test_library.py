@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from core.models.codes import Entry
 from core.models.model import Model
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import endless_fit
 from viewer.services.backend import Backend
 
@@ -31,27 +31,25 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
     drive(act, replace(backend, load_model=lambda name: varied))
 
 
-def test_what_was_fitted_is_mine(drive: Drive, photo: Path) -> None:
-    def act(window: Driver) -> None:
-        window.click("View/**/###fit_image")
-        window.type(str(photo))
-        window.wait(lambda: not window.session.fitting.running)
-        window.wait()
-        assert window.session.editor.objects.own == ["block"]
-        other = photo.with_name("block two.png")
-        other.write_bytes(photo.read_bytes())
-        window.fit(other)
-        fitting = window.session.fitting
-        assert fitting.history.photo.source.path == other
-        window.click("Library/**/show block")  # the photo panel follows
-        assert fitting.history.photo.source.path == photo
-        window.click("Library/**/show block two")
-        assert fitting.history.photo.source.path == other
-        window.click("Library/**/show object 3")
-        window.click("Library/**/show block")
-        assert window.session.editor.state.mix.a == ("block", "block")
-
-    drive(act)
+@in_window()
+def test_what_was_fitted_is_mine(window: Driver, photo: Path) -> None:
+    window.click("View/**/###fit_image")
+    window.type(str(photo))
+    window.wait(lambda: not window.session.fitting.running)
+    window.wait()
+    assert window.session.editor.objects.own == ["block"]
+    other = photo.with_name("block two.png")
+    other.write_bytes(photo.read_bytes())
+    window.fit(other)
+    fitting = window.session.fitting
+    assert fitting.history.photo.source.path == other
+    window.click("Library/**/show block")  # the photo panel follows
+    assert fitting.history.photo.source.path == photo
+    window.click("Library/**/show block two")
+    assert fitting.history.photo.source.path == other
+    window.click("Library/**/show object 3")
+    window.click("Library/**/show block")
+    assert window.session.editor.state.mix.a == ("block", "block")
 
 
 def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive, backend: Backend, photo: Path) -> None:
@@ -81,54 +79,50 @@ def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive,
     drive(act, replace(backend, fit=endless_fit))
 
 
-def test_chairs_and_cars_are_one_library(drive: Drive, both: Backend) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        cars, chairs = session.models
-        window.click("Library/**/show car 2")
-        assert editor.model is cars and editor.state.mix.b.startswith("car")
-        window.click(f"Library/###{chairs.fingerprint}")
-        assert not window.exists("Library/**/show car 2")
-        window.drop("Library/**/show object 3", "Mix/slot B")
-        assert editor.model is cars
-        (said,) = session.messages.shown
-        assert said.text == "A chair cannot be mixed with a car: show it to begin with it"
-        window.click("Messages/###show it 0")
-        assert editor.model is chairs
-        window.click("Library/**/show object 2", 1)
-        window.click("**/Make it B")
-        assert editor.state.mix.b == "object 2"
-        window.click("Library/###mine")
-        assert not window.exists("Library/**/show object 2")
-        window.click("Library/###all")
-        window.click("Library/**/show car 3", 1)
-        window.ctx.item_click("**/Make it B")  # which is greyed
-        window.press(imgui.Key.escape)
-        assert editor.state.mix.b == "object 2"
-        for _ in range(3):
-            window.undo()
-        assert editor.model is chairs and not editor.history.past
-
-    drive(act, both)
+@in_window(of="both")
+def test_chairs_and_cars_are_one_library(window: Driver) -> None:
+    session, editor = window.session, window.session.editor
+    cars, chairs = session.models
+    window.click("Library/**/show car 2")
+    assert editor.model is cars and editor.state.mix.b.startswith("car")
+    window.click(f"Library/###{chairs.fingerprint}")
+    assert not window.exists("Library/**/show car 2")
+    window.drop("Library/**/show object 3", "Mix/slot B")
+    assert editor.model is cars
+    (said,) = session.messages.shown
+    assert said.text == "A chair cannot be mixed with a car: show it to begin with it"
+    window.click("Messages/###show it 0")
+    assert editor.model is chairs
+    window.click("Library/**/show object 2", 1)
+    window.click("**/Make it B")
+    assert editor.state.mix.b == "object 2"
+    window.click("Library/###mine")
+    assert not window.exists("Library/**/show object 2")
+    window.click("Library/###all")
+    window.click("Library/**/show car 3", 1)
+    window.ctx.item_click("**/Make it B")  # which is greyed
+    window.press(imgui.Key.escape)
+    assert editor.state.mix.b == "object 2"
+    for _ in range(3):
+        window.undo()
+    assert editor.model is chairs and not editor.history.past
 
 
-def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor, key = window.session.editor, imgui.Key
-        window.click("Library/**/show object 2")
-        window.press(key.down_arrow)
-        window.press(key.right_arrow)
-        focused = imgui.internal.get_focus_id()
-        (name,) = (
-            name
-            for name in next(iter(editor.objects.families.values()))
-            if window.ctx.item_info(f"//Library/**/show {name}").id_ == focused
-        )
-        box = window.ctx.item_info(f"//Library/**/show {name}").rect_full
-        around = window.capture()[int(box.min.y) - 6 : int(box.max.y) + 6, int(box.min.x) - 6 : int(box.max.x) + 6]
-        ring = np.abs(around / 255 - window.context.palette.accent).max(-1) < 0.02
-        assert ring.sum() > box.max.x - box.min.x
-        window.press(key.enter)
-        assert name != "object 2" and editor.state.mix.a.shape == name
-
-    drive(act)
+@in_window()
+def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(window: Driver) -> None:
+    editor, key = window.session.editor, imgui.Key
+    window.click("Library/**/show object 2")
+    window.press(key.down_arrow)
+    window.press(key.right_arrow)
+    focused = imgui.internal.get_focus_id()
+    (name,) = (
+        name
+        for name in next(iter(editor.objects.families.values()))
+        if window.ctx.item_info(f"//Library/**/show {name}").id_ == focused
+    )
+    box = window.ctx.item_info(f"//Library/**/show {name}").rect_full
+    around = window.capture()[int(box.min.y) - 6 : int(box.max.y) + 6, int(box.min.x) - 6 : int(box.max.x) + 6]
+    ring = np.abs(around / 255 - window.context.palette.accent).max(-1) < 0.02
+    assert ring.sum() > box.max.x - box.min.x
+    window.press(key.enter)
+    assert name != "object 2" and editor.state.mix.a.shape == name

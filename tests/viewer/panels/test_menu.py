@@ -3,57 +3,53 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
 from viewer.actions import ACTIONS
 from viewer.panels.help import find
 from viewer.panels.menu import MENUS
 
 
-def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        window.drag("View/orbit", 80)
-        scene = editor.scene
-        session.editor.scene.save(tmp_path / "mine.json")
-        window.context.drop([str(tmp_path / "mine.json")])
-        window.context.drop([str(photo)])
-        window.wait(lambda: not session.fitting.running)
-        window.wait()
-        assert [Path(name).name for name in window.context.preferences.recent] == ["block.png", "mine.json"]
-        window.menu("File/Recent/###recent 2")
-        assert editor.scene == scene
-
-    drive(act)
+@in_window()
+def test_files_opened_lately_are_in_the_menu(window: Driver, photo: Path, tmp_path: Path) -> None:
+    session, editor = window.session, window.session.editor
+    window.drag("View/orbit", 80)
+    scene = editor.scene
+    session.editor.scene.save(tmp_path / "mine.json")
+    window.context.drop([str(tmp_path / "mine.json")])
+    window.context.drop([str(photo)])
+    window.wait(lambda: not session.fitting.running)
+    window.wait()
+    assert [Path(name).name for name in window.context.preferences.recent] == ["block.png", "mine.json"]
+    window.menu("File/Recent/###recent 2")
+    assert editor.scene == scene
 
 
-def test_menus_help_and_theme(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        ctx = window.ctx
-        context = window.context
-        window.press(imgui.Key.f1)
-        assert context.help_open
-        assert ctx.window_info("//Help").window is not None
-        window.ctx.yield_(2)
-        window.press(imgui.Key.f1)
-        assert not context.help_open
-        window.press(imgui.Key.mod_shift, imgui.Key.slash)
-        assert context.help_open
-        window.press(imgui.Key.escape)
-        assert not context.help_open
-        window.menu("Help/###help")
-        assert context.help_open
-        window.menu("View/###dark")
-        assert not context.preferences.dark
-        assert imgui.get_style().window_border_size == 1.0  # floating windows have an edge on light colours
-        window.drag("View/orbit", 30)
-        window.menu("Edit/###undo")
-        assert not editor.history.past
-        window.menu("File/###open_scene")
-        assert context.files.asking
-        ctx.item_click("//Choose a file###ask/Cancel")
-
-    drive(act)
+@in_window()
+def test_menus_help_and_theme(window: Driver) -> None:
+    editor = window.session.editor
+    ctx = window.ctx
+    context = window.context
+    window.press(imgui.Key.f1)
+    assert context.help_open
+    assert ctx.window_info("//Help").window is not None
+    window.ctx.yield_(2)
+    window.press(imgui.Key.f1)
+    assert not context.help_open
+    window.press(imgui.Key.mod_shift, imgui.Key.slash)
+    assert context.help_open
+    window.press(imgui.Key.escape)
+    assert not context.help_open
+    window.menu("Help/###help")
+    assert context.help_open
+    window.menu("View/###dark")
+    assert not context.preferences.dark
+    assert imgui.get_style().window_border_size == 1.0  # floating windows have an edge on light colours
+    window.drag("View/orbit", 30)
+    window.menu("Edit/###undo")
+    assert not editor.history.past
+    window.menu("File/###open_scene")
+    assert context.files.asking
+    ctx.item_click("//Choose a file###ask/Cancel")
 
 
 def test_everything_that_has_a_name_is_found_by_typing(drive: Drive) -> None:
@@ -93,88 +89,70 @@ def test_everything_that_has_a_name_is_found_by_typing(drive: Drive) -> None:
     drive(act, size=(900, 600))
 
 
-def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        held: list[object] = [None, OSError("wl-paste or xclip is required"), [str(photo)]]
+@in_window()
+def test_images_are_pasted(window: Driver, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session, editor = window.session, window.session.editor
+    held: list[object] = [None, OSError("wl-paste or xclip is required"), [str(photo)]]
 
-        def grabbed() -> object:
-            found = held.pop(0)
-            if isinstance(found, OSError):
-                raise found
-            return found
+    def grabbed() -> object:
+        found = held.pop(0)
+        if isinstance(found, OSError):
+            raise found
+        return found
 
-        monkeypatch.setattr("viewer.services.clipboard.ImageGrab.grabclipboard", grabbed)
-        imgui.set_clipboard_text("no file of this name")
-        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
-        window.wait(lambda: len(session.messages.errors) == 1)
-        assert "no image" in session.messages.errors[0]
-        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
-        window.wait(lambda: len(session.messages.errors) == 2)
-        assert "xclip" in session.messages.errors[1]
-        window.menu("Edit/###paste")
-        window.wait(lambda: bool(session.fitting.history.steps) and not session.fitting.running)
-        assert editor.objects.own[0] == "block"
-        imgui.set_clipboard_text(photo.as_uri())
-        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
-        window.wait(lambda: editor.objects.own[0] == "block (2)")
-
-    drive(act)
+    monkeypatch.setattr("viewer.services.clipboard.ImageGrab.grabclipboard", grabbed)
+    imgui.set_clipboard_text("no file of this name")
+    window.press(imgui.Key.mod_ctrl, imgui.Key.v)
+    window.wait(lambda: len(session.messages.errors) == 1)
+    assert "no image" in session.messages.errors[0]
+    window.press(imgui.Key.mod_ctrl, imgui.Key.v)
+    window.wait(lambda: len(session.messages.errors) == 2)
+    assert "xclip" in session.messages.errors[1]
+    window.menu("Edit/###paste")
+    window.wait(lambda: bool(session.fitting.history.steps) and not session.fitting.running)
+    assert editor.objects.own[0] == "block"
+    imgui.set_clipboard_text(photo.as_uri())
+    window.press(imgui.Key.mod_ctrl, imgui.Key.v)
+    window.wait(lambda: editor.objects.own[0] == "block (2)")
 
 
-def test_panels_are_closed_and_opened_in_the_menu_panels(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        window.show("Timeline")
-        assert window.exists("Timeline/###add_key")
-        window.menu("Panels/Timeline")
-        window.ctx.yield_(3)
-        assert not window.exists("Timeline/###add_key")
-        window.menu("Panels/Timeline")
-        window.show("Timeline")
-        assert window.exists("Timeline/###add_key")
-
-    drive(act)
-
-
-def test_projects_are_saved_opened_dropped_and_recent(drive: Drive, photo: Path, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        window.fit(photo)
-        window.drag("View/orbit", 60)
-        made, ctrl = window.session.editor.history, imgui.Key.mod_ctrl
-        window.press(ctrl, imgui.Key.s)
-        window.type(str(tmp_path / "chair"))
-        assert (tmp_path / "chair.codenerf").is_file()
-        window.press(imgui.Key._2)  # a step of its own, as another drag would not be
-        again = window.session.editor.history
-        window.press(ctrl, imgui.Key.s)  # where it was saved before
-        assert not window.context.files.asking
-        window.press(ctrl, imgui.Key.n)
-        assert not window.session.editor.history.past
-        assert window.session.project_path is None
-        window.press(ctrl, imgui.Key.o)
-        window.type(str(tmp_path / "chair.codenerf"))
-        assert window.session.editor.history == again
-        assert window.session.fitting.history.photo is not None
-        window.menu("File/###new_project")
-        window.context.drop([str(tmp_path / "chair.codenerf")])
-        assert window.session.editor.history == again
-        window.menu("File/###new_project")
-        window.menu("File/Recent/###recent 1")
-        assert window.session.editor.history == again
-        window.undo()
-        assert window.session.editor.state == made.now
-        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
-        window.type(str(tmp_path / "chair.codenerf"))  # it is there: that asks
-        assert window.context.files.asking
-        before = (tmp_path / "chair.codenerf").read_bytes()
-        window.ctx.item_click("//Choose a file###ask/Cancel")
-        window.ctx.yield_(2)
-        assert (tmp_path / "chair.codenerf").read_bytes() == before
-        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
-        window.type(str(tmp_path / "chair.codenerf"))
-        window.ctx.item_click("//Choose a file###ask/###choose")
-        window.ctx.yield_(2)
-        assert not window.context.files.asking
-        assert (tmp_path / "chair.codenerf").read_bytes() != before
-
-    drive(act)
+@in_window()
+def test_projects_are_saved_opened_dropped_and_recent(window: Driver, photo: Path, tmp_path: Path) -> None:
+    window.fit(photo)
+    window.drag("View/orbit", 60)
+    made, ctrl = window.session.editor.history, imgui.Key.mod_ctrl
+    window.press(ctrl, imgui.Key.s)
+    window.type(str(tmp_path / "chair"))
+    assert (tmp_path / "chair.codenerf").is_file()
+    window.press(imgui.Key._2)  # a step of its own, as another drag would not be
+    again = window.session.editor.history
+    window.press(ctrl, imgui.Key.s)  # where it was saved before
+    assert not window.context.files.asking
+    window.press(ctrl, imgui.Key.n)
+    assert not window.session.editor.history.past
+    assert window.session.project_path is None
+    window.press(ctrl, imgui.Key.o)
+    window.type(str(tmp_path / "chair.codenerf"))
+    assert window.session.editor.history == again
+    assert window.session.fitting.history.photo is not None
+    window.menu("File/###new_project")
+    window.context.drop([str(tmp_path / "chair.codenerf")])
+    assert window.session.editor.history == again
+    window.menu("File/###new_project")
+    window.menu("File/Recent/###recent 1")
+    assert window.session.editor.history == again
+    window.undo()
+    assert window.session.editor.state == made.now
+    window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
+    window.type(str(tmp_path / "chair.codenerf"))  # it is there: that asks
+    assert window.context.files.asking
+    before = (tmp_path / "chair.codenerf").read_bytes()
+    window.ctx.item_click("//Choose a file###ask/Cancel")
+    window.ctx.yield_(2)
+    assert (tmp_path / "chair.codenerf").read_bytes() == before
+    window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
+    window.type(str(tmp_path / "chair.codenerf"))
+    window.ctx.item_click("//Choose a file###ask/###choose")
+    window.ctx.yield_(2)
+    assert not window.context.files.asking
+    assert (tmp_path / "chair.codenerf").read_bytes() != before

@@ -1,45 +1,41 @@
 from imgui_bundle import imgui
 
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Driver, in_window
 from viewer.services.messages import MessageKind
 
 
-def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        messages = window.session.messages
-        for number in range(4):
-            messages.notify(f"wrong {number}", MessageKind.PROBLEM)
-        window.ctx.yield_(3)
-        assert window.exists("Messages/###dismiss 1")
-        assert not window.exists("Messages/###dismiss 2")
-        low, high = window.context.view
-        box = window.ctx.window_info("//Messages").window
-        assert low.x < box.pos.x
-        end = box.pos + box.size
-        assert end.x <= high.x and end.y <= high.y - window.context.covered  # not over the history
-        assert box.size.y < 0.2 * (high.y - low.y)
-        window.menu("Panels/Developer")
-        window.ctx.yield_(3)
-        assert window.ctx.window_info("//Developer").window.active
-        assert [message.text for message in messages.log][-4:] == [f"wrong {number}" for number in range(4)]
-
-    drive(act)
+@in_window()
+def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(window: Driver) -> None:
+    messages = window.session.messages
+    for number in range(4):
+        messages.notify(f"wrong {number}", MessageKind.PROBLEM)
+    window.ctx.yield_(3)
+    assert window.exists("Messages/###dismiss 1")
+    assert not window.exists("Messages/###dismiss 2")
+    low, high = window.context.view
+    box = window.ctx.window_info("//Messages").window
+    assert low.x < box.pos.x
+    end = box.pos + box.size
+    assert end.x <= high.x and end.y <= high.y - window.context.covered  # not over the history
+    assert box.size.y < 0.2 * (high.y - low.y)
+    window.menu("Panels/Developer")
+    window.ctx.yield_(3)
+    assert window.ctx.window_info("//Developer").window.active
+    assert [message.text for message in messages.log][-4:] == [f"wrong {number}" for number in range(4)]
 
 
-def test_esc_closes_what_is_on_top(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        context = window.context
-        window.press(imgui.Key.f1)
-        window.click("View/###mode")
-        assert imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-        window.press(imgui.Key.escape)
-        assert not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-        assert context.help_open
-        window.press(imgui.Key.escape)
-        assert not context.help_open
-        window.menu("File/###open_scene")
-        window.ctx.yield_(3)
-        window.press(imgui.Key.escape)
-        window.wait(lambda: not context.files.asking)
-
-    drive(act)
+@in_window()
+def test_esc_closes_what_is_on_top(window: Driver) -> None:
+    context = window.context
+    window.press(imgui.Key.f1)
+    window.click("View/###mode")
+    assert imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+    window.press(imgui.Key.escape)
+    assert not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+    assert context.help_open
+    window.press(imgui.Key.escape)
+    assert not context.help_open
+    window.menu("File/###open_scene")
+    window.ctx.yield_(3)
+    window.press(imgui.Key.escape)
+    window.wait(lambda: not context.files.asking)

@@ -5,75 +5,69 @@ from imgui_bundle import ImVec2, imgui
 
 from core.models.model import Model
 from tests.conftest import image_size
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Driver, in_window
 
 
-def test_b_is_chosen_and_the_mixes_are_saved(drive: Drive, model: Model, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        window.click("Library/**/show object 2")
-        window.choose("object 4", "Make it B")
-        assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
-        window.choose("object 3", "Take only its texture")
-        assert editor.scene.codes == model.codes[2].taking("texture", model.codes[3])
-        window.drop("Library/**/show object 5", "Mix/slot B")
-        assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 3"), "object 5")
-        window.click("Mix/###save mixes")
-        window.type(str(tmp_path / "mixes.png"))
-        window.wait(lambda: (tmp_path / "mixes.png").exists() and not window.session.exporting.running)
-        assert image_size(tmp_path / "mixes.png") == (1280, 1280)
-        assert window.session.messages.errors == []
-
-    drive(act)
+@in_window()
+def test_b_is_chosen_and_the_mixes_are_saved(window: Driver, model: Model, tmp_path: Path) -> None:
+    editor = window.session.editor
+    window.click("Library/**/show object 2")
+    window.choose("object 4", "Make it B")
+    assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
+    window.choose("object 3", "Take only its texture")
+    assert editor.scene.codes == model.codes[2].taking("texture", model.codes[3])
+    window.drop("Library/**/show object 5", "Mix/slot B")
+    assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 3"), "object 5")
+    window.click("Mix/###save mixes")
+    window.type(str(tmp_path / "mixes.png"))
+    window.wait(lambda: (tmp_path / "mixes.png").exists() and not window.session.exporting.running)
+    assert image_size(tmp_path / "mixes.png") == (1280, 1280)
+    assert window.session.messages.errors == []
 
 
-def test_the_keyboard_reaches_every_mix(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        key, mix = imgui.Key, lambda: window.session.editor.state.mix
-        window.click("Mix/slot B")
-        for pressed in (key.down_arrow, key.down_arrow, key.up_arrow, key.up_arrow, key.space):
-            window.press(pressed)  # from the button below the pad into its second row
-        shape, texture = mix().shape, mix().texture
-        assert texture == 0.25
-        window.press(key.right_arrow)
-        window.press(key.space)
-        assert (mix().shape, mix().texture) == (shape + 0.25, texture)
-
-    drive(act)
+@in_window()
+def test_the_keyboard_reaches_every_mix(window: Driver) -> None:
+    key, mix = imgui.Key, lambda: window.session.editor.state.mix
+    window.click("Mix/slot B")
+    for pressed in (key.down_arrow, key.down_arrow, key.up_arrow, key.up_arrow, key.space):
+        window.press(pressed)  # from the button below the pad into its second row
+    shape, texture = mix().shape, mix().texture
+    assert texture == 0.25
+    window.press(key.right_arrow)
+    window.press(key.space)
+    assert (mix().shape, mix().texture) == (shape + 0.25, texture)
 
 
-def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Model) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        window.click("Library/**/show object 2")
-        window.choose("object 4", "Make it B")
-        before = editor.state
-        pad = window.ctx.item_info("//Mix/mix pad").rect_full
-        inset = (pad.max.x - pad.min.x) / 10
-        dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
-        window.wait()
-        assert len(window.session.thumbnails.newest) >= 25  # the mixes are seen before one drags
-        window.ctx.mouse_move_to_pos(dot)  # the middle of the dot, in the corner of A
-        window.ctx.mouse_down(0)
-        window.ctx.yield_(2)
-        assert (editor.state.mix.shape, editor.state.mix.texture) == pytest.approx((0, 0), abs=0.02)
-        window.ctx.mouse_move_to_pos(dot + ImVec2(4 * inset, 0))
-        assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
-        assert editor.state.mix.texture == pytest.approx(0, abs=0.02)
-        window.ctx.mouse_up(0)
-        window.undo()
-        window.click("Mix/mix pad")
-        assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
-        assert editor.state.mix.texture == pytest.approx(0.5, abs=0.05)
-        middle = editor.state
-        window.drag("Mix/mix pad", 300, 15)  # beyond its border
-        mix = editor.state.mix
-        assert mix.shape == 1.0
-        assert 0 < mix.texture < middle.mix.texture
-        assert editor.scene.codes == model.codes[2].mixed(model.codes[4], mix.shape, mix.texture)
-        window.undo()
-        assert editor.state == middle
-        window.undo()
-        assert editor.state == before
-
-    drive(act)
+@in_window()
+def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: Model) -> None:
+    editor = window.session.editor
+    window.click("Library/**/show object 2")
+    window.choose("object 4", "Make it B")
+    before = editor.state
+    pad = window.ctx.item_info("//Mix/mix pad").rect_full
+    inset = (pad.max.x - pad.min.x) / 10
+    dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
+    window.wait()
+    assert len(window.session.thumbnails.newest) >= 25  # the mixes are seen before one drags
+    window.ctx.mouse_move_to_pos(dot)  # the middle of the dot, in the corner of A
+    window.ctx.mouse_down(0)
+    window.ctx.yield_(2)
+    assert (editor.state.mix.shape, editor.state.mix.texture) == pytest.approx((0, 0), abs=0.02)
+    window.ctx.mouse_move_to_pos(dot + ImVec2(4 * inset, 0))
+    assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
+    assert editor.state.mix.texture == pytest.approx(0, abs=0.02)
+    window.ctx.mouse_up(0)
+    window.undo()
+    window.click("Mix/mix pad")
+    assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
+    assert editor.state.mix.texture == pytest.approx(0.5, abs=0.05)
+    middle = editor.state
+    window.drag("Mix/mix pad", 300, 15)  # beyond its border
+    mix = editor.state.mix
+    assert mix.shape == 1.0
+    assert 0 < mix.texture < middle.mix.texture
+    assert editor.scene.codes == model.codes[2].mixed(model.codes[4], mix.shape, mix.texture)
+    window.undo()
+    assert editor.state == middle
+    window.undo()
+    assert editor.state == before

@@ -16,7 +16,7 @@ from core.models.model import Model
 from core.models.scene import Scene, save_image
 from core.runtime.files import atomic_file
 from tests.conftest import image_size
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
 from viewer.services.backend import Backend
 
 
@@ -134,20 +134,18 @@ def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Pat
         drive(act, folder=tmp_path)
 
 
-def test_a_film_needs_keyframes(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        window.context.share("video")
-        window.wait()
-        assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
-        assert window.session.messages.errors == []
-        window.press(imgui.Key.k)  # what may be typed for a name changes nothing
-        assert not window.session.player.timeline.keys
-        window.session.player.add_key()
-        window.wait()
-        window.click("Share/###save")
-        assert window.context.files.asking
-
-    drive(act)
+@in_window()
+def test_a_film_needs_keyframes(window: Driver) -> None:
+    window.context.share("video")
+    window.wait()
+    assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
+    assert window.session.messages.errors == []
+    window.press(imgui.Key.k)  # what may be typed for a name changes nothing
+    assert not window.session.player.timeline.keys
+    window.session.player.add_key()
+    window.wait()
+    window.click("Share/###save")
+    assert window.context.files.asking
 
 
 def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: Model) -> None:
@@ -208,57 +206,33 @@ def test_what_is_cancelled_leaves_nothing(drive: Drive, tmp_path: Path, backend:
     drive(act, replace(backend, mesh=slow))
 
 
-def test_it_can_be_given_up_in_the_title_row(drive: Drive, tmp_path: Path, backend: Backend) -> None:
-    def slow(*_: object) -> Iterator[int]:
-        with atomic_file(tmp_path / "turn.mp4"):
-            for number in range(1000):
-                time.sleep(0.01)
-                yield number // 20
-
-    def act(window: Driver) -> None:
-        exporting = window.session.exporting
-        window.context.share("turntable")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "turn.mp4"))
-        window.wait(lambda: exporting.progress > 0)
-        window.press(imgui.Key.escape)
-        assert not window.context.share_open
-        window.click("##MainMenuBar/##MenuBar/###cancel export")
-        window.wait(lambda: not list(tmp_path.iterdir()))
-        assert not exporting.running
-
-    drive(act, replace(backend, video=slow))
-
-
-def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        window.drag("View/orbit", 90, -20)
-        scene = editor.scene
-        window.session.editor.scene.save(tmp_path / "mine.json")
-        window.menu("File/###share")
-        window.click("Share/###picture")
-        window.click("Share/###save")
-        # Too late: what stood there at the click counts.
-        window.context.set_preference(share=replace(window.context.preferences.share, size=128))
-        window.type(str(tmp_path / "mine"))
-        window.wait()
-        assert image_size(tmp_path / "mine.png") == (512, 512)
-        window.press(imgui.Key.escape)
-        window.click("View/###reset_view")
-        assert editor.scene != scene
-        window.press(imgui.Key.mod_ctrl, imgui.Key.o)
-        window.type(str(tmp_path / "mine.json"))
-        assert editor.scene == scene
-        window.click("View/###reset_view")
-        window.context.drop([str(tmp_path / "mine.json")])
-        assert editor.scene == scene
-        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
-        window.ctx.item_click("//Choose a file###ask/Cancel")
-        window.ctx.yield_(2)
-        assert not window.context.files.asking
-
-    drive(act)
+@in_window()
+def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) -> None:
+    editor = window.session.editor
+    window.drag("View/orbit", 90, -20)
+    scene = editor.scene
+    window.session.editor.scene.save(tmp_path / "mine.json")
+    window.menu("File/###share")
+    window.click("Share/###picture")
+    window.click("Share/###save")
+    # Too late: what stood there at the click counts.
+    window.context.set_preference(share=replace(window.context.preferences.share, size=128))
+    window.type(str(tmp_path / "mine"))
+    window.wait()
+    assert image_size(tmp_path / "mine.png") == (512, 512)
+    window.press(imgui.Key.escape)
+    window.click("View/###reset_view")
+    assert editor.scene != scene
+    window.press(imgui.Key.mod_ctrl, imgui.Key.o)
+    window.type(str(tmp_path / "mine.json"))
+    assert editor.scene == scene
+    window.click("View/###reset_view")
+    window.context.drop([str(tmp_path / "mine.json")])
+    assert editor.scene == scene
+    window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
+    window.ctx.item_click("//Choose a file###ask/Cancel")
+    window.ctx.yield_(2)
+    assert not window.context.files.asking
 
 
 def test_a_dropped_image_of_this_program_restores_its_scene(

@@ -10,173 +10,146 @@ from imgui_bundle import imgui
 from core.detail.rendering import render_frame
 from core.export.framing import filling_distance
 from tests.core.tiny import tiny_model
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import Bakery, detailed_fit, endless_fit
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.view_modes import MODES
 
 
-def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        before = editor.scene
-        assert window.context.preferences.newcomer
-        window.drag("View/orbit", 150, 40)
-        turned = editor.scene.camera
-        assert turned.azimuth < before.camera.azimuth
-        assert turned.elevation > before.camera.elevation
-        assert turned.distance == before.camera.distance
-        assert not window.context.preferences.newcomer
-        window.undo()
-        assert editor.scene == before
-        assert not editor.history.past
-        window.redo()
-        assert editor.scene.camera == turned
-        window.undo()
-        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.z)
-        assert editor.scene.camera == turned
-        window.click("View/###undo")
-        assert editor.scene == before
-        window.click("View/###redo")
-        assert editor.scene.camera == turned
-
-    drive(act)
+@in_window()
+def test_a_drag_turns_the_object_and_is_one_step_of_undo(window: Driver) -> None:
+    editor = window.session.editor
+    before = editor.scene
+    assert window.context.preferences.newcomer
+    window.drag("View/orbit", 150, 40)
+    turned = editor.scene.camera
+    assert turned.azimuth < before.camera.azimuth
+    assert turned.elevation > before.camera.elevation
+    assert turned.distance == before.camera.distance
+    assert not window.context.preferences.newcomer
+    window.undo()
+    assert editor.scene == before
+    assert not editor.history.past
+    window.redo()
+    assert editor.scene.camera == turned
+    window.undo()
+    window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.z)
+    assert editor.scene.camera == turned
+    window.click("View/###undo")
+    assert editor.scene == before
+    window.click("View/###redo")
+    assert editor.scene.camera == turned
 
 
-def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
-    def act(window: Driver) -> None:
-        started = list[Path]()
-        monkeypatch.setattr(window.session.fitting, "start", started.append)
-        window.click("View/**/sample cushion")
-        assert [path.name for path in started] == ["cushion.png"]
-        window.click("View/**/###fit_image")
-        assert window.context.files.asking
-        window.ctx.item_click("//Choose a file###ask/Cancel")
-        window.drag("View/orbit", 40)
-        window.ctx.yield_(2)
-        assert window.exists("View/**/sample cushion")  # to turn the object makes nothing
-        assert window.exists("View/**/###fit_image") and not window.exists("Library/###fit_image")
-        window.show("Photo")
-        assert window.exists("Photo/sample cushion")
-        window.press(imgui.Key.r)
-        window.ctx.yield_(2)
-        assert not window.exists("View/**/sample cushion")
-        assert not window.exists("View/**/###fit_image") and window.exists("Library/**/###fit_image")
-
-    drive(act, size=(900, 600))
+@in_window(size=(900, 600))
+def test_the_way_in_is_in_the_view_until_something_is_made(window: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    started = list[Path]()
+    monkeypatch.setattr(window.session.fitting, "start", started.append)
+    window.click("View/**/sample cushion")
+    assert [path.name for path in started] == ["cushion.png"]
+    window.click("View/**/###fit_image")
+    assert window.context.files.asking
+    window.ctx.item_click("//Choose a file###ask/Cancel")
+    window.drag("View/orbit", 40)
+    window.ctx.yield_(2)
+    assert window.exists("View/**/sample cushion")  # to turn the object makes nothing
+    assert window.exists("View/**/###fit_image") and not window.exists("Library/###fit_image")
+    window.show("Photo")
+    assert window.exists("Photo/sample cushion")
+    window.press(imgui.Key.r)
+    window.ctx.yield_(2)
+    assert not window.exists("View/**/sample cushion")
+    assert not window.exists("View/**/###fit_image") and window.exists("Library/**/###fit_image")
 
 
-def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        ctx = window.ctx
-        home = editor.scene.camera
-        ctx.mouse_move("//View/orbit")
-        for _ in range(3):
-            ctx.mouse_wheel_y(1.0)
-        window.wait()
-        assert editor.scene.camera.distance < home.distance
-        assert max(map(abs, window.session.viewport.settings.pan)) < 0.1
-        low, high = window.context.view
-        ctx.mouse_move_to_pos(low + (high - low) * 0.75)
+@in_window()
+def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(window: Driver) -> None:
+    editor = window.session.editor
+    ctx = window.ctx
+    home = editor.scene.camera
+    ctx.mouse_move("//View/orbit")
+    for _ in range(3):
         ctx.mouse_wheel_y(1.0)
-        assert max(window.session.viewport.settings.pan) < -0.01  # what is under the mouse stays there
-        time.sleep(0.7)
-        ctx.yield_(2)
-        window.press(imgui.Key.right_arrow)
-        assert editor.scene.camera.azimuth > home.azimuth
-        assert len(editor.history.past) == 1  # moves of the camera are one step
-        io = imgui.get_io()
-        io.mouse_single_click_delay, io.mouse_double_click_time = 11.0, 10.0  # s: frames of a busy machine take long
-        ctx.item_double_click("//View/orbit")
-        ctx.yield_(2)
-        assert (editor.scene.camera, window.session.viewport.settings.pan) == (home, (0.0, 0.0))
-        window.drag("View/orbit", 60)
-        window.click("View/###reset_view")
-        assert editor.scene.camera == home
-
-    drive(act)
-
-
-def test_the_image_on_screen_is_the_newest_frame_over_the_background(drive: Drive, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        window.drag("View/orbit", 60)
-        window.wait(lambda: window.session.viewport.sharp)  # a finer frame comes once the hand has rested
-        shown = window.capture_view()
-        frame = window.session.viewport.frame
-        assert frame is not None
-        rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
-        columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
-        expected = frame.image[rows][:, columns].astype(float)
-        covered = frame.opacity[rows][:, columns] > 0.5
-        covered[:80], covered[-210:] = False, False  # buttons, badge, and the card of the start
-        assert covered.sum() > 1000
-        alike = np.abs(shown - expected).max(-1) <= 2
-        assert alike[covered].mean() > 0.98  # but for the mouse, and edges between pixels
-
-    drive(act)
+    window.wait()
+    assert editor.scene.camera.distance < home.distance
+    assert max(map(abs, window.session.viewport.settings.pan)) < 0.1
+    low, high = window.context.view
+    ctx.mouse_move_to_pos(low + (high - low) * 0.75)
+    ctx.mouse_wheel_y(1.0)
+    assert max(window.session.viewport.settings.pan) < -0.01  # what is under the mouse stays there
+    time.sleep(0.7)
+    ctx.yield_(2)
+    window.press(imgui.Key.right_arrow)
+    assert editor.scene.camera.azimuth > home.azimuth
+    assert len(editor.history.past) == 1  # moves of the camera are one step
+    io = imgui.get_io()
+    io.mouse_single_click_delay, io.mouse_double_click_time = 11.0, 10.0  # s: frames of a busy machine take long
+    ctx.item_double_click("//View/orbit")
+    ctx.yield_(2)
+    assert (editor.scene.camera, window.session.viewport.settings.pan) == (home, (0.0, 0.0))
+    window.drag("View/orbit", 60)
+    window.click("View/###reset_view")
+    assert editor.scene.camera == home
 
 
-def test_the_other_buttons_pan_the_object(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        session, before = window.session, window.session.editor.scene
-
-        def middle() -> float:
-            frame = session.viewport.frame
-            return frame.opacity.nonzero()[1].mean() / frame.resolution[0]
-
-        for button in (1, 2):
-            usual = middle()
-            window.ctx.mouse_move("//View/orbit")
-            window.ctx.mouse_down(button)
-            place = imgui.get_mouse_pos()
-            window.ctx.mouse_move_to_pos((place.x + 100, place.y))
-            window.ctx.mouse_up(button)
-            window.wait()
-            assert session.editor.scene == before
-            assert session.viewport.settings.pan[0] > 0.1
-            assert middle() > usual + 0.05
-            window.press(imgui.Key.home)
-            window.wait()
-            assert session.viewport.settings.pan == (0.0, 0.0)
-
-    drive(act)
+@in_window()
+def test_the_image_on_screen_is_the_newest_frame_over_the_background(window: Driver, tmp_path: Path) -> None:
+    window.drag("View/orbit", 60)
+    window.wait(lambda: window.session.viewport.sharp)  # a finer frame comes once the hand has rested
+    shown = window.capture_view()
+    frame = window.session.viewport.frame
+    assert frame is not None
+    rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
+    columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
+    expected = frame.image[rows][:, columns].astype(float)
+    covered = frame.opacity[rows][:, columns] > 0.5
+    covered[:80], covered[-210:] = False, False  # buttons, badge, and the card of the start
+    assert covered.sum() > 1000
+    alike = np.abs(shown - expected).max(-1) <= 2
+    assert alike[covered].mean() > 0.98  # but for the mouse, and edges between pixels
 
 
-def test_shift_turns_finely(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        before = editor.scene.camera
-        window.drag("View/orbit", 100)
-        coarse = before.azimuth - editor.scene.camera.azimuth
-        window.undo()
-        window.ctx.key_down(imgui.Key.mod_shift)
-        window.drag("View/orbit", 100)
-        window.ctx.key_up(imgui.Key.mod_shift)
-        assert 0 < before.azimuth - editor.scene.camera.azimuth < 0.3 * coarse
+@in_window()
+def test_the_other_buttons_pan_the_object(window: Driver) -> None:
+    session, before = window.session, window.session.editor.scene
 
-    drive(act)
+    def middle() -> float:
+        frame = session.viewport.frame
+        return frame.opacity.nonzero()[1].mean() / frame.resolution[0]
+
+    for button in (1, 2):
+        usual = middle()
+        window.ctx.mouse_move("//View/orbit")
+        window.ctx.mouse_down(button)
+        place = imgui.get_mouse_pos()
+        window.ctx.mouse_move_to_pos((place.x + 100, place.y))
+        window.ctx.mouse_up(button)
+        window.wait()
+        assert session.editor.scene == before
+        assert session.viewport.settings.pan[0] > 0.1
+        assert middle() > usual + 0.05
+        window.press(imgui.Key.home)
+        window.wait()
+        assert session.viewport.settings.pan == (0.0, 0.0)
 
 
-def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_backend: Backend, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        session = window.session
-        shown = []
-        for mode in MODES:
-            session.viewport.change(mode=mode)
-            window.ctx.yield_(2)
-            shown.append(window.capture_view(border=60))
-        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(shown, 2))
-        window.click("View/###mode")
-        window.click("**/Depth")
-        for mode in ("normals", "colour", "depth"):
-            window.ctx.mouse_move("//View/orbit")
-            window.press(imgui.Key.v)
-            assert session.viewport.settings.mode == mode
-        assert session.messages.errors == []
-
-    drive(act, real_backend)
+@in_window(of="real_backend")
+def test_depth_normals_opacity_and_samples_are_shown(window: Driver, tmp_path: Path) -> None:
+    session = window.session
+    shown = []
+    for mode in MODES:
+        session.viewport.change(mode=mode)
+        window.ctx.yield_(2)
+        shown.append(window.capture_view(border=60))
+    assert all(np.abs(one - other).mean() > 1 for one, other in combinations(shown, 2))
+    window.click("View/###mode")
+    window.click("**/Depth")
+    for mode in ("normals", "colour", "depth"):
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.v)
+        assert session.viewport.settings.mode == mode
+    assert session.messages.errors == []
 
 
 def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
@@ -303,45 +276,37 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
     drive(act, framing, size=(900, 600))
 
 
-def test_the_object_stands_still_under_a_hand_and_a_first_fit_is_seen_from_its_camera(
-    drive: Drive, backend: Backend, photo: Path
-) -> None:
-    def act(window: Driver) -> None:
-        viewport, editor = window.session.viewport, window.session.editor
-        covered = viewport.settings.covered
-        assert covered > 50
-        window.drag("View/orbit", 60)  # the card is small now
-        assert viewport.settings.covered == covered
-        window.context.drop([str(photo)])
-        window.wait(lambda: viewport.source == "fit")
-        window.ctx.yield_(3)
-        assert viewport.settings.covered == 0
-        assert not viewport.turned
-        window.session.fitting.stop()
-        window.wait()
-        assert orbit.same_direction(editor.scene.camera, window.session.fitting.view.camera)
-
-    drive(act, replace(backend, fit=endless_fit, distance=lambda *about: 1.1))
+@in_window(fit=endless_fit, distance=lambda *about: 1.1)
+def test_the_object_stands_still_under_a_hand_and_a_first_fit_has_its_own_camera(window: Driver, photo: Path) -> None:
+    viewport, editor = window.session.viewport, window.session.editor
+    covered = viewport.settings.covered
+    assert covered > 50
+    window.drag("View/orbit", 60)  # the card is small now
+    assert viewport.settings.covered == covered
+    window.context.drop([str(photo)])
+    window.wait(lambda: viewport.source == "fit")
+    window.ctx.yield_(3)
+    assert viewport.settings.covered == 0
+    assert not viewport.turned
+    window.session.fitting.stop()
+    window.wait()
+    assert orbit.same_direction(editor.scene.camera, window.session.fitting.view.camera)
 
 
-def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(
-    drive: Drive, backend: Backend, photo: Path
-) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        idle = session.idle_turn
-        window.context.fast_opengl = True
-        window.fit(photo)
-        assert idle.due
-        window.wait(lambda: session.viewport.is_baked(editor.scene.codes) and session.viewport.sharp)
-        assert not idle.turning
-        window.context.attended = True
-        before, edits = editor.scene, len(editor.history.past)
-        window.wait(lambda: idle.turning and session.viewport.baked_frame is not None)
-        assert editor.scene is before
-        window.press(imgui.Key.f5)  # any key
-        assert not idle.due
-        assert editor.scene.camera.azimuth != before.camera.azimuth
-        assert len(editor.history.past) == edits
-
-    drive(act, replace(backend, bake=Bakery()), size=(900, 600))
+@in_window(bake=Bakery(), size=(900, 600))
+def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(window: Driver, photo: Path) -> None:
+    session, editor = window.session, window.session.editor
+    idle = session.idle_turn
+    window.context.fast_opengl = True
+    window.fit(photo)
+    assert idle.due
+    window.wait(lambda: session.viewport.is_baked(editor.scene.codes) and session.viewport.sharp)
+    assert not idle.turning
+    window.context.attended = True
+    before, edits = editor.scene, len(editor.history.past)
+    window.wait(lambda: idle.turning and session.viewport.baked_frame is not None)
+    assert editor.scene is before
+    window.press(imgui.Key.f5)  # any key
+    assert not idle.due
+    assert editor.scene.camera.azimuth != before.camera.azimuth
+    assert len(editor.history.past) == edits

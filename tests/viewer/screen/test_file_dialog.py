@@ -1,4 +1,4 @@
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -45,10 +45,3 @@ def test_a_name_without_an_ending_gets_one(typed: str, path: str) -> None:
 
 def test_a_file_that_is_no_name_is_not_there() -> None:
     assert not is_there(Path("a\0b"))
-
-
-def test_a_name_without_an_ending_gets_the_proposed_one() -> None:
-    request = FileRequest("Save", lambda _: None, (".glb", ".ply"), True, "mesh.ply")
-    assert request.path(" /a/b ") == Path("/a/b.ply")
-    assert request.path("/a/b.glb") == Path("/a/b.glb")
-    assert replace(request, save=False).path("/a/b") == Path("/a/b")

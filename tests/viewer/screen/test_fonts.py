@@ -3,23 +3,21 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Driver, in_window
 from viewer.screen.fonts import SYSTEM, fallbacks
 from viewer.values.printable import printable
 
 NAMES = ("Größe", "Стул у окна", "Καρέκλα", "🪑 sofa 🚗 ❤️ 👍")
 
 
-def test_names_of_many_languages_have_glyphs(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        font = imgui.get_font()
-        for name in NAMES:
-            missing = [sign for sign in printable(name) if not sign.isspace() and not font.is_glyph_in_font(ord(sign))]
-            assert not missing, name
-        if len(fallbacks()) > 1:
-            assert all(font.is_glyph_in_font(ord(sign)) for sign in "椅子いす")
-
-    drive(act)
+@in_window()
+def test_names_of_many_languages_have_glyphs(window: Driver) -> None:
+    font = imgui.get_font()
+    for name in NAMES:
+        missing = [sign for sign in printable(name) if not sign.isspace() and not font.is_glyph_in_font(ord(sign))]
+        assert not missing, name
+    if len(fallbacks()) > 1:
+        assert all(font.is_glyph_in_font(ord(sign)) for sign in "椅子いす")
 
 
 def test_a_font_of_the_system_is_taken_where_there_is_one(tmp_path: Path) -> None:

@@ -25,12 +25,6 @@ def test_an_object_stands_in_the_middle_of_what_is_not_covered(request_: ViewReq
     assert crop.camera.height / 2 - crop.top == (100 - 20) / 2  # the object's middle, of the image's rows
 
 
-def test_equal_records_are_equal_images(request_: ViewRequest, model: Model) -> None:
-    assert replace(request_) == request_
-    assert replace(request_, codes=model.codes[1]) != request_
-    assert replace(request_, settings=replace(request_.settings, mode="depth")) != request_
-
-
 def test_only_colours_are_drawn_from_a_baked_copy() -> None:
     assert ViewSettings(opengl=True).baked
     assert not ViewSettings(opengl=True, mode="normals").baked
