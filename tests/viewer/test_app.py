@@ -358,9 +358,7 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(window: Driver) -
     assert editor.history is not before
 
 
-def test_a_car_beside_a_chair_both_fitted_edited_undone_and_filmed(
-    drive: Drive, both: Backend, photo: Path, tmp_path: Path
-) -> None:
+def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Backend, photo: Path, tmp_path: Path):
     blue = photo.with_name("block blue.png")
     with Image.open(photo) as image:
         red, green, blue_channel = image.split()

@@ -288,9 +288,7 @@ def test_of_several_sessions_the_newest_goes_on_unless_it_runs(launch: Launch, t
 
 
 @pytest.mark.parametrize("harm", ["{", "no key", "another model", "bad timeline", "no such object"])
-def test_what_cannot_be_read_is_reported_and_changes_nothing(
-    session: Session, editor: Editor, tmp_path: Path, harm: str
-) -> None:
+def test_what_cannot_be_read_changes_nothing(session: Session, editor: Editor, tmp_path: Path, harm: str) -> None:
     editor.show_object("object 3")
     path = tmp_path / "running-999999999.codenerf"
     session.project().save(path, session.models)

@@ -155,9 +155,7 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     assert editor.state == before
 
 
-def test_the_photo_s_detail_comes_back_from_a_project(
-    editor: Editor, session: Session, model: Model, tmp_path: Path
-) -> None:
+def test_the_photo_s_detail_comes_back_from_a_project(editor: Editor, session: Session, model: Model, tmp_path: Path):
     one = fitted(model)
     editor.add_and_show(one, editor.scene.camera)
     editor.set_detail(replace(one.codes.detail, strength=0.5))

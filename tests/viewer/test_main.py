@@ -51,9 +51,7 @@ _LINUX_ONLY = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere HOME
 
 
 @_LINUX_ONLY
-def test_a_second_start_hands_its_photo_to_the_window_that_is_open(
-    drive: Drive, backend: Backend, photo: Path, tmp_path: Path
-) -> None:
+def test_a_second_start_hands_its_photo_to_the_window(drive: Drive, backend: Backend, photo: Path, tmp_path: Path):
     folder = tmp_path / ".config" / "codenerf-viewer"
     instance = begin(folder, Start())
     assert instance is not None
@@ -90,9 +88,7 @@ def test_without_a_display_one_line_says_so(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob("window-*/*.json"))  # the next start finds no window
 
 
-def test_the_window_is_drawn_without_a_display_and_larger_than_a_screen(
-    tmp_path: Path, file: Path, opengl: None
-) -> None:
+def test_the_window_is_drawn_without_a_display_and_larger_than_a_screen(tmp_path: Path, file: Path, opengl: None):
     done = call("--model", file, "--screenshot", tmp_path / "w.png", "--size", "2000x1200")
     assert (done.returncode, done.stderr) == (0, "")
     with Image.open(tmp_path / "w.png") as image:

@@ -32,9 +32,7 @@ def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: 
     assert session.messages.all == []
 
 
-def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
-    worker: Worker, backend: Backend, photo: Path
-) -> None:
+def test_a_fit_waits_for_the_view_bank_made_once_the_model_is_there(worker: Worker, backend: Backend, photo: Path):
     made, order = threading.Event(), list[str]()
 
     def view_bank(model: Model) -> Generator[float, None, ViewBank]:
@@ -112,9 +110,7 @@ def test_scenes_that_cannot_be_opened_change_nothing(session: Session, editor: E
         assert len(session.messages.errors) == 1, name
 
 
-def test_photos_are_fitted_with_the_models_of_their_categories_one_after_the_other(
-    worker: Worker, both: Backend, photo: Path
-) -> None:
+def test_photos_are_fitted_with_the_models_of_their_categories_in_turn(worker: Worker, both: Backend, photo: Path):
     session = Session(worker, both, seed=0)
     editor, (cars, chairs) = session.editor, session.models
     session.fitting.start(photo)

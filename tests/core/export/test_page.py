@@ -82,9 +82,7 @@ def test_it_shows_the_programs_own_picture(
 
 
 @pytest.mark.parametrize("width, height", [(1280, 800), (390, 844)])
-def test_a_hand_turns_and_zooms_it(
-    tiny: Model, camera: Camera, chromium: Chromium, tmp_path: Path, width: int, height: int
-) -> None:
+def test_a_hand_turns_it(tiny: Model, camera: Camera, chromium: Chromium, tmp_path: Path, width: int, height: int):
     path = tmp_path / "object.html"
     list(write_page(tiny, tiny.codes[0], camera, path, "Stool"))
     chromium.open(path, width, height)

@@ -43,9 +43,7 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-def test_frames_are_drawn_from_a_baked_copy_unless_exact_ones_are_wanted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frames_are_of_a_baked_copy_unless_exact_ones_are_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("core.export.video_frames.FEW_PIXELS", 0)
     model, shown = tiny_model(), list[np.ndarray]()
     for exact in (False, True):

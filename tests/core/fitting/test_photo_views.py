@@ -23,9 +23,7 @@ def dot_at(x: float, y: float, size: int) -> Photo:
 
 
 @pytest.mark.parametrize("roll, shift", [(0.0, (0.1, -0.05)), (0.3, (0.0, 0.0)), (-0.2, (0.07, 0.04))])
-def test_a_crop_is_turned_and_moved_to_where_the_camera_sees_it(
-    model: Model, roll: float, shift: tuple[float, float]
-) -> None:
+def test_a_crop_is_turned_and_moved_to_where_the_camera_sees_it(model: Model, roll: float, shift: tuple[float, float]):
     size = 2 * model.image_size
     x, y = 0.6 * size, 0.35 * size
     transform = torch.tensor([0.0, roll, *shift])

@@ -156,9 +156,7 @@ def _random_checkpoint(generator: np.random.Generator) -> dict:
     return dict(zip(names, (network, *codes), strict=True)) | {"niter": 0, "nepoch": 0}
 
 
-def _spread(
-    network: dict[str, torch.Tensor], generator: np.random.Generator, shapes: np.ndarray, textures: np.ndarray
-) -> None:
+def _spread(network: dict[str, torch.Tensor], generator: np.random.Generator, shapes: np.ndarray, textures: np.ndarray):
     """Scale the last layers: over the box, density's logit is -15 +- 20 and rgb 0.5 +- 0.5 in every channel."""
     points = generator.uniform(-0.5, 0.5, (2000, 3))
     directions = points / np.linalg.norm(points, axis=1, keepdims=True)

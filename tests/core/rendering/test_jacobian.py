@@ -47,9 +47,7 @@ def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, Rend
 
 
 @pytest.mark.parametrize(("white_from_network", "contrast"), [(False, 0.0), (True, 0.0), (False, 20.0)])
-def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(
-    white_from_network: bool, contrast: float
-) -> None:
+def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_from_network: bool, contrast: float):
     model = with_contrast(random_model(white_from_network=white_from_network), contrast)
     rays, enter, found = traced(model)
     origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))

@@ -15,9 +15,7 @@ _ROOT = Path(__file__).parents[3]
 
 @_LINUX
 @pytest.mark.parametrize("home", [None, "/proc", "/dev/null"])
-def test_without_a_home_that_takes_files_a_temporary_folder_is_used(
-    home: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_home_a_temporary_folder_is_used(home: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for name in ("XDG_CONFIG_HOME", "CODENERF_CACHE", "HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))

@@ -149,9 +149,7 @@ def of_view_bank(model: Model) -> list[Tensor]:
 
 
 @pytest.mark.parametrize("job", [of_render, of_bake, of_mesh, of_fit, of_view_bank])
-def test_any_number_of_threads_gives_the_same_bits(
-    tiny: Model, job: Callable[[Model], list[Tensor]], monkeypatch: pytest.MonkeyPatch
-):
+def test_threads_give_the_same_bits(tiny: Model, job: Callable[[Model], list[Tensor]], monkeypatch: pytest.MonkeyPatch):
     found = []
     for count in ("1", "2", "8"):
         monkeypatch.setenv(VARIABLE, count)

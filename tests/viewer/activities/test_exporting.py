@@ -41,9 +41,7 @@ def test_a_picture_is_saved_on_white(session: Session, tmp_path: Path, name: str
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_a_full_disk_is_reported_and_leaves_nothing(
-    session: Session, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_reported(session: Session, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 

@@ -23,9 +23,7 @@ from viewer.values.fit_history import PhotoSource
 from viewer.values.project import Project
 
 
-def test_a_fit_joins_the_objects_and_becomes_current(
-    session: Session, editor: Editor, model: Model, photo: Path
-) -> None:
+def test_a_fit_joins_the_objects_and_becomes_current(session: Session, editor: Editor, model: Model, photo: Path):
     before = editor.state
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
@@ -163,9 +161,7 @@ def block(photo: Path, name: str) -> Path:
     return other
 
 
-def test_photos_dropped_during_a_fit_wait_and_none_is_lost(
-    session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]
-) -> None:
+def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]):
     fitting = session.fitting
     for path in (photo, block(photo, "b"), bad_files["text.png"], block(photo, "c")):
         fitting.start(path)
@@ -225,9 +221,7 @@ def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(
     assert session.messages.errors == []
 
 
-def test_the_category_follows_the_detector_where_the_mask_is_doubtful(
-    worker: Worker, both: Backend, photo: Path
-) -> None:
+def test_the_category_follows_the_detector_where_the_mask_is_doubtful(worker: Worker, both: Backend, photo: Path):
     session = Session(worker, replace(both, cut_out=doubted), seed=0)
     chairs, cars = session.models.of_category("chairs"), session.models.of_category("cars")
     session.fitting.start(photo)  # which a look at its colours takes for a chair
@@ -335,9 +329,7 @@ def test_a_result_does_not_take_over_what_is_edited(session: Session, editor: Ed
     assert editor.state.mix.a.shape == "block"
 
 
-def test_the_first_result_can_be_used_while_it_is_checked(
-    session: Session, editor: Editor, model: Model, photo: Path
-) -> None:
+def test_the_first_result_can_be_used_while_it_is_checked(session: Session, editor: Editor, model: Model, photo: Path):
     fit = CheckedFit()
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
     fitting = session.fitting
@@ -358,9 +350,7 @@ def test_the_first_result_can_be_used_while_it_is_checked(
     assert editor.scene.codes == model.codes[3]
 
 
-def test_a_better_result_waits_where_the_first_one_was_edited(
-    session: Session, editor: Editor, model: Model, photo: Path
-) -> None:
+def test_a_better_result_waits_where_the_first_was_edited(session: Session, editor: Editor, model: Model, photo: Path):
     fit = CheckedFit()
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
     session.fitting.start(photo)
@@ -391,9 +381,7 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
 
 
-def test_a_photo_of_something_else_among_several_is_named_and_so_is_what_lies_beside_them(
-    session: Session, photo: Path
-) -> None:
+def test_a_photo_of_something_else_among_several_and_what_lies_beside_are_named(session: Session, photo: Path) -> None:
     other, beside = photo.with_name("block other.png"), photo.with_name("block.mov")
     shutil.copy(photo, other)
     beside.write_bytes(b"moving")

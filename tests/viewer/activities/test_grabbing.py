@@ -28,9 +28,7 @@ def places(session: Session) -> list[tuple[Camera, tuple[float, float]]]:
     return asked
 
 
-def test_a_pull_moves_the_surface_with_the_mouse_in_one_step(
-    session: Session, editor: Editor, places: list[tuple[Camera, tuple[float, float]]]
-) -> None:
+def test_a_pull_is_one_step(session: Session, editor: Editor, places: list[tuple[Camera, tuple[float, float]]]) -> None:
     grabbing, direction = session.grabbing, Direction.principal(editor.model.codes, "shape", 2)
     grabbing.look((0.5, 0.5))
     finish(session)
@@ -59,9 +57,7 @@ def test_nothing_is_pulled_beside_the_object(
     assert editor.state is before
 
 
-def test_a_place_is_a_point_of_what_the_camera_sees(
-    session: Session, places: list[tuple[Camera, tuple[float, float]]]
-) -> None:
+def test_a_place_is_a_point_of_what_the_camera_sees(session: Session, places: list[tuple[Camera, tuple[float, float]]]):
     session.viewport.pan_by(0.25, 0.0)
     session.grabbing.look((0.75, 0.5))  # where the object is now
     session.grabbing.look((0.75, 0.5))

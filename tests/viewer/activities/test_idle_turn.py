@@ -23,9 +23,7 @@ def idle(session: Session, photo: Path, clock: Clock) -> IdleTurn:
     return turn
 
 
-def test_a_result_turns_until_it_is_stopped_and_stays_there(
-    idle: IdleTurn, clock: Clock, session: Session, editor: Editor
-) -> None:
+def test_a_result_turns_until_it_is_stopped_there(idle: IdleTurn, clock: Clock, session: Session, editor: Editor):
     before, edits = editor.scene, len(editor.history.past)
     idle.tick()
     assert not idle.turning  # the finished picture first

@@ -15,9 +15,7 @@ from viewer.session import Session
 from viewer.values.fit_history import PhotoSource
 
 
-def test_a_image_that_is_segmented_by_hand_must_be_one(
-    session: Session, editor: Editor, bad_files: dict[str, Path]
-) -> None:
+def test_a_image_that_is_segmented_by_hand_must_be_one(session: Session, editor: Editor, bad_files: dict[str, Path]):
     before = editor.history
     for path in bad_files.values():
         session.messages.all.clear()
@@ -28,9 +26,7 @@ def test_a_image_that_is_segmented_by_hand_must_be_one(
         session.segmenting.close()
 
 
-def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
-    worker: Worker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_photo_that_is_cut_out_is_fitted_at_once(worker: Worker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
     noise[40:120, 60:120] = (30, 40, 220)
     Image.fromarray(noise).save(tmp_path / "street.png")

@@ -134,9 +134,7 @@ def test_a_fit_is_begun_again_in_several_ways(drive: Drive, backend: Backend, ph
 
 
 @pytest.mark.parametrize("margin", [0.0, 9.0])
-def test_a_doubtful_fit_alone_offers_its_other_viewpoint(
-    drive: Drive, backend: Backend, photo: Path, margin: float
-) -> None:
+def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: Backend, photo: Path, margin: float):
     def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, margin=margin, psnr=40.0) for step in quick_fit(model, job))
 
@@ -322,9 +320,7 @@ def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path:
 
 
 @pytest.mark.parametrize(("psnr", "words"), [(30.0, "sure"), (12.0, "doubtful")])
-def test_several_photos_agree_or_not_by_a_dot(
-    drive: Drive, backend: Backend, photo: Path, psnr: float, words: str
-) -> None:
+def test_several_photos_agree_or_not_by_a_dot(drive: Drive, backend: Backend, photo: Path, psnr: float, words: str):
     other = photo.with_name("block two.png")
     other.write_bytes(photo.read_bytes())
 

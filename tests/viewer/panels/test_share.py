@@ -33,9 +33,7 @@ def choose(window: Driver, name: str, label: str) -> None:
     window.click(f"**/{label}")
 
 
-def test_a_turntable_is_saved_and_its_folder_shown(
-    drive: Drive, tmp_path: Path, real_backend: Backend, model: Model
-) -> None:
+def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path, real_backend: Backend, model: Model):
     shown: list[Path] = []
 
     def act(window: Driver) -> None:
@@ -235,9 +233,7 @@ def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) 
     assert not window.context.files.asking
 
 
-def test_a_dropped_image_of_this_program_restores_its_scene(
-    drive: Drive, tmp_path: Path, model: Model, photo: Path
-) -> None:
+def test_a_dropped_image_of_this_program_restores_its_scene(drive: Drive, tmp_path: Path, model: Model, photo: Path):
     other = Scene(replace(model.codes[0], model="another"), model.camera(0, 0))
     save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
 

@@ -179,9 +179,7 @@ def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
     drive(act)
 
 
-def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(
-    drive: Drive, real_backend: Backend
-) -> None:
+def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(drive: Drive, real_backend: Backend):
     stools = replace(tiny_model(), category="chairs")
 
     def act(window: Driver) -> None:
@@ -241,9 +239,7 @@ def test_the_shadow_stays_while_the_object_turns(drive: Drive, real_backend: Bac
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
 
 
-def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
-    drive: Drive, backend: Backend, photo: Path
-) -> None:
+def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Drive, backend: Backend, photo: Path):
     stools = replace(tiny_model(), category="chairs")
     framing = replace(backend, load_model=lambda name: stools, distance=filling_distance, fit=detailed_fit)
 

@@ -69,9 +69,7 @@ def test_rays_through_pixel_corners_stay_there(gl: moderngl.Context) -> None:
     assert psnr(drawn(gl, mist, crop), render_baked(mist, crop.camera).colour.numpy()) > 40
 
 
-def test_another_camera_or_object_is_drawn_at_once(
-    gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model
-) -> None:
+def test_another_camera_or_object_is_drawn_at_once(gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model):
     canvas = BakedCanvas(gl)
     for one, azimuth in ((baked[1], 0.0), (baked[1], 1.0), (baked[0], 1.0), (baked[1], 0.0)):
         crop = fit_to_panel(stool.camera(azimuth, 0.4), 60, 60, 60)

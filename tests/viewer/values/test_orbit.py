@@ -101,9 +101,7 @@ def test_home_sees_the_whole_object_from_its_front(model: Model) -> None:
 
 
 @pytest.mark.parametrize("panel, pan", [((400, 300), (0.0, 0.0)), ((300, 500), (0.2, -0.1))])
-def test_a_photo_lies_over_the_view_where_its_camera_shows_the_object(
-    model: Model, panel: tuple[int, int], pan: tuple[float, float]
-) -> None:
+def test_a_photo_lies_over_the_view_where_its_object_is(model: Model, panel: tuple[int, int], pan: tuple[float, float]):
     photo = replace(model.camera(0.7, 0.3), distance=1.4, focal=900.0, width=640, height=480)
     seen = orbit.photo_camera(photo, model)
     left, top, right, bottom = orbit.photo_box(photo, seen, panel, pan)

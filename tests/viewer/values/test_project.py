@@ -81,9 +81,7 @@ def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session:
     session.editor.check(found)
 
 
-def test_states_share_what_they_have_in_common(
-    models: OpenModels, saved: Project, model: Model, tmp_path: Path
-) -> None:
+def test_states_share_what_they_have_in_common(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
     history = saved.history
     for step in range(400):  # the camera moves, codes and timeline stay
         camera = replace(history.now.scene.camera, azimuth=0.01 * step)
@@ -115,9 +113,7 @@ def test_a_photo_keeps_what_no_image_can_hold(models: OpenModels, model: Model, 
 
 
 @pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "no key", "bad number", "format", "bad photo"])
-def test_what_is_no_whole_project_is_said_in_one_line(
-    models: OpenModels, saved: Project, tmp_path: Path, harm: str
-) -> None:
+def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, harm: str):
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
     with zipfile.ZipFile(path) as file:
@@ -264,9 +260,7 @@ def test_a_project_that_is_too_large_is_not_saved(
 
 
 @pytest.mark.parametrize("kind", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_a_project_cut_or_changed_anywhere_is_said_in_one_line(
-    models: OpenModels, saved: Project, tmp_path: Path, kind: int
-) -> None:
+def test_a_project_damaged_anywhere_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, kind: int):
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
     with zipfile.ZipFile(path) as file:

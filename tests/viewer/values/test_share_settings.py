@@ -64,9 +64,7 @@ def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene
 
 
 @pytest.mark.parametrize(("fill", "nearest"), [(True, 1.0), (False, 0.4)])
-def test_a_turntable_that_fills_its_frame_keeps_the_usual_perspective(
-    model: Model, scene: Scene, fill: bool, nearest: float
-) -> None:
+def test_a_turntable_that_fills_its_frame_keeps_its_perspective(model: Model, scene: Scene, fill: bool, nearest: float):
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
     views = ShareSettings(size=40, fill=fill).views(open_models(model), near, Timeline())
     assert {view.camera.distance for view in views} == {nearest * model.distance}
