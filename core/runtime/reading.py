@@ -210,7 +210,7 @@ def _items(origin: Any, arguments: tuple, value: Any, special: Any, name: str) -
 
 
 def _with_fields(kind: Any, about: dict, special: Any, name: str) -> Any:
-    kinds, found = _kinds(kind), {}
+    kinds, found = field_types(kind), {}
     for one, required in _fields(kind):
         if one in about:
             found[one] = typed(kinds[one], about[one], special, f"{name}.{one}")
@@ -246,8 +246,8 @@ _SIMPLE: dict[Any, Callable[[Any, str], Any]] = {
 
 
 @cache
-def _kinds(kind: Any) -> dict[str, Any]:
-    """Return the types of the fields; cached, as resolving them is slow."""
+def field_types(kind: Any) -> dict[str, Any]:
+    """Return the types of a class's fields; cached, as resolving them is slow."""
     return get_type_hints(kind)
 
 

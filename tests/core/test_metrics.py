@@ -17,27 +17,23 @@ def camera(azimuth: float, elevation: float, distance: float = 2.0) -> Camera:
     return Camera(azimuth, elevation, distance, 131.25, 128, 128)
 
 
-def test_psnr_against_its_formula():
+def test_psnr_and_ssim_are_their_formulas():
     truth = torch.zeros(9, 9, 3)
     assert psnr(truth + 0.1, truth) == pytest.approx(20.0, abs=1e-5)
     assert psnr(truth, truth) == MAX_PSNR
-
-
-def test_ssim_is_one_for_the_same_image_and_less_for_another():
     generator = torch.Generator().manual_seed(0)
     truth = torch.rand(16, 16, 3, generator=generator)
     assert ssim(truth, truth) == pytest.approx(1.0)
     assert ssim(1 - truth, truth) < 0
     assert ssim(truth.numpy(), truth.numpy()) == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="7x7"):
+        ssim(torch.zeros(6, 6, 3), torch.zeros(6, 6, 3))
 
 
-def test_overlap_counts_pixels_that_are_more_than_half_opaque():
+def test_overlap_and_haze_count_pixels_by_opacity():
     opacity, mask = np.array([[0.9, 0.6, 0.4, 0.0]]), np.array([[True, False, True, False]])
     assert silhouette_overlap(opacity, mask) == pytest.approx(1 / 3)
     assert silhouette_overlap(np.zeros((1, 4)), np.zeros((1, 4), bool)) == 1
-
-
-def test_haze_is_that_of_pixels_neither_empty_nor_opaque():
     assert haze(np.array([[0.0, 1.0]])) == haze(np.zeros((1, 2))) == 0
     assert haze(np.array([[1.0, 0.5]])) == pytest.approx(2 / 3)
 
@@ -46,11 +42,6 @@ def test_haze_is_that_of_pixels_neither_empty_nor_opaque():
 def test_images_of_different_sizes_are_refused(measure):
     with pytest.raises(ValueError, match="different sizes"):
         measure(np.zeros((8, 8, 3)), np.zeros((8, 9, 3)))
-
-
-def test_ssim_refuses_an_image_smaller_than_its_window():
-    with pytest.raises(ValueError, match="7x7"):
-        ssim(torch.zeros(6, 6, 3), torch.zeros(6, 6, 3))
 
 
 @given(angles, heights, st.floats(-2, 2))
@@ -67,18 +58,12 @@ def test_rotation_error_is_the_angle_of_the_trace(a: float, b: float, c: float, 
     assert rotation_error(first, second) == pytest.approx(expected, abs=1e-3)
 
 
-def test_small_errors_are_not_lost_to_rounding():
+def test_camera_errors_are_exact_when_small_at_poles_and_far():
     assert rotation_error(camera(1.0, 0.5), camera(1.0, 0.5 + 1e-7)) == pytest.approx(math.degrees(1e-7), rel=1e-3)
     assert translation_error(camera(1.0, 0.5), camera(1.0, 0.5 + 1e-7)) == pytest.approx(1e-7, rel=1e-3)
-
-
-def test_above_the_pole_a_turn_of_the_azimuth_rolls_the_image_but_does_not_move_the_camera():
     first, second = camera(0.0, math.pi / 2), camera(math.pi / 2, math.pi / 2)
     assert rotation_error(first, second) == pytest.approx(90.0)
     assert translation_error(first, second) == pytest.approx(0.0, abs=1e-6)
-
-
-def test_errors_of_place():
     near, far = camera(0.4, 0.2, 1.9), camera(0.4, 0.2, 2.0)
     assert translation_error(near, far) == pytest.approx(0.05)
     assert translation_error(camera(0.0, 0.0), camera(math.pi, 0.0)) == pytest.approx(2.0)

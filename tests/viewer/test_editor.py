@@ -202,15 +202,12 @@ def test_objects_of_two_models_are_edited_in_one_history(both: Editor, model: Mo
     assert both.model is cars
 
 
-def test_what_the_timeline_shows_of_another_model_brings_the_mix_of_that(both: Editor) -> None:
+def test_objects_of_two_models_are_not_mixed_and_bring_mixes_of_their_own(both: Editor) -> None:
     _, cars = both.models
     both.show(cars.codes[3], both.scene.camera)
     assert all(both.models.of(both.objects[name].codes) is cars for name in both.state.mix.names)
     both.mix_both(0.0, 0.5)
     assert both.model is cars
-
-
-def test_objects_of_two_models_are_not_mixed(both: Editor) -> None:
     assert both.is_mixable("object 2") and not both.is_mixable("object 2 (2)")
     with pytest.raises(ValueError, match="different models"):
         both.take("texture", "object 2 (2)")

@@ -14,7 +14,7 @@ from core.photos.segmentation import CutOut
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
-from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white
+from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, pixels_on_white
 
 _RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
 
@@ -62,7 +62,7 @@ def fit_stream(
         try:
             cut = known.get(source) or backend.cut_out(source.path, source.hints)
         except NoBackgroundError:
-            bare = SeenCutOut(on_white(read_rgba(source.path)), ())
+            bare = SeenCutOut(pixels_on_white(read_rgba(source.path)), ())
             yield Doubt("The object was not found: point at it", model or here, None, bare)
             return
         guess = _guess(backend, cut)

@@ -13,7 +13,7 @@ from viewer.services.jobs import Jobs
 from viewer.services.messages import error_text
 from viewer.services.worker import Job
 from viewer.values.fit_history import PhotoSource
-from viewer.values.seen_cut_out import on_white
+from viewer.values.seen_cut_out import pixels_on_white
 
 _SHOWN = 640  # px of the shown photo's longer side
 _SMALL = 160  # px of the longer side of the other masks
@@ -63,7 +63,7 @@ class Segmenting:
         self.hints = source.hints or Hints()
 
         def read(image: Image.Image) -> None:
-            self._image, self.plain = image, on_white(image, _SHOWN)
+            self._image, self.plain = image, pixels_on_white(image, _SHOWN)
             self._start()
 
         def ended(error: Exception | None) -> None:
@@ -127,8 +127,8 @@ class Segmenting:
 
 
 def _segment(image: Image.Image, hints: Hints) -> Segmentation:
-    found, shown = cut_out(image, hints), on_white(image, _SHOWN)
-    small = on_white(image, _SMALL)
+    found, shown = cut_out(image, hints), pixels_on_white(image, _SHOWN)
+    small = pixels_on_white(image, _SMALL)
     others = tuple(_dimmed(small, other.mask) for other in found.others)
     return Segmentation(hints, found, _dimmed(shown, found.mask), others)
 

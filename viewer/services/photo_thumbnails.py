@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image, ImageOps
+from PIL import ImageOps
 
+from core.photos.decode import on_white
 from core.runtime.reading import open_image
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
@@ -36,6 +37,4 @@ def _square(path: Path) -> UInt8[np.ndarray, "side side 3"]:
     with open_image(path, _SIDE) as image:
         small = ImageOps.exif_transpose(image)
         small.thumbnail((_SIDE, _SIDE))
-        square = Image.new("RGBA", (max(small.size),) * 2, "white")
-        square.alpha_composite(small.convert("RGBA"), tuple((square.width - side) // 2 for side in small.size))
-        return np.asarray(square.convert("RGB"))
+        return np.asarray(ImageOps.pad(on_white(small), (max(small.size),) * 2, color="white"))

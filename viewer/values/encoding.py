@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from core.models.codes import Codes
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoView, decompressed
 from core.photos.photo import Photo
-from core.runtime.reading import open_image, reading, typed, whole
+from core.runtime.reading import field_types, open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
 
 _SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
@@ -116,7 +116,7 @@ _BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error"
 
 
 def _decode_photo(about: Any, store: BlobStore) -> Photo:
-    kinds = _kinds(Photo)
+    kinds = field_types(Photo)
     beside = {name: decode(kinds[name], about[name], store) for name in _BESIDE_IMAGE if name in about}
     photo = decode_photo(_part(store.photos, about["image"]), min(_MAX_PHOTO, store.left), **beside)
     store.left -= 4 * photo.mask.numel()
@@ -128,7 +128,7 @@ def _decode_photo(about: Any, store: BlobStore) -> Photo:
 
 
 def _decode_view(about: dict, store: BlobStore) -> PhotoView:
-    kinds = _kinds(PhotoView)
+    kinds = field_types(PhotoView)
     beside = {name: decode(kinds[name], about[name], store) for name in kinds if name in about and name != "image"}
     view = PhotoView(_part(store.photos, about["image"]), **beside)
     view.pixels()  # raises if damaged
@@ -136,7 +136,7 @@ def _decode_view(about: dict, store: BlobStore) -> PhotoView:
 
 
 def _decode_fitted_photo(about: Any, store: BlobStore) -> FittedPhoto:
-    source = decode(_kinds(FittedPhoto)["source"], about["source"], store)
+    source = decode(field_types(FittedPhoto)["source"], about["source"], store)
     return FittedPhoto.of(source, _decode_photo(about["photo"], store))
 
 
@@ -179,12 +179,6 @@ _SPECIAL: dict[Any, Callable[[Any, BlobStore], Any]] = {
     FittedPhoto: _decode_fitted_photo,
     Codes: _decode_codes,
 } | {kind: partial(_decode_shared, kind) for kind in _SHARED}
-
-
-@cache
-def _kinds(kind: Any) -> dict[str, Any]:
-    """Return the types of the fields; cached, as resolving them is slow."""
-    return get_type_hints(kind)
 
 
 @cache

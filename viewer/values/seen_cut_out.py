@@ -7,6 +7,7 @@ from jaxtyping import Bool, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion
 
+from core.photos.decode import on_white
 from core.photos.detector import Box
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.segmentation import CutOut
@@ -29,7 +30,7 @@ class SeenCutOut:
         colour = _DOUBTFUL if is_doubtful(cut) else _SURE
         least = _LEAST * max((one.prominence for one in cut.detections), default=0.0)
         boxes = tuple(one.box for one in cut.detections if one.prominence >= least)
-        return cls(outlined(on_white(image), cut.mask, colour), boxes)
+        return cls(outlined(pixels_on_white(image), cut.mask, colour), boxes)
 
 
 def is_doubtful(cut: CutOut) -> bool:
@@ -45,12 +46,12 @@ def has_rival(cut: CutOut) -> bool:
     return second.prominence > _RIVAL * first.prominence
 
 
-def on_white(image: Image.Image, side: int | None = None) -> UInt8[np.ndarray, "height width 3"]:
+def pixels_on_white(image: Image.Image, side: int | None = None) -> UInt8[np.ndarray, "height width 3"]:
     """Return the pixels of an RGBA image on white; ``side`` limits the longer side, px."""
     small = image.copy()
     if side is not None:
         small.thumbnail((side, side))
-    return np.asarray(Image.alpha_composite(Image.new("RGBA", small.size, "white"), small).convert("RGB"))
+    return np.asarray(on_white(small))
 
 
 def outlined(

@@ -68,7 +68,7 @@ def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, codes: Cod
         assert psnr(shown, photo) > psnr(plain, photo) + 4
 
 
-def test_what_is_erased_is_as_the_model_has_it(tiny: Model, codes: Codes, camera: Camera) -> None:
+def test_what_is_erased_is_as_the_model_has_it_and_density_stays(tiny: Model, codes: Codes, camera: Camera) -> None:
     assert codes.detail is not None
     gone = codes.detail.erasing(0, (Erasure(((0.0, 0.52), (1.0, 0.52)), 0.06),))
     plain, shown, erased = (
@@ -77,6 +77,10 @@ def test_what_is_erased_is_as_the_model_has_it(tiny: Model, codes: Codes, camera
     )
     assert np.abs(shown - plain).max() > 40
     assert np.abs(erased - plain).max() <= 2
+    beside = tiny.camera(1.5, 0.5).resized(72, 96)
+    plain, shown = (render_frame(tiny, one, beside) for one in (replace(codes, detail=None), codes))
+    assert (plain.image != shown.image).any()
+    assert np.array_equal(plain.opacity, shown.opacity) and np.array_equal(plain.depth, shown.depth)
 
 
 def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, codes: Codes) -> None:
@@ -98,13 +102,6 @@ def test_frames_tell_where_colours_are_from(tiny: Model, codes: Codes, camera: C
     assert front.sources[..., 0].mean() > behind.sources[..., 0].mean()
     assert behind.sources[..., 1].mean() > front.sources[..., 1].mean()
     assert render_frame(tiny, replace(codes, detail=None), camera).sources is None
-
-
-def test_opacity_and_depth_stay_bit_for_bit(tiny: Model, codes: Codes) -> None:
-    beside = tiny.camera(1.5, 0.5).resized(72, 96)
-    plain, shown = (render_frame(tiny, one, beside) for one in (replace(codes, detail=None), codes))
-    assert (plain.image != shown.image).any()
-    assert np.array_equal(plain.opacity, shown.opacity) and np.array_equal(plain.depth, shown.depth)
 
 
 def test_the_stripe_turns_with_the_surface(tiny: Model, codes: Codes) -> None:

@@ -25,12 +25,9 @@ def colour(model: Model, codes: Codes, part: str = "") -> torch.Tensor:
     return torch.tensor(run_to_end(paint_colour(model, codes, part)))
 
 
-def test_the_paint_that_it_has_changes_nothing(tiny: Model) -> None:
+def test_its_own_paint_changes_nothing_and_anothers_is_reached_with_the_shape_kept(tiny: Model) -> None:
     codes = tiny.codes[0]
     assert run_to_end(paint(tiny, codes, Paint(run_to_end(paint_colour(tiny, codes))))) == codes
-
-
-def test_another_objects_paint_is_reached_and_the_shape_stays(tiny: Model) -> None:
     codes, goal = tiny.codes[0], run_to_end(paint_colour(tiny, replace(tiny.codes[0], texture=tiny.codes[3].texture)))
     found = run_to_end(paint(tiny, codes, Paint(goal)))
     before, after = (float((colour(tiny, one) - torch.tensor(goal)).abs().max()) for one in (codes, found))
@@ -64,16 +61,13 @@ def _two_coloured(chairs: Model) -> Codes:
     return max(some, key=lambda one: float((colour(chairs, one, "seat") - colour(chairs, one, "legs")).norm()))
 
 
-def test_bad_input_is_refused_in_one_line(tiny: Model, cars: Model) -> None:
+def test_parts_take_paint_the_usual_one_first_and_bad_input_is_refused(tiny: Model, cars: Model) -> None:
     with pytest.raises(ValueError, match="three channels"):
         Paint((0.1, 0.2, 1.5))
     with pytest.raises(ValueError, match="a car has body, but no seat"):
         run_to_end(paint(cars, cars.codes[0], Paint((0.1, 0.2, 0.3), "seat")))
     with pytest.raises(ValueError, match="has no parts"):
         run_to_end(paint(tiny, tiny.codes[0], Paint((0.1, 0.2, 0.3), "seat")))
-
-
-def test_parts_that_take_paint_begin_with_the_usual_one(tiny: Model, cars: Model) -> None:
     assert paint_parts(tiny) == ()
     assert paint_parts(cars) == ("body",)
     assert paint_parts(load_model("chairs"))[:3] == ("fabric", "wood", "seat")

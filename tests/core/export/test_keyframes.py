@@ -46,14 +46,11 @@ def test_every_key_is_met(loop: bool, smooth: bool) -> None:
         torch.testing.assert_close(found.codes.texture, expected.codes.texture)
 
 
-def test_straight_interpolation_is_linear_in_codes_and_geometric_in_distance() -> None:
+def test_a_straight_path_is_linear_and_takes_the_short_way_round_the_sphere() -> None:
     made = timeline(shot(distance=1.0, code=0.0), shot(distance=4.0, code=2.0), loop=False, smooth=False)
     halfway = made.at(0.5)
     torch.testing.assert_close(halfway.codes.shape, torch.ones(3))
     assert halfway.camera.distance == pytest.approx(2.0)
-
-
-def test_the_camera_keeps_to_the_sphere_and_takes_the_short_way_round() -> None:
     made = timeline(shot(3.0), shot(-3.0), loop=False)
     for step in range(21):
         camera = made.at(step / 20).camera
@@ -61,16 +58,13 @@ def test_the_camera_keeps_to_the_sphere_and_takes_the_short_way_round() -> None:
         assert abs(camera.azimuth) >= 3.0 - 1e-9  # by way of pi, not of 0
 
 
-def test_keys_all_round_go_all_round_in_a_loop() -> None:
+def test_loops_go_all_round_and_turns_are_added() -> None:
     thirds = [shot(2 * math.pi * third / 3) for third in range(3)]
     made = timeline(*thirds)
     steps = [made.at(0.05 * index).camera.azimuth for index in range(61)]
     turned = [math.remainder(after - before, 2 * math.pi) for before, after in pairwise(steps)]
     assert all(0 < step < 0.2 for step in turned)
     assert sum(turned) == pytest.approx(2 * math.pi)
-
-
-def test_turns_are_added_while_codes_change() -> None:
     made = timeline(shot(code=0.0), shot(code=2.0), turns=1, smooth=False)
     quarter = made.at(0.5)
     assert quarter.camera.azimuth == pytest.approx(math.pi / 2)
@@ -78,7 +72,7 @@ def test_turns_are_added_while_codes_change() -> None:
     assert seam(made) < 1.5
 
 
-def test_smooth_has_no_corner_and_straight_does() -> None:
+def test_smooth_has_no_corner_and_stays_off_the_pole() -> None:
     def bend(smooth: bool) -> float:
         made = timeline(shot(code=0.0), shot(code=1.0), shot(code=0.0), shot(code=-1.0), smooth=smooth)
         before, at, after = (float(made.at(1.0 + d).codes.shape[0]) for d in (-0.01, 0.0, 0.01))
@@ -86,23 +80,17 @@ def test_smooth_has_no_corner_and_straight_does() -> None:
 
     assert bend(smooth=False) > 1.5
     assert bend(smooth=True) < 0.1
-
-
-def test_a_smooth_path_stays_off_the_pole() -> None:
     high = math.radians(88)
     made = timeline(shot(elevation=0.0), shot(elevation=high), shot(elevation=high), shot(elevation=0.0))
     assert max(made.at(0.02 * index).camera.elevation for index in range(200)) <= math.radians(89.0)
 
 
-def test_the_seam_tells_a_loop_from_a_jump() -> None:
+def test_a_loop_has_no_seam_and_ends_before_its_beginning() -> None:
     shots = [shot(code=float(number)) for number in range(4)]
     assert seam(timeline(*shots, loop=True)) < 1.5
     assert seam(timeline(*shots, loop=False, length=3.0)) > 10
     assert seam(timeline(*shots, shots[0], loop=False)) < 1.5
     assert seam(timeline(shot(), loop=True)) < 1.5
-
-
-def test_shots_of_a_loop_end_before_the_beginning() -> None:
     two = shot(code=0.0), shot(code=1.0)
     looped, ended = timeline(*two, loop=True).views(12), timeline(*two, loop=False).views(12)
     assert len(looped) == len(ended) == 24

@@ -69,14 +69,11 @@ def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: M
     np.testing.assert_allclose(found.colours[clear], found.vertices[clear] > 0, atol=0.05)
 
 
-def test_what_leaves_the_box_is_closed_there(ball, model: Model):
+def test_surfaces_are_closed_without_specks_and_hollows(ball, model: Model):
     ball(((0.3, 0.0, 0.0), 0.2))
     found = run_to_end(extract_mesh(model, model.codes[0], 48))
     assert solid(found).is_watertight
     assert found.vertices[:, 0].max() == pytest.approx(model.extent[0], abs=0.02)
-
-
-def test_pieces_stay_specks_and_hollows_go(ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2), ((0.0, 0.2, 0.35), 0.04), ((0.2, -0.2, -0.35), 0.013), hollow=0.1)
     found = solid(run_to_end(extract_mesh(model, model.codes[0], 96)))
     pieces = found.split(only_watertight=False)

@@ -99,16 +99,13 @@ def test_a_hand_turns_it(tiny: Model, camera: Camera, chromium: Chromium, tmp_pa
     assert chromium.complaints() == []
 
 
-def test_only_a_page_is_written(tiny: Model, camera: Camera, tmp_path: Path) -> None:
+def test_only_a_page_is_written_and_large_photos_fit(tiny: Model, camera: Camera, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"a page must end in \.html"):
         list(write_page(tiny, tiny.codes[0], camera, tmp_path / "object.png", "Stool"))
     job = write_page(tiny, tiny.codes[0], camera, tmp_path / "object.html", "Stool")
     next(job)
     job.close()
     assert list(tmp_path.iterdir()) == []
-
-
-def test_large_photos_are_made_to_fit(tiny: Model, camera: Camera, tmp_path: Path) -> None:
     photo = striped(tiny, camera.resized(192, 192)).detail
     assert photo is not None
     codes: Codes = replace(tiny.codes[0], detail=replace(photo, views=photo.views * 4))

@@ -56,13 +56,10 @@ def test_a_file_has_a_named_object_for_each_part(suffix: str, texture: int, car:
     assert (edges == 2).mean() > 0.999  # parts meet without a gap
 
 
-def test_an_object_without_a_part_has_none_of_that_name():
+def test_chairs_have_the_parts_that_they_have_and_a_seat_ends_where_the_back_begins():
     chairs = load_model("chairs")
     stool = chairs.codes[chairs.codes.index["blendswap_cc_0_stool2"]]
     assert [name for name, _ in run_to_end(extract_mesh(chairs, stool, 64)).parts] == ["seat", "legs"]
-
-
-def test_a_seat_ends_where_the_back_begins():
     chairs = load_model("chairs")
     chair = chairs.codes[chairs.codes.index["quaternius_oct2017_chaircushioned"]]
     found = run_to_end(extract_mesh(chairs, chair, 64))
@@ -73,11 +70,8 @@ def test_a_seat_ends_where_the_back_begins():
     assert heights["seat"].max() < np.median(heights["back"])
 
 
-def test_a_model_without_a_part_head_makes_one_part(tiny: Model):
+def test_every_triangle_is_of_one_part_with_a_head_and_without(tiny: Model):
     assert run_to_end(extract_mesh(tiny, tiny.codes[0], 32)).parts[0][0] == "stool"
-
-
-def test_every_triangle_can_be_of_one_part_and_none_is_lost(tiny: Model):
     plain = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
     width = tiny.field.config.width
     for favoured, name in enumerate(("first", "second", "third")):

@@ -28,7 +28,7 @@ def ball() -> tuple[TexturedMesh, list[float]]:
             return done.value, shares
 
 
-def test_every_place_of_the_surface_has_its_colour_in_the_image(ball: tuple[TexturedMesh, list[float]]):
+def test_every_place_has_its_colour_and_seams_do_not_show(ball: tuple[TexturedMesh, list[float]]):
     found, shares = ball
     assert all(before <= after for before, after in pairwise(shares))
     height, width = found.image.shape[:2]
@@ -38,9 +38,6 @@ def test_every_place_of_the_surface_has_its_colour_in_the_image(ball: tuple[Text
     places, uv = ((weights * array[found.faces]).sum(1) for array in (found.vertices, found.uv))
     row, column = ((1 - uv[:, 1]) * height).astype(int), (uv[:, 0] * width).astype(int)
     assert np.abs(found.image[row, column] / 255 - (0.5 + 0.5 * places)).max() < 0.05
-
-
-def test_seams_do_not_show_in_the_shading(ball: tuple[TexturedMesh, list[float]]):
     found, _ = ball
     assert (found.normals * found.vertices).sum(1).min() > 0.99
     assert len(found.vertices) > len(np.unique(found.vertices.round(5), axis=0))  # there are seams

@@ -86,13 +86,6 @@ def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: 
     assert alpha.min() == 0
 
 
-def test_transparent_pixels_on_white_are_the_render(model: Model) -> None:
-    frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
-    rgba = over(frame, None).astype(float)
-    alpha = rgba[..., 3:] / 255
-    assert np.abs(rgba[..., :3] * alpha + 255 * (1 - alpha) - frame.image).max() <= 2.5
-
-
 def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
     model = tiny_model()
     camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance).resized(48, 48)

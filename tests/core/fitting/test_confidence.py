@@ -17,14 +17,11 @@ def fits(count: int) -> tuple[list[float], list[float], list[bool]]:
     return margins, uncertainties, right
 
 
-def test_a_calibration_finds_the_odds_that_made_the_fits():
+def test_a_calibration_finds_the_odds_and_they_come_true():
     found = fit_calibration(*fits(5000))
     assert found.constant == pytest.approx(-1, abs=0.3)
     assert found.margin == pytest.approx(4, abs=0.6)
     assert found.uncertainty == pytest.approx(-1.5, abs=0.3)
-
-
-def test_confidence_is_a_probability_that_comes_true():
     margins, uncertainties, right = fits(5000)
     by = fit_calibration(margins, uncertainties, right)
     sure = np.array([confidence(*known, by) for known in zip(margins, uncertainties, strict=True)])
@@ -33,31 +30,25 @@ def test_confidence_is_a_probability_that_comes_true():
         assert np.asarray(right)[some].mean() == pytest.approx(sure[some].mean(), abs=0.06)
 
 
-def test_separable_fits_have_a_finite_calibration():
+def test_separable_fits_are_calibrated_and_fits_of_one_kind_are_not():
     found = fit_calibration([0.0, 0.1, 0.8, 0.9], [1.0, 1.0, 1.0, 1.0], [False, False, True, True])
     assert all(map(math.isfinite, found))
     assert confidence(0.0, 1.0, found) < 0.5 < confidence(0.9, 1.0, found)
-
-
-def test_fits_of_one_kind_cannot_be_calibrated():
     with pytest.raises(ValueError, match="right and fits that are wrong"):
         fit_calibration([1.0] * 3, [1.0] * 3, [True] * 3)
     assert math.isnan(auroc([1.0, 2.0], [True, True]))
 
 
-def test_a_wide_margin_is_trusted_and_a_tie_or_a_flat_basin_is_not():
+def test_margins_basins_and_doubts_order_confidence():
     assert confidence(0.0, 1.5) < DOUBTFUL < confidence(1.0, 1.0)
     assert confidence(0.5, 20.0) < confidence(0.5, 1.0)
     assert 0 <= confidence(-1e9, 0.0) < confidence(1e9, 180.0) <= 1
+    assert plausible(0.6, 1.0, 40.0) == plausible(1.0, 1.0, 40.0) > 0.99
+    assert plausible(0.2, 1.0, 40.0) < 0.5
+    assert 0.3 < plausible(1.0, 0.0, 40.0) < plausible(1.0, 0.5, 40.0) < plausible(1.0, 1.0, 40.0)
+    assert plausible(1.0, 1.0, 10.0) < 0.01
 
 
 @pytest.mark.parametrize(("confidence", "words"), [(0.95, "sure"), (0.9, "likely"), (0.5, "likely"), (0.2, "doubtful")])
 def test_confidence_has_words(confidence: float, words: str):
     assert in_words(confidence) == words
-
-
-def test_a_doubtful_category_cut_out_or_render_lowers_what_is_plausible():
-    assert plausible(0.6, 1.0, 40.0) == plausible(1.0, 1.0, 40.0) > 0.99
-    assert plausible(0.2, 1.0, 40.0) < 0.5
-    assert 0.3 < plausible(1.0, 0.0, 40.0) < plausible(1.0, 0.5, 40.0) < plausible(1.0, 1.0, 40.0)
-    assert plausible(1.0, 1.0, 10.0) < 0.01

@@ -35,13 +35,18 @@ def initial(problem: Problem, count: int) -> HypothesisBatch:
     return initial_hypotheses(problem, count, seeded())
 
 
-def test_known_cameras_come_with_the_mean_shape_and_several_others(tiny: Model, given: list[Camera]):
+def test_known_cameras_stay_with_the_mean_shape_and_several_others(tiny: Model, given: list[Camera]):
     batch = initial(problem_of(tiny, *photos_of(tiny, given, (True, True))), 8)
     angles = torch.tensor([[camera.azimuth, camera.elevation] for camera in given])
     assert torch.equal(batch.parameters.angles, angles.expand(len(batch), 2, 2))
     assert len(batch) == len(batch.parameters.shape.unique(dim=0)) > 2
     assert not batch.parameters.shape[0].any()
     assert not batch.parameters.texture.any()
+    problem = problem_of(tiny, *photos_of(tiny, given, (True, False)))
+    batch = initial(problem, 8)
+    angles = local_hypotheses(problem, batch, LOCAL_HYPOTHESES).parameters.angles
+    assert torch.equal(angles[:, 0], batch.parameters.angles[:1, 0].expand(len(angles), 2))
+    assert len(angles[:, 1].unique(dim=0)) > 2
 
 
 def test_a_local_search_keeps_cameras_and_forgets_codes(tiny: Model, given: list[Camera]):
@@ -62,14 +67,6 @@ def test_a_local_search_keeps_cameras_and_forgets_codes(tiny: Model, given: list
     few = local_hypotheses(problem, batch, places)
     kept = torch.cat((few.origin[:, None], few.parameters.angles[:, 0]), 1).unique(dim=0)
     assert len(few) == len(kept) == places  # every place is kept, with fewer shapes
-
-
-def test_known_cameras_stay_in_a_local_search(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, *photos_of(tiny, given, (True, False)))
-    batch = initial(problem, 8)
-    angles = local_hypotheses(problem, batch, LOCAL_HYPOTHESES).parameters.angles
-    assert torch.equal(angles[:, 0], batch.parameters.angles[:1, 0].expand(len(angles), 2))
-    assert len(angles[:, 1].unique(dim=0)) > 2
 
 
 def test_there_are_no_more_cameras_and_shapes_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
@@ -93,16 +90,13 @@ def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
     assert not batch.parameters.shape.any()
 
 
-def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model, given: list[Camera]):
+def test_an_unknown_camera_comes_from_the_bank_with_focal_lengths_in_turn(tiny: Model, given: list[Camera]):
     batch = initial(problem_of(tiny, *photos_of(tiny, given, (True, False))), 6)
     first, second = batch.parameters.angles.unbind(1)
     assert len(batch) == len(second.unique(dim=0)) == 6
     assert len(first.unique(dim=0)) == 1
     assert not batch.parameters.zoom.any()
     assert not batch.parameters.crop_transform.any()
-
-
-def test_unknown_cameras_take_turns_in_focal_lengths_a_pair_at_a_time(tiny: Model, given: list[Camera]):
     zoom = initial(problem_of(tiny, *photos_of(tiny, given, (True, False)), settings=WITH_FOCAL), 8).parameters.zoom
     assert not zoom[:, 0].any()
     assert torch.equal(zoom[::2, 1], zoom[1::2, 1])
@@ -138,22 +132,16 @@ def test_the_best_combinations_of_single_searches_meet(tiny: Model, given: list[
     torch.testing.assert_close(batch.parameters.shape[0], mean)
 
 
-def test_without_the_view_bank_cameras_are_random_and_shapes_the_mean(tiny: Model, given: list[Camera]):
+def test_components_that_are_off_leave_the_start(tiny: Model, given: list[Camera]):
     components = Components(view_bank=False)
     batch = initial(problem_of(tiny, *photos_of(tiny, given[:1], (False,)), components=components), 12)
     assert len(batch.parameters.angles[:, 0].unique(dim=0)) == 12
     assert float(batch.parameters.angles[..., 1].min()) >= 0
     assert not batch.parameters.shape.any() and not batch.parameters.distance.any()
-
-
-def test_without_prototype_shapes_all_begin_with_the_mean_one(tiny: Model, given: list[Camera]):
     for known in (True, False):
         photos = photos_of(tiny, given[:1], (known,))
         batch = initial(problem_of(tiny, *photos, components=Components(prototype_shapes=False)), 6)
         assert not batch.parameters.shape.any()
-
-
-def test_without_fresh_codes_a_local_search_goes_on_with_what_is_there(tiny: Model, given: list[Camera]):
     problem = problem_of(tiny, *photos_of(tiny, given[:1], (False,)), components=Components(fresh_codes=False))
     batch = initial(problem, 8)
     assert local_hypotheses(problem, batch, 18) is batch

@@ -132,30 +132,21 @@ def cost(at: Parameters, *scales: tuple[float, ...], expected: torch.Tensor | No
     return float(term_value(term, term.residual(at, RenderedPixels(torch.zeros(1, *some.shape[:2], 4)))))
 
 
-def test_the_usual_distance_costs_nothing_and_a_camera_below_the_ground_something():
+def test_cameras_where_they_are_expected_cost_nothing():
     assert cost(standing(0.0)) == 0
     assert cost(standing(0.0, elevation=-0.2)) > 0
     assert cost(standing(0.0, zoom=0.4)) > 0
-
-
-def test_a_photo_that_was_moved_says_less_about_its_scale_and_nothing_about_its_middle():
-    assert 0 < cost(shown(0.05), MOVED) < cost(shown(0.05)) / 2
-    assert cost(shown(0.0, right=0.2), MOVED) == 0 < cost(shown(0.0, right=0.02))
-
-
-def test_a_scale_is_judged_by_what_objects_have_from_there():
+    assert cost(standing(0.4, elevation=-0.5), KNOWN) == 0
     expected = torch.zeros(1, len(directions()[0])).add_(0.4)
     assert cost(shown(0.4), expected=expected) == pytest.approx(0, abs=1e-6)
     assert cost(shown(0.0), expected=expected) > 1e-3
 
 
-def test_every_photo_has_a_scale_of_its_own():
+def test_every_photo_has_a_scale_of_its_own_and_a_moved_one_says_less():
+    assert 0 < cost(shown(0.05), MOVED) < cost(shown(0.05)) / 2
+    assert cost(shown(0.0, right=0.2), MOVED) == 0 < cost(shown(0.0, right=0.02))
     alone = cost(shown(0.05)) + cost(shown(0.05), MOVED)
     assert cost(shown(0.05, views=2), CAMERA_PRIOR_SCALE, MOVED) == pytest.approx(alone / 2)
-
-
-def test_a_given_camera_costs_nothing_wherever_it_stands():
-    assert cost(standing(0.4, elevation=-0.5), KNOWN) == 0
 
 
 def test_unlikely_viewpoints_weigh_more():

@@ -17,15 +17,12 @@ def seen(tiny: Model) -> Photo:
     return replace(photo, mask=mask, pixels=photo.pixels.where(mask[..., None], torch.ones(())), unseen=beyond)
 
 
-def test_pixels_stand_for_the_whole_photo(tiny: Model):
+def test_pixels_stand_for_all_that_was_seen_of_the_photo(tiny: Model):
     observation = Observation.of(photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), tiny)
     pixels = sample_pixels([observation], 4096, torch.Generator().manual_seed(0))
     assert abs(float(pixels.weights.sum()) - 1) < 1e-5
     on = float((pixels.target_opacity * pixels.weights).sum())
     assert abs(on - float(observation.target_opacity.mean())) < 1e-5
-
-
-def test_what_was_not_seen_is_not_sampled(tiny: Model):
     photo = seen(tiny)
     observation = Observation.of(photo, tiny)
     pixels = sample_pixels([observation], 4096, torch.Generator().manual_seed(0))
@@ -34,15 +31,12 @@ def test_what_was_not_seen_is_not_sampled(tiny: Model):
     assert abs(float(pixels.weights.sum()) - 1) < 1e-5
 
 
-def test_pixels_beside_edges_that_may_be_off_count_less(tiny: Model):
+def test_opacity_is_fitted_where_it_is_known_and_less_beside_edges(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
     sure, unsure = (Observation.of(replace(photo, edge_error=error), tiny).certainty for error in (0.0, 2.0))
     assert bool((sure == 1).all())
     assert 0 < float(unsure.min()) < 0.2
     assert float(unsure[0]) > 0.9  # a corner, far from the object
-
-
-def test_opacity_is_fitted_where_it_is_known(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
     soft = Observation.of(replace(photo, opacity=0.5 * photo.mask), tiny)
     assert soft.target_opacity.unique().tolist() == [0, 0.5]

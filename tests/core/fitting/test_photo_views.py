@@ -54,13 +54,16 @@ def test_the_image_is_cut_to_the_object_around_the_axis(model: Model) -> None:
     assert math.isclose(detail.pixels()[..., 3].sum() / 255, int(mask.sum()), rel_tol=0.01)
 
 
-def test_the_finer_pixels_are_taken(model: Model) -> None:
+def test_the_finer_pixels_are_taken_and_a_doubtful_mask_bounds_nothing(model: Model) -> None:
     size = model.image_size
     fine = compressed(np.full((3 * size, 3 * size, 4), 255, np.uint8))
     photo = Photo(torch.ones(size, size, 3), torch.ones(size, size, dtype=torch.bool), fine=fine)
     detail = photo_view(model, photo, model.camera(0.0, 0.0).resized(size, size))
     assert detail.camera.height == 3 * size
     assert detail.camera.focal == pytest.approx(3 * model.focal)
+    size = model.image_size
+    photo = Photo(torch.rand(size, size, 3), torch.ones(size, size, dtype=torch.bool), mask_confidence=0.4)
+    assert photo_view(model, photo, model.camera(0.0, 0.0)).outline_margin is None
 
 
 def test_what_a_solid_object_has_deep_in_the_background_may_be_hidden(tiny: Model) -> None:
@@ -87,9 +90,3 @@ def test_beyond_an_edge_that_truncates_the_object_nothing_is_certain(model: Mode
     opacity = view.pixels()[..., 3] / 255
     assert ((opacity > BACKGROUND) & (opacity < 0.5)).sum() == opacity.shape[0] * (opacity.shape[1] // 2)
     assert view.outline_margin == pytest.approx((0.2 / 128 * size + 0.5) / model.focal)
-
-
-def test_a_doubtful_mask_bounds_nothing(model: Model) -> None:
-    size = model.image_size
-    photo = Photo(torch.rand(size, size, 3), torch.ones(size, size, dtype=torch.bool), mask_confidence=0.4)
-    assert photo_view(model, photo, model.camera(0.0, 0.0)).outline_margin is None

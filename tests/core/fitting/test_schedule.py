@@ -17,8 +17,11 @@ def test_hypotheses_become_fewer_and_one_is_refined():
     assert sum(stage.steps for stage in coarse) == pytest.approx(settings.steps / 2, abs=4)
 
 
-def test_with_known_cameras_there_is_no_coarse_search():
+def test_known_cameras_and_resumed_fits_skip_the_coarse_search():
     assert not build_schedule(PRESETS["normal"], ALL_COMPONENTS, unknown=False).coarse
+    settings = PRESETS["normal"]
+    (final,) = build_schedule(settings, ALL_COMPONENTS, unknown=True, resumed=True).stages
+    assert (final.hypotheses, final.steps, final.rays) == (1, settings.steps, settings.rays)
 
 
 @pytest.mark.parametrize("hypotheses", [1, 2, 3, 7, 100])
@@ -31,20 +34,11 @@ def test_any_settings_make_a_schedule(hypotheses: int, steps: int):
         assert stages[0].hypotheses == (hypotheses if unknown else min(hypotheses, 6))
 
 
-def test_a_search_for_the_focal_length_begins_with_more_cameras():
+def test_settings_change_the_schedule():
     counts = [
         build_schedule(FitSettings(28, estimate_focal=one), ALL_COMPONENTS, unknown=True).stages[0].hypotheses
         for one in (False, True)
     ]
     assert counts == [28, 42]
-
-
-def test_a_resumed_fit_is_refined_only():
-    settings = PRESETS["normal"]
-    (final,) = build_schedule(settings, ALL_COMPONENTS, unknown=True, resumed=True).stages
-    assert (final.hypotheses, final.steps, final.rays) == (1, settings.steps, settings.rays)
-
-
-def test_components_that_are_off_leave_the_schedule():
     stages = build_schedule(PRESETS["normal"], Components(robust_loss=False), True).stages
     assert all(math.isinf(stage.robust_scale) for stage in stages)

@@ -75,16 +75,13 @@ def test_where_cameras_are_known_the_best_shapes_are_kept(tiny: Model):
     assert (first.active, end.active) == (len(batch), 1)
 
 
-def test_the_leader_is_kept_where_all_others_have_diverged(tiny: Model):
+def test_the_leader_and_its_opposite_view_are_kept(tiny: Model):
     problem = problem_of(tiny, stool(tiny))
     batch = initial_hypotheses(problem, 8, seeded())
     batch = replace(batch, loss=torch.full((8,), math.inf).index_fill(0, torch.tensor(5), 1.0))
     assert prune(problem, batch, 4).origin.tolist() == [5, 5]  # and its opposite view
     with pytest.raises(DivergedError):
         prune(problem, replace(batch, loss=torch.full((8,), math.inf)), 4)
-
-
-def test_the_opposite_view_of_the_leader_stays(tiny: Model):
     problem = problem_of(tiny, stool(tiny))
     batch = initial_hypotheses(problem, 8, seeded())
     batch.parameters.angles[:, 0, 0] = torch.linspace(0.0, 1.5, 8)

@@ -40,7 +40,7 @@ def test_what_moves_density_is_the_architecture(architecture: str, by_direction:
     assert not torch.equal(before[1], repainted[1])
 
 
-def test_m1_is_a_first_layer_that_sees_point_and_direction():
+def test_m1_sees_point_and_direction_from_outside_without_one():
     field = build("M1")
     direction = torch.tensor([0.6, 0.8, 0.0])
     joint = torch.cat((field.point_layer.weight, field.early_direction.weight), 1)
@@ -50,13 +50,12 @@ def test_m1_is_a_first_layer_that_sees_point_and_direction():
     density, _ = field.density_from_activations(first, shape_bias)
     found = evaluated(field, direction, torch.ones(8), torch.ones(4))
     torch.testing.assert_close(found[0], density)
-
-
-def test_m1_shows_a_point_without_a_direction_as_from_outside():
     field, shape_bias = build("M1"), build("M1").biases(torch.ones(8), torch.ones(4))[0]
     for index, point in enumerate(POINTS[:5]):
         seen = evaluated(field, -point, torch.ones(8), torch.ones(4))[0][index]
         torch.testing.assert_close(field.density(point, shape_bias)[0], seen)
+    with pytest.raises(ValueError, match="architecture: M3"):
+        dataclasses.replace(CONFIG, architecture="M3")
 
 
 @pytest.mark.parametrize("architecture", ["M1", "M2"])
@@ -70,8 +69,3 @@ def test_a_model_of_another_architecture_is_kept_and_rendered_exactly_only(archi
     assert torch.equal(drawn.opacity, swapped.opacity) is (architecture == "M1")
     with pytest.raises(ValueError, match="--exact"):
         render(model, first, camera, 8)
-
-
-def test_an_unknown_architecture_is_refused():
-    with pytest.raises(ValueError, match="architecture: M3"):
-        dataclasses.replace(CONFIG, architecture="M3")

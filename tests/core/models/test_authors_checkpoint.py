@@ -29,7 +29,7 @@ def converted(cars: Model, tmp_path_factory: pytest.TempPathFactory) -> Model:
     return Model.load(path)
 
 
-def test_the_collapsed_codes_are_found_and_kept_by_their_index(cars: Model):
+def test_collapsed_codes_are_found_and_kept_in_the_converted_file(cars: Model, converted: Model):
     """196 is a mist too, which the shared data's list leaves out; no whole car is among them."""
     assert cars.codes.collapsed == {24, 142, 149, 185, 250, 329} | {196}
     assert len(cars.codes) == 500
@@ -37,13 +37,14 @@ def test_the_collapsed_codes_are_found_and_kept_by_their_index(cars: Model):
     sound = torch.tensor(cars.codes.valid)
     torch.testing.assert_close(cars.codes.mean.shape, cars.codes.shapes[sound].mean(0))
     torch.testing.assert_close(cars.codes.mean.texture, cars.codes.textures[sound].mean(0))
-
-
-def test_the_converted_file_has_all_that_the_checkpoint_says(cars: Model, converted: Model):
     assert converted.fingerprint == cars.fingerprint
     assert converted.codes.collapsed == cars.codes.collapsed
     assert converted.codes.mean == cars.codes.mean
     assert (converted.white_from_network, converted.category, converted.distance) == (True, "cars", 1.3)
+    codes, camera = converted.codes[1], converted.camera(0.7, 0.4).resized(64, 64)
+    exact = render_exact(converted, codes, camera, 96).colour.clamp(0, 1)
+    fast = torch.from_numpy(render_frame(converted, codes, camera).image).float() / 255
+    assert psnr(fast, exact) > 45
 
 
 def seen(model: Model, expected: dict[str, np.ndarray], index: int, focal: float, side: int, samples: int) -> Rendered:
@@ -110,13 +111,6 @@ def test_the_renderer_is_the_authors(index: int, golden: Model, golden_expected:
     np.testing.assert_allclose(found.colour, golden_expected[f"rgb_{index}"], atol=1e-4)
     depth = found.depth * found.opacity
     np.testing.assert_allclose(depth, golden_expected[f"depth_{index}"], atol=1e-4)
-
-
-def test_the_viewers_renderer_draws_them_too(converted: Model) -> None:
-    codes, camera = converted.codes[1], converted.camera(0.7, 0.4).resized(64, 64)
-    exact = render_exact(converted, codes, camera, 96).colour.clamp(0, 1)
-    fast = torch.from_numpy(render_frame(converted, codes, camera).image).float() / 255
-    assert psnr(fast, exact) > 45
 
 
 class Trap:

@@ -11,10 +11,16 @@ from core.models.cells import contains, corner_points, corners_of, divide, max_o
 _COUNT, _EXTENT = 12, torch.tensor([0.4, 0.2, 0.3])
 
 
-def test_corners_lie_between_the_faces_of_the_box_row_by_row():
+def test_corners_are_between_faces_row_by_row_and_cells_take_their_largest():
     corners = corner_points(_EXTENT, _COUNT).reshape(*[_COUNT + 1] * 3, 3)
     torch.testing.assert_close(corners[0, 0, 0], -_EXTENT)
     torch.testing.assert_close(corners[-1, 6, 0], _EXTENT * torch.tensor([1, 0, -1]))
+    corners = torch.randn((4, 3, 5), generator=torch.Generator().manual_seed(0))
+    found = max_of_corners(corners)
+    for x, y, z in itertools.product(range(3), range(2), range(4)):
+        assert found[x, y, z] == corners[x : x + 2, y : y + 2, z : z + 2].amax()
+    index = torch.randint(0, 7**3, (50,), generator=torch.Generator().manual_seed(0))
+    assert torch.equal(unravelled(index, 7), torch.stack(torch.unravel_index(index, (7, 7, 7)), -1))
 
 
 @given(st.integers(0, 2**31))
@@ -28,13 +34,6 @@ def test_corners_and_neighbours_are_those_that_touch(seed: int):
     assert torch.equal(with_neighbours(cells), near)
 
 
-def test_a_cell_has_the_largest_of_its_corners():
-    corners = torch.randn((4, 3, 5), generator=torch.Generator().manual_seed(0))
-    found = max_of_corners(corners)
-    for x, y, z in itertools.product(range(3), range(2), range(4)):
-        assert found[x, y, z] == corners[x : x + 2, y : y + 2, z : z + 2].amax()
-
-
 def test_divided_cells_take_the_same_room():
     cells = torch.rand((4, 4, 4), generator=torch.Generator().manual_seed(0)) > 0.5
     finer = divide(cells, 3)
@@ -42,7 +41,7 @@ def test_divided_cells_take_the_same_room():
     assert int(finer.sum()) == 27 * int(cells.sum())
 
 
-def test_points_are_found_in_their_own_cells():
+def test_points_are_found_in_their_own_cells_and_outside_in_those_beside():
     generator = torch.Generator().manual_seed(0)
     cells = torch.rand((2, _COUNT, _COUNT, _COUNT), generator=generator) > 0.5
     points = (torch.rand((2, 200, 3), generator=generator) * 2 - 1) * _EXTENT
@@ -51,14 +50,6 @@ def test_points_are_found_in_their_own_cells():
         x, y, z = ((some / _EXTENT + 1) / 2 * _COUNT).long().T
         assert torch.equal(of[x, y, z], inside)
     assert torch.equal(contains(cells[:1], points, _EXTENT)[0], found[0])
-
-
-def test_points_outside_the_box_count_to_the_cell_beside_them():
     cells = torch.zeros((1, _COUNT, _COUNT, _COUNT), dtype=torch.bool)
     cells[0, 0, 0, -1] = True
     assert contains(cells, torch.tensor([[[-9.0, -9.0, 9.0], [-9.0, -9.0, -9.0]]]), _EXTENT).tolist() == [[True, False]]
-
-
-def test_numbers_of_corners_are_where_the_corners_are() -> None:
-    index = torch.randint(0, 7**3, (50,), generator=torch.Generator().manual_seed(0))
-    assert torch.equal(unravelled(index, 7), torch.stack(torch.unravel_index(index, (7, 7, 7)), -1))

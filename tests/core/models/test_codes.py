@@ -19,34 +19,28 @@ def test_coordinates_and_codes_go_there_and_back(seed: int):
     torch.testing.assert_close(space.code(space.coordinates(codes)), codes, atol=1e-4, rtol=1e-4)
 
 
-def test_the_cloud_is_standard_in_its_own_coordinates():
+def test_the_cloud_is_standard_in_as_many_directions_as_it_has():
     codes = cloud(count=400)
     space = CodeSpace.from_codes(codes)
     found = space.coordinates(codes)
     torch.testing.assert_close(found.mean(0), torch.zeros(6), atol=1e-4, rtol=0)
     torch.testing.assert_close(found.T.cov(), torch.eye(6), atol=1e-3, rtol=0)
     assert bool((space.std.diff() <= 0).all())
-
-
-def test_fewer_objects_than_numbers_have_fewer_directions():
     space = CodeSpace.from_codes(cloud(count=4))
     assert len(space.std) == 3
     torch.testing.assert_close(space.directions @ space.directions.T, torch.eye(3), atol=1e-5, rtol=0)
 
 
-def test_mixing_is_separate_for_shape_and_texture():
+def test_codes_are_mixed_apart_and_finite():
     a, b = Codes(torch.zeros(3), torch.zeros(2)), Codes(torch.ones(3), torch.ones(2))
     assert a.mixed(b, 1.0, 0.0) == Codes(torch.ones(3), torch.zeros(2))
     assert a.mixed(b, 0.0, 0.5) == Codes(torch.zeros(3), torch.full((2,), 0.5))
     assert a.mixed(b, 0.0, 0.0) == a
-
-
-def test_codes_must_be_finite():
     with pytest.raises(ValueError, match="finite"):
         Codes(torch.tensor([torch.nan]), torch.zeros(1))
 
 
-def test_objects_may_share_a_shape():
+def test_a_book_shares_shapes_samples_by_seed_and_has_all_its_codes():
     book = CodeBook(cloud(count=2), cloud(1, count=3), (Entry("a", 0, 0), Entry("b", 0, 2)))
     assert torch.equal(book[0].shape, book[1].shape)
     assert not torch.equal(book[0].texture, book[1].texture)
@@ -54,14 +48,8 @@ def test_objects_may_share_a_shape():
     for wrong in (-1, 2):
         with pytest.raises(ValueError, match="0 to 1"):
             book[wrong]
-
-
-def test_a_book_whose_objects_have_no_codes_is_refused():
     with pytest.raises(ValueError, match="outside the book"):
         CodeBook(cloud(count=2), cloud(count=2), (Entry("a", 0, 2),))
-
-
-def test_sampled_codes_repeat_with_the_seed():
     book = CodeBook(cloud(), cloud(1), ())
     assert book.sample(torch.Generator().manual_seed(5)) == book.sample(torch.Generator().manual_seed(5))
 
@@ -88,7 +76,7 @@ def test_a_cloud_first_asked_for_while_drawing_serves_a_fit_too():
     assert coordinates.grad is not None
 
 
-def test_distances_over_the_cloud_have_mean_square_one() -> None:
+def test_distances_have_mean_square_one_and_the_most_different_come_first() -> None:
     rows = torch.randn(40, 6) * torch.tensor([3.0, 2, 1, 1, 0.5, 0.1]) + 5
     space = CodeSpace.from_codes(rows)
     assert float(space.distance(rows).square().mean()) == pytest.approx(39 / 40, rel=1e-3)
@@ -96,9 +84,6 @@ def test_distances_over_the_cloud_have_mean_square_one() -> None:
     assert float(space.distance(rows[3], rows[3])) == 0
     two = space.mean + 2 * space.std[0] * space.directions[0]
     assert float(space.distance(two)) == pytest.approx(2 / 6**0.5, rel=1e-4)
-
-
-def test_the_most_different_come_first_and_each_once() -> None:
     points = torch.tensor([[0.0], [0.1], [10.0], [4.0], [4.0]])
     assert farthest_first(points) == [0, 2, 3, 1, 4]
     assert farthest_first(torch.empty(0, 3)) == []

@@ -18,12 +18,9 @@ def test_a_path_or_a_shipped_name_which_comes_with_a_classifier_and_cells(model:
         assert shipped.stored_cells is not None
 
 
-def test_an_unknown_name_lists_the_known_ones():
+def test_names_and_devices_that_are_not_there_are_said(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(ValueError, match=r"no model called 'boats' \(shipped: "):
         load_model("boats")
-
-
-def test_a_device_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     with pytest.raises(ValueError, match="no CUDA device"):
         load_model("chairs", "cuda")
@@ -43,10 +40,12 @@ def test_a_model_in_the_folder_of_shipped_ones_is_a_category_with_its_own_sizes(
     assert (boats.noun, boats.metres) == ("boat", 6.0)
 
 
-def test_samples_are_images_of_their_category():
+def test_shipped_and_former_models_are_named_and_have_samples():
     assert sample_images("boats") == ()
     for category in shipped_models():
         assert len(sample_images(category)) >= 3
+    for path in library.FORMER.glob("*.safetensors"):
+        assert Model.load(path).fingerprint == path.stem
 
 
 def test_a_formerly_shipped_model_is_found_by_its_fingerprint_and_by_those_it_extends(tmp_path, monkeypatch):
@@ -57,8 +56,3 @@ def test_a_formerly_shipped_model_is_found_by_its_fingerprint_and_by_those_it_ex
         assert former_model(fingerprint) == former.fingerprint
     assert load_model(former.fingerprint).fingerprint == former.fingerprint
     assert former_model("0123456789abcdef") is None
-
-
-def test_every_former_model_is_named_by_its_fingerprint():
-    for path in library.FORMER.glob("*.safetensors"):
-        assert Model.load(path).fingerprint == path.stem

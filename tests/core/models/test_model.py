@@ -60,7 +60,7 @@ def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
         replace(head, bias=head.bias * math.inf)
 
 
-def test_codes_are_saved_in_half_precision_where_that_loses_nothing(model: Model, tmp_path):
+def test_codes_are_half_precision_where_that_loses_nothing_and_name_the_model(model: Model, tmp_path):
     shapes = model.codes.shapes.half().float()
     rounded = replace(model, codes=replace(model.codes, shapes=shapes, textures=shapes[:, :4] + 1e-5))
     rounded.save(tmp_path / "m.safetensors")
@@ -68,21 +68,20 @@ def test_codes_are_saved_in_half_precision_where_that_loses_nothing(model: Model
     with safe_open(tmp_path / "m.safetensors", framework="pt") as file:
         assert file.get_tensor("codes.shapes").dtype == torch.half
         assert file.get_tensor("codes.textures").dtype == torch.float
+    moved = CodeBook(model.codes.shapes + 1e-3, model.codes.textures, model.codes.objects)
+    other = Model(model.field, moved, model.extent, model.category, model.image_size, model.focal, model.distance)
+    assert other.fingerprint != model.fingerprint
 
 
-def test_codes_are_shared_with_the_models_that_training_started_from(model: Model, tmp_path):
+def test_codes_are_shared_with_former_models_and_cameras_as_in_training(model: Model, tmp_path):
     replace(model, extends=("former", "first")).save(tmp_path / "m.safetensors")
     again = Model.load(tmp_path / "m.safetensors")
     assert again.fingerprint == model.fingerprint
     assert all(map(again.shares_codes_with, (model.fingerprint, "former", "first")))
     assert not again.shares_codes_with("other")
     assert not model.shares_codes_with("former")
-
-
-def test_another_code_is_another_model(model: Model):
-    moved = CodeBook(model.codes.shapes + 1e-3, model.codes.textures, model.codes.objects)
-    other = Model(model.field, moved, model.extent, model.category, model.image_size, model.focal, model.distance)
-    assert other.fingerprint != model.fingerprint
+    camera = model.camera(0.1, 0.2)
+    assert (camera.distance, camera.focal, camera.width) == (2.0, 32.8, 32)
 
 
 def test_what_is_no_model_file_is_named(tmp_path):
@@ -93,11 +92,6 @@ def test_what_is_no_model_file_is_named(tmp_path):
     for path in (missing, text, foreign, partial, tmp_path):
         with pytest.raises(ValueError, match=path.name):
             Model.load(path)
-
-
-def test_cameras_look_as_the_training_images_did(model: Model):
-    camera = model.camera(0.1, 0.2)
-    assert (camera.distance, camera.focal, camera.width) == (2.0, 32.8, 32)
 
 
 @pytest.mark.parametrize(

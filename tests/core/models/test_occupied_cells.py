@@ -17,22 +17,19 @@ from tests.core.tiny import EXTENT, tiny_model
 _EXTENT = torch.tensor(EXTENT)
 
 
-def test_a_cell_is_occupied_where_one_of_its_corners_is():
+def test_a_cell_is_occupied_where_a_corner_is_and_other_cells_are_refused():
     density = torch.zeros((CELLS + 1) ** 3)
     density[(CELLS + 1) ** 2 * 5 + (CELLS + 1) * 7 + 9] = 1e3
     cells = cells_at_corners(density, _EXTENT)
     assert cells.nonzero().tolist() == [[x, y, z] for x in (4, 5) for y in (6, 7) for z in (8, 9)]
+    with pytest.raises(ValueError, match="4096 bytes"):
+        unpack(torch.zeros(12, dtype=torch.uint8))
 
 
 @given(st.integers(0, 2**31))
 def test_packed_cells_are_the_same_again(seed: int):
     cells = torch.rand((CELLS, CELLS, CELLS), generator=torch.Generator().manual_seed(seed)) > 0.7
     assert torch.equal(unpack(pack(cells)), cells)
-
-
-def test_other_cells_are_refused():
-    with pytest.raises(ValueError, match="4096 bytes"):
-        unpack(torch.zeros(12, dtype=torch.uint8))
 
 
 def _outside(model: Model, code: torch.Tensor) -> float:

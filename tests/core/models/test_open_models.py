@@ -17,12 +17,16 @@ def other() -> Model:
     return replace(random_model(5), category="cars")
 
 
-def test_each_object_finds_its_model(model: Model, other: Model) -> None:
+def test_each_object_finds_its_model_or_one_that_extends_it(model: Model, other: Model) -> None:
     models = open_models(model, other)
     assert models.of(model.codes[1]) is model and models.of(other.codes.mean) is other
     assert model_of(models, other.codes[0]) is other and model_of(model, other.codes[0]) is model
     assert models.of_category("cars") is other and models.of_category("tables") is None
     assert list(models) == [model, other]
+    extended = replace(other, extends=(model.fingerprint,))
+    assert open_models(extended).of(model.codes[0]) is extended
+    with pytest.raises(ValueError, match="a model that is not open"):
+        open_models(other).of(model.codes[0])
 
 
 def test_a_model_is_loaded_once_under_any_of_its_names(model: Model) -> None:
@@ -36,13 +40,6 @@ def test_a_model_is_loaded_once_under_any_of_its_names(model: Model) -> None:
     assert models.open("chairs") is models.open("chairs") is models.open("/home/chairs.safetensors")
     assert loaded == ["chairs", "/home/chairs.safetensors"] == list(models.names)
     assert len(list(models)) == 1
-
-
-def test_codes_of_a_former_model_are_of_the_one_that_extends_it(model: Model, other: Model) -> None:
-    extended = replace(other, extends=(model.fingerprint,))
-    assert open_models(extended).of(model.codes[0]) is extended
-    with pytest.raises(ValueError, match="a model that is not open"):
-        open_models(other).of(model.codes[0])
 
 
 def test_codes_of_a_formerly_shipped_model_open_it(model: Model, other: Model, tmp_path, monkeypatch) -> None:

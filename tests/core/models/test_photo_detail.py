@@ -24,14 +24,11 @@ def some_detail(model: Model) -> PhotoDetail:
     return PhotoDetail((view,), mean.shape, mean.texture, strength=0.75)
 
 
-def test_pixels_come_back_nearly(model: Model) -> None:
+def test_pixels_come_back_nearly_and_small(model: Model) -> None:
     pixels = some_detail(model).views[0].pixels()
     assert pixels.shape == (30, 40, 4)
     np.testing.assert_allclose(pixels[13:17, 14:26, :3].mean((0, 1)), (200, 30, 40), atol=12)
     assert (pixels[:4, :, 3] == 0).all() and (pixels[6:, :, 3] == 255).all()
-
-
-def test_the_noisiest_photo_is_small() -> None:
     noise = np.random.default_rng(0).integers(0, 256, (1024, 1024, 4), np.uint8)
     noise[..., 3] = 255
     camera = CAMERA.resized(1024, 1024)

@@ -5,7 +5,7 @@ from core.models.field_config import FieldConfig
 from core.rendering.baked_field import cell_distances, logit_texels
 
 
-def test_distances_are_those_to_the_nearest_occupied_cell() -> None:
+def test_distances_and_texels_hold_what_they_should() -> None:
     generator = torch.Generator().manual_seed(0)
     cells = torch.rand(64, 64, 64, generator=generator) < 2e-4
     distance, occupied = cell_distances(cells).astype(int), cells.nonzero()
@@ -13,8 +13,5 @@ def test_distances_are_those_to_the_nearest_occupied_cell() -> None:
     for cell in torch.randint(64, (200, 3), generator=generator):
         nearest = int((occupied - cell).abs().amax(-1).amin())
         assert distance[tuple(cell.tolist())] == min(nearest, 8)
-
-
-def test_texels_hold_the_whole_range_of_densities() -> None:
     config = FieldConfig()
     assert logit_texels(density_to_logits(torch.tensor([0.0, 1e9]), config)).tolist() == [0, 255]

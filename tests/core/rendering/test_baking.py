@@ -51,14 +51,11 @@ def test_near_far_and_without_perspective(tiny: Model, perspective: bool) -> Non
     assert psnr(render_baked(baked(1, 1), camera).colour, render_exact(tiny, tiny.codes[1], camera).colour) > 36
 
 
-def test_a_new_texture_leaves_the_shape_as_it_is() -> None:
+def test_a_new_texture_keeps_the_shape_and_rays_their_corners() -> None:
     first, second = baked(0, 0), baked(0, 2)
     np.testing.assert_array_equal(first.texels[..., 3], second.texels[..., 3])
     np.testing.assert_array_equal(first.distance, second.distance)
     assert np.abs(first.texels[..., :3].astype(int) - second.texels[..., :3]).max() > 50
-
-
-def test_rays_pass_where_those_of_the_model_do() -> None:
     model = random_model(white_from_network=True)
     assert next(found for found in bake(model, model.codes[0]) if found).pixel_offset == 0.5
 

@@ -43,12 +43,9 @@ def test_extremes_are_finite_and_so_are_their_gradients(sigma: float, length: fl
     assert bool(torch.isfinite(density.grad).all())
 
 
-def test_gradient_agrees_with_finite_differences():
+def test_gradients_are_right_and_left_over_light_is_white():
     density = torch.rand(2, 6, dtype=torch.float64, requires_grad=True)
     edges = torch.linspace(0, 1, 7, dtype=torch.float64).expand(2, 7)
     assert torch.autograd.gradcheck(lambda sigma: compositing_weights(sigma, edges), (density,))
-
-
-def test_left_over_light_is_white():
     shares, left = compositing_weights(torch.zeros(4), torch.linspace(0, 1, 5))
     assert composite_on_white(shares, left, torch.zeros(4, 3)).tolist() == [1, 1, 1]

@@ -126,7 +126,7 @@ def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render_and_moves_no
     assert torch.equal(before.depth, full.depth)
 
 
-def test_views_are_kept_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch):
+def test_views_are_kept_as_far_as_there_is_room_and_rendered_all_the_same(monkeypatch: pytest.MonkeyPatch):
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
     render(MODEL, MODEL.codes[0], camera, 96)
@@ -136,9 +136,6 @@ def test_views_are_kept_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch)
         render(MODEL, MODEL.codes[0], replace(camera, azimuth=0.1 * turn), 96)
         assert CACHE.used <= CACHE.limit
     assert renderer.is_cached(MODEL, MODEL.codes[0], replace(camera, azimuth=0.9), 96)
-
-
-def test_a_view_too_large_to_keep_is_rendered_all_the_same(monkeypatch: pytest.MonkeyPatch):
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
     kept = render(MODEL, MODEL.codes[0], camera, 96)

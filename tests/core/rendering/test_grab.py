@@ -36,7 +36,7 @@ def test_nothing_is_grabbed_beside_the_object(tiny: Model, camera: Camera) -> No
     assert pulls_at(tiny, tiny.codes[0], camera, (2.0, 2.0)) == []
 
 
-def test_a_moved_image_tells_its_motion() -> None:
+def test_motions_are_measured_and_drags_along_them_move() -> None:
     y, x = torch.meshgrid(torch.arange(9.0), torch.arange(9.0), indexing="ij")
     image = torch.stack((0.1 * x, 0.05 * y * y, 0.03 * x * y), -1)
     slopes = torch.stack((torch.gradient(image, dim=1)[0], torch.gradient(image, dim=0)[0]), -1)
@@ -44,9 +44,6 @@ def test_a_moved_image_tells_its_motion() -> None:
     found = image_motion(image, -(slopes @ motions.T), 1.0)
     torch.testing.assert_close(found, motions, rtol=1e-3, atol=1e-3)
     assert image_motion(torch.zeros(9, 9, 3), torch.ones(9, 9, 3, 2), 1.0).abs().max() == 0
-
-
-def test_a_drag_along_the_motion_moves_and_one_across_does_not() -> None:
     pull = Pull(2, 0.4, (10.0, -20.0))
     assert pull.amount((10.0, -20.0)) == pytest.approx(1.0)
     assert pull.amount((20.0, 10.0)) == pytest.approx(0.0)

@@ -69,15 +69,12 @@ def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_f
         torch.testing.assert_close(ours, torch.cat(along, -1), rtol=1e-3, atol=1e-3)
 
 
-def test_few_samples_tell_most(model: Model) -> None:
+def test_few_samples_tell_most_and_chunks_do_not_matter(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     _, _, whole = traced(model)
     _, _, some = traced(model, 4)
     for name in ("channels", "origin", "codes"):
         one, other = getattr(whole, name).flatten(), getattr(some, name).flatten()
         assert float(torch.cosine_similarity(one, other, dim=0)) > 0.95
-
-
-def test_chunks_do_not_matter(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     _, _, whole = traced(model)
     monkeypatch.setattr(jacobians, "CHUNK_POINTS", 50)
     _, _, parts = traced(model)

@@ -46,12 +46,9 @@ def test_results_come_in_the_order_of_the_pieces(monkeypatch: pytest.MonkeyPatch
     assert list(map_pieces(late, [])) == []
 
 
-def test_one_thread_is_the_callers_own(monkeypatch: pytest.MonkeyPatch):
+def test_pieces_of_one_thread_or_within_another_are_computed_alone(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "1")
     assert set(map_pieces(thread, range(9))) == {threading.get_ident()}
-
-
-def test_a_piece_that_maps_pieces_computes_them_alone(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "2")
     for own, *inner in map_pieces(lambda _: (thread(0), *map_pieces(thread, range(3))), range(4)):
         assert set(inner) == {own} != {threading.get_ident()}

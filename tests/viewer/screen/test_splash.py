@@ -57,10 +57,7 @@ def test_it_is_on_screen_before_torch_is_imported(opengl: None) -> None:
     assert lines[1] == "torch at first: False"
 
 
-def test_what_fails_is_shown_until_it_is_closed(opengl: None) -> None:
+def test_failures_and_closing_end_the_program(opengl: None) -> None:
     assert start("raise ValueError('no such library')", close=True)[0] == "failed: no such library"
-
-
-def test_closing_it_ends_the_program(opengl: None) -> None:
     while_it_runs = "import threading, time\n    while threading.main_thread().is_alive(): time.sleep(0.01)"
     assert start(while_it_runs, close=True) == []

@@ -39,7 +39,7 @@ def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     assert replace(message, born=message.born - seconds - 1).faded
 
 
-def test_the_newest_offers_are_shown_while_they_are_relevant() -> None:
+def test_offers_outlast_time_and_news_while_they_are_relevant() -> None:
     messages, relevant = Messages(), dict.fromkeys(range(6), True)
     for number in relevant:
         show = Button("Show", lambda: None)
@@ -47,9 +47,6 @@ def test_the_newest_offers_are_shown_while_they_are_relevant() -> None:
     assert [message.text for message in messages.shown] == ["offer 3", "offer 4", "offer 5"]
     relevant[4] = False
     assert [message.text for message in messages.shown] == ["offer 2", "offer 3", "offer 5"]
-
-
-def test_an_offer_outlasts_time_and_later_news() -> None:
     messages = Messages()
     messages.notify("restore it?", buttons=(Button("Show", lambda: None),))
     messages.all = [replace(message, born=message.born - 3600) for message in messages.all]

@@ -52,13 +52,16 @@ def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitte
     assert next(tmp_path.iterdir()).stat().st_mtime_ns == written
 
 
-def test_what_it_has_not_seen_is_left_alone(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+def test_only_what_it_has_seen_is_changed_in_a_folder(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     (tmp_path / "torn.json").write_text('{"model": ')
     user_objects = UserObjects(tmp_path)
     user_objects.open(model)
     UserObjects(tmp_path).sync(open_models(model), [fitted])  # of another window
     user_objects.sync(open_models(model), [])
     assert len(list(tmp_path.iterdir())) == 2
+    user_objects = UserObjects()
+    user_objects.sync(open_models(model), [fitted])
+    assert user_objects.open(model) == ()
 
 
 def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
@@ -72,9 +75,3 @@ def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model,
     again.sync(open_models(model), [one for one in found if one.codes == other.codes])
     (left,) = UserObjects(tmp_path).open(model)
     assert left.codes == other.codes
-
-
-def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) -> None:
-    user_objects = UserObjects()
-    user_objects.sync(open_models(model), [fitted])
-    assert user_objects.open(model) == ()

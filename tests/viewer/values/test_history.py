@@ -37,18 +37,10 @@ def test_a_gesture_is_one_step(states: list[State]) -> None:
     assert history.past == (states[0], states[3], states[4])
 
 
-def test_an_edit_after_undo_ends_what_could_be_redone(states: list[State]) -> None:
+def test_an_edit_ends_redo_and_no_change_is_none(states: list[State]) -> None:
     history = History(states[0]).changed(states[1]).undone().changed(states[2])
     assert history.future == ()
     assert history.undone().now == states[0]
-
-
-def test_a_gesture_does_not_go_on_through_undo(states: list[State]) -> None:
-    history = History(states[0]).changed(states[1], "orbit").undone().changed(states[2], "orbit")
-    assert history.past == (states[0],)
-
-
-def test_an_edit_that_changes_nothing_is_none(states: list[State]) -> None:
     history = History(states[0]).changed(states[1]).undone()
     same = State(replace(states[0].scene), replace(states[0].mix))
     assert history.changed(same) is history

@@ -18,16 +18,13 @@ def frame() -> Frame:
     return Frame(image, opacity, opacity, 0, 1, 8, 0.1)
 
 
-def test_it_is_found_where_colours_change(frame: Frame) -> None:
+def test_it_is_found_where_colours_change_and_nowhere_else(frame: Frame) -> None:
     image = frame.image.copy()
     image[2:4, 2:6, 0] = 160
     found = CodeInfluence.between(frame, replace(frame, image=image))
     assert found.leak == 0.0
     assert found.image[3, 3].sum() > found.image[5, 5].sum() + 300
     assert (found.image[5, 5] == found.image[0, 0]).all()
-
-
-def test_nothing_is_no_change(frame: Frame) -> None:
     found = CodeInfluence.between(frame, frame)
     assert found.leak == 0.0
     assert (found.image[..., 3] == 0).all()

@@ -15,15 +15,12 @@ from viewer.values import orbit
 CAMERA = Camera(0.4, 0.2, 2.0, 131.25, 128, 128)
 
 
-def test_a_drag_across_the_view_is_half_a_turn_with_the_hand() -> None:
+def test_drags_turn_half_a_turn_across_and_add_up() -> None:
     turned = orbit.dragged(CAMERA, 1.0, 0.0)
     # The object follows the hand to the right when the camera goes left, clockwise seen from above.
     assert turned.azimuth == pytest.approx(0.4 - math.pi)
     assert turned.elevation == CAMERA.elevation
     assert orbit.dragged(CAMERA, 0.0, 0.1).elevation > CAMERA.elevation
-
-
-def test_small_drags_add_up_to_a_large_one() -> None:
     camera = CAMERA
     for _ in range(10):
         camera = orbit.dragged(camera, 0.01, -0.02)
@@ -45,10 +42,15 @@ def test_zoom_stays_in_reach(model: Model, steps: float) -> None:
     assert near < model.distance < far
 
 
-def test_zooming_in_and_out_again_comes_back(model: Model) -> None:
+def test_zooms_come_back_and_home_sees_the_whole_object(model: Model) -> None:
     there = orbit.zoomed(CAMERA, 2.0, model)
     assert there.distance < CAMERA.distance
     assert orbit.zoomed(there, -2.0, model).distance == pytest.approx(CAMERA.distance)
+    camera = orbit.home(model)
+    assert camera.distance <= model.distance
+    assert abs(camera.azimuth - math.pi / 2) < math.radians(45)
+    assert camera.elevation > 0
+    assert orbit.panned((0.5, 0.0), 0.25, -3.0) == (0.75, -1.0)
 
 
 @pytest.mark.parametrize("size", [(800, 600), (600, 800), (700, 700), (1, 1), (3000, 20)])
@@ -82,22 +84,11 @@ def test_a_panned_view_shows_the_object_aside(pan: tuple[float, float], divisor:
         assert rows.mean() + 0.5 == pytest.approx(expected[1], abs=1.5)
 
 
-def test_pushing_goes_no_further_than_a_view() -> None:
-    assert orbit.panned((0.5, 0.0), 0.25, -3.0) == (0.75, -1.0)
-
-
 @pytest.mark.parametrize("view", orbit.VIEWS)
 def test_usual_views_keep_the_distance(view: str) -> None:
     seen = orbit.seen_from(CAMERA, view)
     assert (seen.azimuth, seen.elevation) == orbit.VIEWS[view]
     assert replace(seen, azimuth=CAMERA.azimuth, elevation=CAMERA.elevation) == CAMERA
-
-
-def test_home_sees_the_whole_object_from_its_front(model: Model) -> None:
-    camera = orbit.home(model)
-    assert camera.distance <= model.distance
-    assert abs(camera.azimuth - math.pi / 2) < math.radians(45)
-    assert camera.elevation > 0
 
 
 @pytest.mark.parametrize("panel, pan", [((400, 300), (0.0, 0.0)), ((300, 500), (0.2, -0.1))])

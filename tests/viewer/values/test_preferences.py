@@ -33,12 +33,9 @@ def test_what_makes_no_sense_is_as_on_the_first_launch(text: str, tmp_path: Path
     assert Preferences.load(tmp_path) == Preferences()
 
 
-def test_the_text_stays_readable() -> None:
+def test_text_stays_readable_and_recent_files_are_few_and_each_once(tmp_path: Path) -> None:
     assert Preferences().with_text_size(99.0).text == LARGEST
     assert Preferences().with_text_size(0.0).text == SMALLEST
-
-
-def test_recent_files_are_few_and_each_once(tmp_path: Path) -> None:
     preferences = Preferences()
     for number in (*range(20), 15):
         preferences = preferences.with_recent(tmp_path / f"{number}.png")

@@ -6,7 +6,7 @@ from PIL import Image
 
 from core.photos.detector import Detection
 from core.photos.segmentation import CutOut, cut_out
-from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, on_white, outlined
+from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, outlined, pixels_on_white
 
 _FIRST = Detection((0.2, 0.2, 0.8, 0.8), {"chairs": 0.8, "cars": 0.1})
 
@@ -54,6 +54,6 @@ def test_a_rival_is_nearly_as_prominent(cut: CutOut, score: float, rival: bool) 
 def test_clear_pixels_are_shown_on_white_and_large_images_smaller() -> None:
     image = Image.new("RGBA", (64, 32), (10, 20, 30, 0))
     image.putpixel((0, 0), (10, 20, 30, 255))
-    assert on_white(image)[0, 0].tolist() == [10, 20, 30]
-    assert on_white(image)[1, 1].tolist() == [255, 255, 255]
-    assert on_white(image, 16).shape == (8, 16, 3)
+    assert pixels_on_white(image)[0, 0].tolist() == [10, 20, 30]
+    assert pixels_on_white(image)[1, 1].tolist() == [255, 255, 255]
+    assert pixels_on_white(image, 16).shape == (8, 16, 3)

@@ -32,21 +32,15 @@ def test_a_choice_that_there_is_not_is_refused(wrong: dict[str, object]) -> None
         ShareSettings(**wrong)  # type: ignore[arg-type]
 
 
-def test_only_what_can_be_transparent_is() -> None:
+def test_only_what_can_be_transparent_is_and_views_stand_in_for_themselves() -> None:
     clear = ShareSettings(background="transparent")
     assert clear.behind == (255, 255, 255)
     assert replace(clear, video=".webp").behind is None
     assert replace(clear, kind="picture").behind is None
     assert replace(clear, kind="picture", picture=".jpg").behind == (255, 255, 255)
-
-
-def test_the_views_colour_stands_in_for_the_view_alone() -> None:
     gradient = (4, 5, 6), (1, 2, 3)
     assert ShareSettings(view_background=gradient).behind == gradient
     assert ShareSettings(background="white", view_background=gradient).behind == (255, 255, 255)
-
-
-def test_a_mesh_and_a_transparent_gif_have_no_shadow() -> None:
     gif = ShareSettings(video=".gif", background="transparent")
     assert not gif.shows_shadow
     assert replace(gif, background="white").shows_shadow

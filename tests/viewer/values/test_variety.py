@@ -3,7 +3,7 @@ import torch
 from viewer.values.variety import families, readable
 
 
-def test_variants_are_behind_the_first_of_their_form() -> None:
+def test_variants_are_behind_the_first_of_their_form_under_readable_names() -> None:
     names = ["kenney_chair", "kenney_chair-form1-look2", "chairs-0000001-0000001", "chairs-0000001-0000201", "mine"]
     codes = torch.tensor([[0.0], [0.2], [1.0], [1.0], [5.0]])
     assert families(names, codes) == {
@@ -11,9 +11,6 @@ def test_variants_are_behind_the_first_of_their_form() -> None:
         "mine": (),
         "chairs-0000001-0000001": ("chairs-0000001-0000201",),
     }
-
-
-def test_names_are_readable() -> None:
     assert readable("scopia_armchair2") == "Armchair 2"
     assert readable("gazebo_hatchback_blue") == "Hatchback blue"
     assert readable("photo of Tuesday (2)") == "photo of Tuesday (2)"

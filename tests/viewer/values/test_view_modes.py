@@ -39,14 +39,11 @@ def test_normals_of_a_ball_point_from_its_middle(ball: Frame) -> None:
     np.testing.assert_allclose(np.linalg.norm(found[there], axis=-1), 1.0, atol=1e-6)
 
 
-def test_near_is_brighter_than_far(ball: Frame) -> None:
+def test_near_is_brighter_and_opacity_and_samples_fill_the_image(ball: Frame) -> None:
     seen = in_mode(ball, CAMERA, "depth").image.astype(int).sum(-1)
     edge = np.flatnonzero(ball.opacity[32])[1]
     assert seen[32, 32] > seen[32, edge] + 100
     assert (seen[ball.opacity == 0] == 3 * 255).all()
-
-
-def test_opacity_and_samples_fill_the_image(ball: Frame) -> None:
     for mode in ("opacity", "samples"):
         seen = in_mode(ball, CAMERA, mode)
         assert (seen.opacity == 1).all()

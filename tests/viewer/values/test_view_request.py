@@ -12,20 +12,14 @@ def request_(model: Model) -> ViewRequest:
     return ViewRequest(model.codes[0], orbit.home(model), ViewSettings((300, 200), (0.1, 0.0), 128, 96))
 
 
-def test_one_record_says_what_is_rendered_and_what_of_it_is_shown(request_: ViewRequest) -> None:
+def test_one_record_says_what_is_rendered_and_where_the_object_stands(request_: ViewRequest) -> None:
     assert (request_.full, request_.preview) == (200, 128)
     crop = request_.crop(request_.full)
     assert (crop.width, crop.height) == (300, 200)
     assert crop.camera.width == 340  # panned: rendered wider, and cropped
-
-
-def test_an_object_stands_in_the_middle_of_what_is_not_covered(request_: ViewRequest) -> None:
     free = replace(request_, settings=replace(request_.settings, pan=(0.0, 0.0), covered=40))
     crop = free.crop(100)
     assert crop.camera.height / 2 - crop.top == (100 - 20) / 2  # the object's middle, of the image's rows
-
-
-def test_only_colours_are_drawn_from_a_baked_copy() -> None:
     assert ViewSettings(opengl=True).baked
     assert not ViewSettings(opengl=True, mode="normals").baked
     assert not ViewSettings().baked

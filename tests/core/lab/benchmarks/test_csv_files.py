@@ -35,16 +35,13 @@ RECORDS = (
 )
 
 
-def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
+def test_what_is_read_is_what_was_written_also_by_older_versions(tmp_path: Path) -> None:
     found = Results({"machine": "m"}, RECORDS)
     for _ in range(2):  # the second takes the place of the first
         write_results(tmp_path / "r.csv", found)
         assert read_results(tmp_path / "r.csv", Record) == found
     assert read_records(tmp_path / "r.csv", Record, {"machine": "m"}) == RECORDS
     assert read_records(tmp_path / "none.csv", Record) == ()
-
-
-def test_optional_values_that_an_older_file_lacks_are_none(tmp_path: Path) -> None:
     write_results(tmp_path / "r.csv", Results({}, (Point(1.0, 2),)))
     assert read_results(tmp_path / "r.csv", NewerPoint).rows == (NewerPoint(1.0, 2),)
 

@@ -61,7 +61,7 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Result
     assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in summaries)
 
 
-def test_charts_are_written(found: Results[FitTrial], tmp_path: Path):
+def test_charts_of_any_results_are_written(found: Results[FitTrial], tmp_path: Path):
     prepare(tmp_path / "charts")
     table = write(tmp_path / "charts", "fit", found)
     assert read_results(tmp_path / "charts/fit.csv", FitTrial) == found
@@ -71,14 +71,8 @@ def test_charts_are_written(found: Results[FitTrial], tmp_path: Path):
     (tmp_path / "charts/fit.md").unlink()
     assert redraw(tmp_path) == [tmp_path / "charts/fit.csv"]
     assert (tmp_path / "charts/fit.md").read_text() == table
-
-
-def test_a_folder_without_results_is_refused(tmp_path: Path):
     with pytest.raises(ValueError, match="no CSV file of a benchmark"):
         redraw(tmp_path)
-
-
-def test_fits_that_end_before_the_first_time_are_drawn_too(found: Results[FitTrial], tmp_path: Path) -> None:
     at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.rows)
     write(tmp_path, "fit", replace(found, rows=at_once))
     assert (tmp_path / "fit.png").exists()

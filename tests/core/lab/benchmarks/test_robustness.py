@@ -47,15 +47,12 @@ def found(tiny: Model) -> list[RobustnessTrial]:
         return list(measure_robustness(tiny, (view(),)))
 
 
-def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[RobustnessTrial]):
+def test_every_level_is_tried_and_refusals_are_failures_with_an_object_only(found: list[RobustnessTrial]):
     assert len({trial.key for trial in found}) == len(found) == 12
     assert found[0].outcome in ("correct", "near")
     assert found[0].size_error == pytest.approx(0, abs=0.3)
     assert all("no object" in trial.outcome for trial in found if trial.stressor == "hidden")
     assert all(trial.rotation is not None for trial in found if trial.stressor in ("none", "elevation"))
-
-
-def test_where_there_is_no_object_it_must_be_refused_or_doubted(found: list[RobustnessTrial]):
     some = [one for one in found if one.stressor in ("random pixels", "another category")]
     assert {trial.outcome for trial in some} <= {"refused", "doubted", "believed"}
     assert all(trial.success == (trial.outcome != "believed") for trial in some)

@@ -27,13 +27,17 @@ def test_a_corrupted_image_is_one_and_every_level_is_another(name: str):
     assert np.array_equal(made[0], cutout()) == (name in ("none", "another category"))
 
 
-def test_occlusion_hides_its_share_and_masks_grow_and_shrink():
+def test_stressors_of_masks_and_cameras_do_as_they_say():
     area = cutout()[..., 3].sum()
     hidden = STRESSORS["occlusion"].corrupt(cutout(), 0.5, np.random.default_rng(0))
     assert hidden[..., 3].sum() == pytest.approx(area / 2, abs=20)
     for pixels, sides in ((-2.0, (16, 12)), (2.0, (24, 20))):
         mask = STRESSORS["mask"].corrupt(cutout(), pixels, np.random.default_rng(0))[..., 3]
         assert (int(mask.any(1).sum()), int(mask.any(0).sum())) == sides
+    camera = tiny_model().camera(0.3, 0.2)
+    far = STRESSORS["focal length"].camera(camera, 1.3)
+    assert far.focal / far.distance == pytest.approx(camera.focal / camera.distance)
+    assert STRESSORS["elevation"].camera(camera, 30.0).elevation == pytest.approx(0.5236, abs=1e-4)
 
 
 @pytest.mark.parametrize("least", [0.2, 0.4, 0.6])
@@ -43,10 +47,3 @@ def test_discs_hide_a_share_within_their_band(least: float, seed: int):
     hidden = 1 - image[..., 3].sum() / cutout()[..., 3].sum()
     assert least - 0.03 <= hidden <= least + 0.3
     assert np.array_equal(image[image[..., 3] > 0.5], cutout()[image[..., 3] > 0.5])
-
-
-def test_cameras_are_stressed_so_that_the_object_keeps_its_size():
-    camera = tiny_model().camera(0.3, 0.2)
-    far = STRESSORS["focal length"].camera(camera, 1.3)
-    assert far.focal / far.distance == pytest.approx(camera.focal / camera.distance)
-    assert STRESSORS["elevation"].camera(camera, 30.0).elevation == pytest.approx(0.5236, abs=1e-4)

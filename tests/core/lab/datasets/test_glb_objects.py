@@ -105,7 +105,7 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
     assert read_dataset(out).image_size == 16
 
 
-def test_the_shared_meshes_split(shared: Path) -> None:
+def test_the_shared_meshes_split_and_face_the_front(shared: Path) -> None:
     for category in ("chairs", "cars"):
         meshes = shared / "meshes"
         selected = {split: {entry.name for entry in select_meshes(meshes, category, split)} for split in SPLITS}
@@ -113,10 +113,7 @@ def test_the_shared_meshes_split(shared: Path) -> None:
         assert (selected["validation"], selected["test"]) == (held["validation"], held["test"])
         assert len(held["validation"]) == len(held["test"]) == 10
         assert sum(map(len, selected.values())) == len(set().union(*selected.values()))
-
-
-def test_a_shared_chair_faces_the_front(shared: Path) -> None:
-    """Most of what stands above the seat stands behind it."""
+    # Most of what stands above the seat stands behind it.
     for entry in select_meshes(shared / "meshes", "chairs", "test"):
         if "stool" in entry.name:
             continue

@@ -28,13 +28,10 @@ def test_cells_are_distinct_and_form_one_connected_half_of_the_table(variants: i
         assert 0.3 <= len(filled) / (len(shapes) * len(colourings)) <= 0.6
 
 
-def test_variant_zero_is_the_mesh_itself() -> None:
+def test_variants_repeat_keep_sides_alike_and_begin_with_the_mesh_itself() -> None:
     assert deformed([_box()], "a", 0)[0] is not None
     np.testing.assert_array_equal(deformed([_box()], "a", 0)[0].vertices, _box().vertices)
     np.testing.assert_array_equal(recoloured([_box()], "a", 0)[0].colours, _box().colours)
-
-
-def test_deformed_shapes_keep_left_and_right_alike_and_repeat() -> None:
     first, again = (deformed([_box()], "a", 2)[0].vertices for _ in range(2))
     np.testing.assert_array_equal(first, again)
     assert not np.allclose(first, _box().vertices)

@@ -50,13 +50,16 @@ def test_reduced_views_are_means_of_areas() -> None:
     assert whole.reduced(SIZE) is whole
 
 
-def test_a_manifest_says_what_is_shared(tmp_path: Path) -> None:
+def test_a_manifest_says_what_is_shared_else_nothing_is(tmp_path: Path) -> None:
     write_manifest(tmp_path, "chairs", {"a": ("shape-1", "oak"), "b": ("shape-1", "red"), "not yet": ("x", "y")})
     for name in ("a", "b"):
         write_object(tmp_path, views(name))
     dataset = read_dataset(tmp_path)
     assert dataset.category == "chairs"
     assert [(one.shape_id, one.texture_id) for one in dataset.objects] == [("shape-1", "oak"), ("shape-1", "red")]
+    write_object(tmp_path, replace(views("a"), shape_id="s", texture_id="t"))
+    one = read_dataset(tmp_path).objects[0]
+    assert one.shape_id == one.texture_id == "a"
 
 
 def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
@@ -78,12 +81,6 @@ def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
         index_objects([tmp_path / "one", tmp_path / "two"])
 
 
-def test_without_a_manifest_nothing_is_shared(tmp_path: Path) -> None:
-    write_object(tmp_path, replace(views("a"), shape_id="s", texture_id="t"))
-    one = read_dataset(tmp_path).objects[0]
-    assert one.shape_id == one.texture_id == "a"
-
-
 def test_several_folders_become_one_dataset(tmp_path: Path) -> None:
     write_object(tmp_path / "z", views("1"))
     write_object(tmp_path / "y", views("0"))
@@ -93,14 +90,11 @@ def test_several_folders_become_one_dataset(tmp_path: Path) -> None:
     assert dataset.category == "cars"
 
 
-def test_writing_again_replaces(tmp_path: Path) -> None:
+def test_writing_replaces_and_a_missing_mask_is_what_is_not_white(tmp_path: Path) -> None:
     write_object(tmp_path, views("a", 0, count=4))
     write_object(tmp_path, views("a", 1, count=2))
     assert len(read_dataset(tmp_path).objects[0].cameras) == 2
     assert [place.name for place in tmp_path.iterdir()] == ["a"]
-
-
-def test_no_mask_file_means_what_is_not_white(tmp_path: Path) -> None:
     original = views("a")
     write_object(tmp_path, original)
     shutil.rmtree(tmp_path / "a/mask")

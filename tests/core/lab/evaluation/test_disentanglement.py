@@ -34,19 +34,13 @@ def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[Ob
     return index_objects([folder])[1]
 
 
-def test_pairs_take_codes_from_objects_known_by_name(tiny: Model, factorial):
+def test_pairs_take_codes_of_sound_objects_known_by_name(tiny: Model, factorial):
     by_name = {pair.entry.name: pair for pair in pairs(tiny, factorial)}
     for name, (shape, texture) in IDS.items():
         assert (by_name[name].shape, by_name[name].texture) == (shape, texture)
         assert by_name[name].trained == name.startswith("stool")
-
-
-def test_collapsed_objects_lend_no_codes(tiny: Model, factorial):
     lost = replace(tiny, codes=replace(tiny.codes, collapsed=frozenset({0})))
     assert "new01" not in {pair.entry.name for pair in pairs(lost, factorial)}
-
-
-def test_without_held_out_pairs_it_is_refused(tiny: Model, factorial):
     with pytest.raises(ValueError, match="no held-out pair: the model was trained on 4 of the 4"):
         pairs(tiny, [place for place in factorial if place.name.startswith("stool")])
 
@@ -98,7 +92,7 @@ def grid(shapes: int, textures: int) -> tuple[list[int], list[int]]:
     return zip(*[(s, t) for s in range(shapes) for t in range(textures)], strict=True)
 
 
-def test_a_probe_reads_what_is_there_and_nothing_else():
+def test_a_probe_reads_what_is_there_and_nothing_else_if_there_is_anything():
     shape_ids, texture_ids = grid(20, 5)
     generator = torch.Generator().manual_seed(0)
     shape_codes = torch.randn(20, 6, generator=generator)[list(shape_ids)]
@@ -115,7 +109,4 @@ def test_a_probe_reads_what_is_there_and_nothing_else():
     caught = probe(stained, texture_ids, shape_ids)
     assert caught is not None
     assert caught.accuracy.low > 0.5
-
-
-def test_a_probe_without_shared_labels_has_nothing_to_ask():
     assert probe(torch.zeros(3, 2), [0, 1, 2], [0, 1, 2]) is None

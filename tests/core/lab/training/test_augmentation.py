@@ -34,7 +34,7 @@ def test_photos_stay_images_and_keep_something_of_the_object(seed: int):
     torch.testing.assert_close(found[:, :3][off], torch.ones(int(off.sum())), atol=1e-4, rtol=0)
 
 
-def test_an_object_in_a_corner_fills_its_crop_again():
+def test_an_object_in_a_corner_fills_its_crop_and_nothing_stays_nothing():
     images = torch.ones(1, 4, SIDE, SIDE)
     images[:, 3] = 0
     images[:, 3, :12, 36:] = 1.0
@@ -43,9 +43,6 @@ def test_an_object_in_a_corner_fills_its_crop_again():
     for found in (rows, columns):
         assert len(found) == pytest.approx(SIDE / CROP_MARGIN, abs=1.5)
         assert float(found.float().mean()) == pytest.approx((SIDE - 1) / 2, abs=0.6)
-
-
-def test_an_empty_image_stays_as_it_is():
     images = torch.ones(1, 4, SIDE, SIDE)
     images[:, 3] = 0
     torch.testing.assert_close(recrop(images), images)

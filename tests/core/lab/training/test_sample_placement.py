@@ -22,25 +22,16 @@ def place(samples: int = 16, density: float | None = None, inside=two_slabs):
     return place_samples(rays(), samples, inside, coarse, torch.Generator().manual_seed(0))
 
 
-def test_samples_lie_evenly_in_the_hull() -> None:
+def test_samples_lie_where_light_comes_from() -> None:
     found = place()
     assert bool(two_slabs(found.points).all())
     torch.testing.assert_close(found.edges[:, -1], torch.full((50,), 0.5), atol=0.02, rtol=0)
     assert int((found.points[..., 0] < 0).sum()) == 50 * 8
     assert bool((found.points[..., 0].diff(dim=-1) >= 0).all())
-
-
-def test_what_lies_in_the_dark_has_no_samples() -> None:
     found = place(density=1000.0)
     assert bool((found.points[..., 0] < -0.5).all())
     assert float(found.edges[:, -1].max()) < 0.06
-
-
-def test_a_thin_medium_is_sampled_whole() -> None:
     torch.testing.assert_close(place(density=1.0).points, place().points)
-
-
-def test_rays_beside_the_hull_have_samples_of_no_length() -> None:
     found = place(inside=lambda points: torch.zeros(points.shape[:-1], dtype=torch.bool))
     assert float(found.edges.abs().max()) == 0.0
     assert bool(torch.isfinite(found.points).all())

@@ -180,14 +180,11 @@ def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
     assert not trainer.ray_dataset.hulls.any()
 
 
-def test_an_object_with_one_view_cannot_be_measured(dataset: Dataset):
+def test_what_cannot_be_trained_or_measured_says_so(dataset: Dataset):
     views = dataset.objects[0]
     single = dataclasses.replace(views, images=views.images[:1], masks=views.masks[:1], cameras=views.cameras[:1])
     with pytest.raises(ValueError, match="at least two views"):
         hold_out(dataclasses.replace(dataset, objects=(single,)))
-
-
-def test_a_diverging_run_says_so(dataset: Dataset):
     trainer = Trainer(dataset, SETTINGS)
     with pytest.raises(ValueError, match="diverged"):
         trainer.field.point_layer.weight.data.fill_(float("nan"))

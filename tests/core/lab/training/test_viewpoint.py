@@ -20,10 +20,13 @@ def seen() -> ViewpointDataset:
     )
 
 
-def test_every_image_comes_with_its_direction(seen: ViewpointDataset):
+def test_every_image_comes_with_its_direction_and_none_with_nothing(seen: ViewpointDataset):
     assert seen.images.shape == (20, 4, SIDE, SIDE)
     assert seen.images.dtype == torch.uint8
     assert seen.azimuth[:5].tolist() == pytest.approx([0.7 + 1.3 * turn for turn in range(5)])
+    model = tiny_model()
+    with pytest.raises(ValueError, match="every mask is empty"):
+        viewpoint_dataset(Dataset((), "stools", model.image_size, model.focal))
 
 
 def test_it_learns_from_which_direction_an_image_is(seen: ViewpointDataset, monkeypatch: pytest.MonkeyPatch):
@@ -35,9 +38,3 @@ def test_it_learns_from_which_direction_an_image_is(seen: ViewpointDataset, monk
     assert losses[-1] < losses[0]
     assert accuracy_within(glance, seen, math.radians(20)) > 0.5
     assert not glance.training
-
-
-def test_without_objects_there_is_nothing_to_learn(seen: ViewpointDataset):
-    model = tiny_model()
-    with pytest.raises(ValueError, match="every mask is empty"):
-        viewpoint_dataset(Dataset((), "stools", model.image_size, model.focal))

@@ -23,21 +23,15 @@ def ball(radius: float = 0.2, centre=(0.1, 0.0, 0.05), count: int = 12, size: in
     return ObjectViews("ball", "ball", "ball", images, np.stack(masks), tuple(cameras))
 
 
-def test_the_hull_holds_the_ball_and_little_else():
+def test_hull_and_extent_hold_the_ball_and_little_else():
     views, extent = ball(), (0.5, 0.5, 0.5)
     hull = visual_hull(views, extent, 32).flatten()
     far = (grid_centres(extent, 32) - torch.tensor([0.1, 0.0, 0.05])).norm(dim=-1)
     assert bool(hull[far < 0.2].all())
     assert int(hull.sum()) < 3 * int((far < 0.2).sum())
-
-
-def test_the_extent_is_the_objects_with_little_to_spare():
     extent = shared_extent([ball()])
     for found, true in zip(extent, (0.3, 0.2, 0.25), strict=True):
         assert true <= found < true + 0.13
-
-
-def test_masks_that_contradict_each_other_are_refused():
     views = ball()
     empty = ObjectViews("none", "none", "none", views.images, np.zeros_like(views.masks), views.cameras)
     with pytest.raises(ValueError, match="rule out all space"):
