@@ -8,7 +8,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -18,9 +18,7 @@ from core.geometry.camera import Camera
 from core.models.codes import Codes
 
 if TYPE_CHECKING:
-    from scipy.interpolate import BSpline, CubicHermiteSpline
-
-    _Path: TypeAlias = BSpline | CubicHermiteSpline
+    from scipy.interpolate import CubicHermiteSpline
 
 MIN_GAP = 0.04  # s between two keys: one frame
 MIN_LENGTH, MAX_LENGTH = 0.2, 600.0  # s
@@ -49,7 +47,6 @@ class Timeline:
     length: float = 4.0  # s
     loop: bool = True  # True: continue from the last keyframe to the first; False: rest on the last
     turns: int = 0  # full turns of the camera around the object over the video, added to the keyframes' motion
-    smooth: bool = True  # Catmull-Rom interpolation of cameras and codes; else linear
 
     def __post_init__(self) -> None:
         if not MIN_LENGTH <= self.length <= MAX_LENGTH:
@@ -150,7 +147,7 @@ class Timeline:
         return self.keys[0].view
 
     @cached_property
-    def _camera(self) -> "_Path | None":
+    def _camera(self) -> "CubicHermiteSpline | None":
         """Interpolator of the camera's row over time; None for a single key."""
         if len(self.keys) == 1:
             return None
@@ -158,14 +155,14 @@ class Timeline:
         rows[:, 0] = np.unwrap(rows[:, 0])
         round_it = np.zeros(4)
         round_it[0] = rows[-1, 0] - rows[0, 0]
-        return _path(self._times, np.concatenate([rows[:-1] + lap * round_it for lap in self._laps]), self.smooth)
+        return _path(self._times, np.concatenate([rows[:-1] + lap * round_it for lap in self._laps]))
 
     @cached_property
     def _runs(self) -> "list[_Run]":
         """Consecutive keys of one model, the last run first; the video cuts between runs."""
         keys = zip(self._times, [key.view.codes for _ in self._laps for key in self.keys], strict=True)
         groups = [list(group) for _, group in groupby(keys, lambda key: key[1].model)]
-        return [_Run(tuple(group), self.smooth) for group in reversed(groups)]
+        return [_Run(tuple(group)) for group in reversed(groups)]
 
     @property
     def _laps(self) -> tuple[int, ...]:
@@ -182,7 +179,6 @@ class _Run:
     """Codes of one model over time, constant before the first knot and after the last."""
 
     knots: tuple[tuple[float, Codes], ...]
-    smooth: bool
 
     @property
     def begin(self) -> float:
@@ -199,19 +195,17 @@ class _Run:
         return replace(nearest, shape=numbers[:shape], texture=numbers[shape:])
 
     @cached_property
-    def _path(self) -> "_Path | None":
+    def _path(self) -> "CubicHermiteSpline | None":
         if len(self.knots) == 1:
             return None
         times, rows = [knot[0] for knot in self.knots], [_codes_row(knot[1]) for knot in self.knots]
-        return _path(np.array(times), np.stack(rows), self.smooth)
+        return _path(np.array(times), np.stack(rows))
 
 
-def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots numbers"], smooth: bool) -> "_Path":
-    """Interpolate rows by Catmull-Rom splines or linearly."""
-    from scipy.interpolate import CubicHermiteSpline, make_interp_spline  # imports in 0.3 s; a turn does not need it
+def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots numbers"]) -> "CubicHermiteSpline":
+    """Interpolate rows by Catmull-Rom splines."""
+    from scipy.interpolate import CubicHermiteSpline  # imports in 0.3 s; a turn does not need it
 
-    if not smooth:
-        return make_interp_spline(times, rows, k=1)
     slopes = np.zeros_like(rows)
     slopes[1:-1] = (rows[2:] - rows[:-2]) / (times[2:] - times[:-2])[:, None]
     return CubicHermiteSpline(times, rows, slopes)
