@@ -321,7 +321,5 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     _add_preset(command)
     command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
     command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
-    command.add_argument(
-        "--report", type=Path, metavar="R.json", help="write the scores, and with matplotlib a chart (PNG)"
-    )
+    command.add_argument("--report", type=Path, metavar="R.json", help="write the scores; of pairs also an image (PNG)")
     add_seed(command)

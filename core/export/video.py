@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import UInt8
@@ -77,13 +77,15 @@ def write_video(
         encoder.finish()
 
 
-@runtime_checkable
-class _Sink(Protocol):
-    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None: ...
+class _Sink:
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        raise NotImplementedError
 
-    def finish(self) -> None: ...
+    def finish(self) -> None:
+        """Write what is left."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Release the file."""
 
 
 class _Encoder:
@@ -110,7 +112,7 @@ class _Encoder:
         self._sink.finish()
 
 
-class _Mp4:
+class _Mp4(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         import av  # imported late: the window only lists the formats
 
@@ -145,7 +147,7 @@ class _Mp4:
         self._container.close()
 
 
-class _Pillow:
+class _Pillow(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         self._path, self._settings, self._images = path, settings, list[Image.Image]()
 
@@ -184,19 +186,13 @@ class _Webp(_Pillow):
         self._save(1, quality=self._settings.quality)
 
 
-class _Frames:
+class _Frames(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         self._path, self._count = path, 0
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         Image.fromarray(image).save(self._path / f"{self._count:05d}.png")
         self._count += 1
-
-    def finish(self) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
 
 
 class VideoFormat(NamedTuple):

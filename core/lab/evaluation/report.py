@@ -1,13 +1,10 @@
-"""Reports of an evaluation: tables as text, the numbers as JSON, a chart as PNG."""
+"""Reports of an evaluation: tables as text, the numbers as JSON."""
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 from PIL import Image
 
 from core.lab.evaluation.disentanglement import PairScore, summarise_pairs
@@ -15,24 +12,7 @@ from core.lab.evaluation.protocol import EvaluationProtocol, EvaluationSummary, 
 from core.lab.evaluation.statistics import Mean
 from core.runtime.files import atomic_file, is_stream, write_json
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)  # degrees
-_TRANSLATION_BINS = (0, 1, 2, 3, 5, 10, 20, 50, 100, 200)  # per cent of the distance
-_PSNR_BINS = tuple(range(10, 42, 2))  # dB
 _SHEET = 24  # pairs on the contact sheet, at most
-_FINAL, _INITIAL = "#2f6fb0", "#8cc084"
-
-
-class _Panel(NamedTuple):
-    """A histogram."""
-
-    title: str
-    bins: Sequence[int]
-    values: Sequence[float]
-    initial: Sequence[float] = ()  # the same after the first step of the fit
 
 
 def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) -> str:
@@ -52,33 +32,10 @@ def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) ->
 def write_report(
     path: Path, scores: Sequence[ObjectScore], protocol: EvaluationProtocol, about: dict[str, str]
 ) -> None:
-    """Write the numbers as JSON, per object too, with a PNG chart beside it; to a stream the JSON only."""
+    """Write the numbers as JSON, per object too."""
     objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
     content = about | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
     write_json(path, content)
-    if not is_stream(path):
-        with suppress(ImportError), atomic_file(path.with_suffix(".png")) as partial:
-            chart(scores).savefig(partial)
-
-
-def chart(scores: Sequence[ObjectScore]) -> "Figure":
-    """Draw histograms: PSNR of objects and, for estimated cameras, final and initial errors.
-
-    Raises ``ImportError`` without matplotlib.
-    """
-    from matplotlib.figure import Figure
-
-    poses = [pose for score in scores for pose in score.poses]
-    panels = [_Panel("PSNR (dB), objects", _PSNR_BINS, [score.psnr for score in scores])]
-    if poses:
-        rotation = [pose.rotation for pose in poses], [pose.initial_rotation for pose in poses]
-        translation = [100 * pose.translation for pose in poses], [100 * pose.initial_translation for pose in poses]
-        panels.append(_Panel("rotation error (degrees)", _ROTATION_BINS, *rotation))
-        panels.append(_Panel("translation error (%)", _TRANSLATION_BINS, *translation))
-    figure = Figure(figsize=(4.6 * len(panels), 3.0), layout="constrained")
-    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-        _draw_panel(axes, panel)
-    return figure
 
 
 def format_disentanglement(scores: Sequence[PairScore]) -> str:
@@ -153,23 +110,3 @@ def _pose_table(pose: PoseSummary, kept: EvaluationSummary | None) -> list[str]:
     for limit, field in (*shares, ("3 %", "within_3_percent"), ("5 %", "within_5_percent")):
         lines.append(f"{f'within {limit} (%)':22}{'':24}{_interval(getattr(pose, field), 0, 100):>24}")
     return lines
-
-
-def _counts(values: Sequence[float], bins: Sequence[int]) -> list[int]:
-    """Count values per bin; the outer bins include values beyond them."""
-    return np.histogram(np.clip(values, bins[0], bins[-1]), bins)[0].tolist()
-
-
-def _draw_panel(axes: "Axes", panel: _Panel) -> None:
-    """Draw a histogram with bars of equal width and counts above them."""
-    series = [("final", panel.values, _FINAL), ("initial", panel.initial, _INITIAL)][: 1 + bool(panel.initial)]
-    for number, (name, values, colour) in enumerate(series):
-        counts, width = _counts(values, panel.bins), 0.8 / len(series)
-        lefts = [index + 0.1 + number * width for index in range(len(counts))]
-        bars = axes.bar(lefts, counts, width, align="edge", color=colour, label=name)
-        axes.bar_label(bars, [str(count or "") for count in counts], fontsize=8)
-    axes.set_xticks(range(len(panel.bins)), map(str, panel.bins), fontsize=8)
-    axes.set_title(panel.title, fontsize=10)
-    axes.set_yticks([])
-    if panel.initial:
-        axes.legend(fontsize=8)
