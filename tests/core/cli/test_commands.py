@@ -123,7 +123,6 @@ def test_objects_are_edited_by_words_and_painted():
 def named_direction() -> str:
     """One of the names that the tiny model's directions have."""
     *_, words = direction_words(tiny_model())
-    assert words is not None
     return next(word for word in (*words["texture"], *words["shape"]) if word and " " not in word)
 
 
@@ -241,8 +240,6 @@ def test_dataset_train_and_render_from_nothing():
     run("train d --init n.safetensors --steps 2 --out more.safetensors")
     more, before = load_model("more.safetensors"), load_model("n.safetensors")
     assert more.field.config == before.field.config
-    assert more.viewpoint_classifier is not None
-    assert before.viewpoint_classifier is not None
     kept, former = more.viewpoint_classifier.state_dict(), before.viewpoint_classifier.state_dict()
     assert all(torch.equal(kept[name], former[name]) for name in former)
     run("train-viewpoint d --model n.safetensors --steps 1 --out looks.safetensors")
@@ -256,7 +253,6 @@ def test_train_parts_adds_a_part_head(capsys):
     assert "body, wheels, glass: " in capsys.readouterr().out
     found = load_model("parts.safetensors")
     assert found.fingerprint == load_model("cars").fingerprint
-    assert found.part_head is not None
     assert found.part_head.names == ("body", "wheels", "glass")
 
 

@@ -51,7 +51,6 @@ def codes(tiny: Model, camera: Camera) -> Codes:
 
 
 def test_the_photos_own_view_becomes_the_photo(tiny: Model, codes: Codes, camera: Camera) -> None:
-    assert codes.detail is not None
     photo = codes.detail.views[0].pixels()[..., :3] / 255
     plain, shown = (render_frame(tiny, one, camera).image / 255 for one in (replace(codes, detail=None), codes))
     assert psnr(shown, photo) > psnr(plain, photo) + 4
@@ -60,7 +59,6 @@ def test_the_photos_own_view_becomes_the_photo(tiny: Model, codes: Codes, camera
 def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, codes: Codes, camera: Camera) -> None:
     beside = tiny.camera(2.6, 0.3).resized(SIZE, SIZE)
     other = striped(tiny, beside).detail
-    assert codes.detail is not None and other is not None
     both = replace(codes, detail=replace(codes.detail, views=(*codes.detail.views, *other.views)))
     for view, seen_from in zip(both.detail.views, (camera, beside), strict=True):
         photo = view.pixels()[..., :3] / 255
@@ -69,7 +67,6 @@ def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, codes: Cod
 
 
 def test_what_is_erased_is_as_the_model_has_it_and_density_stays(tiny: Model, codes: Codes, camera: Camera) -> None:
-    assert codes.detail is not None
     gone = codes.detail.erasing(0, (Erasure(((0.0, 0.52), (1.0, 0.52)), 0.06),))
     plain, shown, erased = (
         render_frame(tiny, replace(codes, detail=one), camera).image[int(0.47 * SIZE) : int(0.57 * SIZE)].astype(int)
@@ -112,7 +109,6 @@ def test_the_stripe_turns_with_the_surface(tiny: Model, codes: Codes) -> None:
     assert darker.sum() > 60
     rays = camera_rays(beside, tiny.extent_tensor)
     points = (rays.origins + rays.directions * torch.from_numpy(shown.depth)[..., None])[darker]
-    assert codes.detail is not None
     rows = codes.detail.views[0].camera.project(points)[:, 1] / codes.detail.views[0].camera.height
     assert float(((rows - 0.52 + 0.02).abs() < 0.05).float().mean()) > 0.8
 

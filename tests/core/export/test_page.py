@@ -107,7 +107,6 @@ def test_only_a_page_is_written_and_large_photos_fit(tiny: Model, camera: Camera
     job.close()
     assert list(tmp_path.iterdir()) == []
     photo = striped(tiny, camera.resized(192, 192)).detail
-    assert photo is not None
     codes: Codes = replace(tiny.codes[0], detail=replace(photo, views=photo.views * 4))
     path = tmp_path / "object.html"
     list(write_page(tiny, codes, camera, path, "Stool"))

@@ -40,7 +40,6 @@ def test_a_crop_is_a_zoom_and_its_scale_is_free_where_its_size_says_nothing(tiny
     torch.testing.assert_close(prior[:, 3], torch.tensor([CAMERA_PRIOR_SCALE[3], MOVED_SCALE, SCALED_SCALE, math.inf]))
     assert prior[:, 5].isinf().tolist() == [False, True, True, True]
     expected = problem.objective(math.inf).expected_scale
-    assert expected is not None
     assert expected.any(1).tolist() == [False, False, True, False]
 
 
@@ -165,7 +164,6 @@ def test_the_better_of_two_searches_is_judged_by_the_smaller_margin(tiny: Model)
     assert (better.winner, better.runner_up, better.margin) == (clear.winner, doubtful.runner_up, doubtful.margin)
     better = better_of(problem, behind, clear)
     assert (better.winner, better.uncertainty) == (clear.winner, clear.uncertainty)
-    assert better.runner_up is not None
     assert torch.equal(better.runner_up.parameters.angles, behind.winner.parameters.angles)
     assert better.margin == pytest.approx(math.log(1.5))
 

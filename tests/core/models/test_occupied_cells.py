@@ -42,7 +42,6 @@ def _outside(model: Model, code: torch.Tensor) -> float:
 
 def test_all_of_the_training_objects_is_inside():
     model = tiny_model()
-    assert model.occupied_cells is not None
     assert 0.05 < float(model.occupied_cells.float().mean()) < 0.8
     assert all(_outside(model, shape) == 0 for shape in model.codes.shapes)
     assert 0 < MIN_OPACITY < 0.1

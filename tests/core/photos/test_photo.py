@@ -191,12 +191,10 @@ def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
 
 def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
     photo = cut_off((60, 0, 300, 200), tiny)
-    assert photo.unseen is not None
     first = int(photo.mask.any(0).nonzero()[0, 0])
     assert bool(photo.unseen[:, : first - 1].all())
     assert not bool(photo.unseen[:, first:].any())
     below = cut_off((0, 0, 300, 150), tiny).unseen
-    assert below is not None
     assert below.any(0).all()
     assert not below[: SIDE // 2].any()
 
@@ -308,7 +306,6 @@ def test_with_a_pose_an_image_is_only_resized(tmp_path: Path, tiny: Model):
     pose.write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
     photo = load_photo(saved(drawing((300, 300)), tmp_path / "a.png"), tiny, tiny_bank(), pose)
     assert not photo.cropped
-    assert photo.camera is not None
     assert photo.camera.azimuth == pytest.approx(0.4)
     assert (photo.camera.width, photo.camera.height, photo.camera.focal) == (SIDE, SIDE, tiny.focal)
     assert float(photo.mask.any(0).nonzero()[0]) == pytest.approx(40 / 300 * SIDE, abs=1)

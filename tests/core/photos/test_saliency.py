@@ -38,7 +38,6 @@ def test_the_map_is_the_stretched_output_for_standardised_colours():
 @pytest.mark.parametrize("size", [(1, 1), (40, 7)])
 def test_opacity_has_the_size_of_the_image_and_lies_between_0_and_1(size):
     found = predict_saliency(Image.effect_noise(size, 60).convert("RGB"))
-    assert found is not None
     assert found.shape == size[::-1]
     assert 0 <= found.min() <= found.max() <= 1
 

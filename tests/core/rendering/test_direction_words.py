@@ -17,7 +17,6 @@ def test_the_clearest_change_takes_its_word_first_and_no_word_goes_twice() -> No
 def test_what_a_word_says_is_seen(name: str) -> None:
     """The mean object moved along the directions that have these words, by another measure than the words' own."""
     *_, words = direction_words(load_model(name))
-    assert words is not None
     for kind in ("shape", "texture"):
         named = [word for word in words[kind] if word]
         assert len(words[kind]) == 6

@@ -49,7 +49,6 @@ def bound(model: Model, codes: Codes) -> Outline:
 
 
 def test_a_point_keeps_its_density_by_its_image_s_distance_from_the_mask(tiny: Model, codes: Codes) -> None:
-    assert codes.detail is not None
     view = codes.detail.views[0]
     points = (2 * torch.rand(400, 3, generator=torch.Generator().manual_seed(0)) - 1) * torch.tensor(tiny.extent)
     rows, columns = np.nonzero(view.pixels()[..., 3] > 127)
@@ -128,7 +127,6 @@ def test_the_mirrored_mask_bounds_symmetric_objects_alone(tiny: Model) -> None:
 
 
 def test_points_behind_the_camera_are_finite(tiny: Model, codes: Codes) -> None:
-    assert codes.detail is not None
     _, origin = codes.detail.views[0].camera.world_to_camera(torch.device("cpu"))
     points = torch.stack((origin, 2 * origin, 1e10 * origin, -1e10 * origin))
     assert torch.isfinite(bound(tiny, codes).factor(points)).all()

@@ -222,7 +222,6 @@ def test_two_writers_killed_at_any_moment_leave_a_whole_file(tmp_path: Path):
         words = [sys.executable, "-c", _WRITER, path]
         writers = [subprocess.Popen([*words, text], stdout=subprocess.PIPE, cwd=_ROOT) for text in "ab"]
         for writer in writers:
-            assert writer.stdout is not None
             writer.stdout.readline()
         for writer in writers:
             time.sleep(numbers.uniform(0, 0.02))
@@ -253,7 +252,6 @@ def test_a_signal_removes_what_was_begun(tmp_path: Path, number: signal.Signals)
     # A shell that runs the tests in the background lets them ignore interrupts.
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "cwd": _ROOT}
     with subprocess.Popen(words, preexec_fn=lambda: signal.signal(number, signal.SIG_DFL), **quiet) as writer:
-        assert writer.stdout is not None
         writer.stdout.readline()
         assert len(list(tmp_path.iterdir())) == 1
         writer.send_signal(number)

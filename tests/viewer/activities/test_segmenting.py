@@ -42,5 +42,4 @@ def test_a_photo_that_is_cut_out_is_fitted_at_once(worker: Worker, tmp_path: Pat
     finish(session, lambda: not fitting.running)
     assert not session.segmenting.active
     assert session.editor.objects.own[0] == "street"
-    assert fitting.history.photo is not None
     assert fitting.history.photo.photo.cropped

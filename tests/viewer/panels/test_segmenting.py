@@ -54,7 +54,6 @@ class _Canvas:
     def covered(self, x: float, y: float) -> bool:
         """Whether the object was found at this place."""
         result = self.window.session.segmenting.result
-        assert result is not None
         mask = result.found.mask
         return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
 
@@ -144,7 +143,6 @@ def test_one_click_finds_each_of_several_objects(
             for place in places:
                 canvas.draw(_inside(place))
                 assert len(segmenting.hints.points) == 1
-                assert segmenting.result is not None
                 found = segmenting.result.found.mask
                 assert (found & place).sum() / (found | place).sum() > 0.8
             window.click("Cut out###segment/**/###cancel segmentation")

@@ -99,7 +99,6 @@ def test_the_image_on_screen_is_the_newest_frame_over_the_background(window: Dri
     window.wait(lambda: window.session.viewport.sharp)  # a finer frame comes once the hand has rested
     shown = window.capture_view()
     frame = window.session.viewport.frame
-    assert frame is not None
     rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
     columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
     expected = frame.image[rows][:, columns].astype(float)

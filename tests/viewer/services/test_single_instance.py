@@ -42,7 +42,6 @@ def test_a_second_start_is_handed_over(window: SingleInstance, tmp_path: Path) -
 def test_two_homes_and_two_displays_do_not_meet(window: SingleInstance, tmp_path: Path) -> None:
     for folder, display in ((tmp_path / "other", None), (tmp_path / "home", "far-10-0")):
         other = begin(folder, Start("a.png"), display)
-        assert other is not None
         with closing(other):
             assert list(other.starts()) == list(window.starts()) == []
 
@@ -50,7 +49,6 @@ def test_two_homes_and_two_displays_do_not_meet(window: SingleInstance, tmp_path
 def test_the_next_window_opens_once_the_first_is_closed(window: SingleInstance, tmp_path: Path) -> None:
     window.close()
     later = begin(tmp_path / "home", Start())
-    assert later is not None
     later.close()
 
 
@@ -65,7 +63,6 @@ def test_a_start_waits_for_a_window_that_ends(window: SingleInstance, tmp_path: 
     window.close()
     waiting.join(60)
     (later,) = begun
-    assert later is not None
     with closing(later):
         assert list(later.starts()) == []
 
@@ -112,9 +109,7 @@ def test_a_window_that_was_killed_holds_nothing(tmp_path: Path) -> None:
     (tmp_path / "go").touch()
     words = [sys.executable, "-c", _START, tmp_path / "home", tmp_path / "go", "a"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as killed:
-        assert killed.stdout is not None
         assert killed.stdout.readline() == "window\n"
         killed.kill()
     window = begin(tmp_path / "home", Start())
-    assert window is not None
     window.close()
