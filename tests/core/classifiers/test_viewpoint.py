@@ -24,28 +24,22 @@ def square(left: int, top: int, size: int) -> tuple[torch.Tensor, torch.Tensor]:
     return pixels, mask
 
 
-def test_an_image_looks_the_same_wherever_and_however_large_the_object_is():
+def test_an_image_looks_the_same_wherever_the_object_is_and_whatever_beside():
     small, large = crop_to_object(*square(5, 7, 24)), crop_to_object(*square(30, 4, 48))
     assert small.shape == (4, SIDE, SIDE)
     assert float((small - large).abs().mean()) < 0.02
     assert float(small[3].mean()) == pytest.approx(1 / 1.12**2, abs=0.02)
     assert float(small[:3, 0].min()) > 0.99  # white around it
     assert float(small[0, SIDE // 4, SIDE // 2]) == pytest.approx(0.2, abs=0.02)
-
-
-def test_what_lies_beside_the_object_is_not_seen():
     pixels, mask = square(20, 10, 30)
     beside = torch.where(mask[..., None], pixels, torch.rand(60, 80, 3))
     assert torch.allclose(crop_to_object(pixels, mask), crop_to_object(beside, mask), atol=1e-6)
 
 
-def test_directions_are_nearest_to_themselves():
+def test_directions_are_nearest_to_themselves_and_probabilities_add_up():
     shares = direction_weights(*directions())
     assert torch.allclose(shares.sum(-1), torch.ones(len(shares)), atol=1e-5)
     assert torch.equal(shares.argmax(-1), torch.arange(len(shares)))
-
-
-def test_probabilities_add_up_and_none_is_lost():
     torch.manual_seed(0)
     found = predict_viewpoint(ViewpointClassifier().eval(), *square(20, 10, 30))
     assert float(found.sum()) == pytest.approx(1, abs=1e-5)

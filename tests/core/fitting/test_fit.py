@@ -110,7 +110,7 @@ def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
 # The search, and resuming
 
 
-def test_hypotheses_are_told_the_leader_first(whole_fit: list[FitStep]):
+def test_the_leader_comes_first_and_the_local_search_begins_around_it(whole_fit: list[FitStep]):
     for step in whole_fit:
         assert [one.loss for one in step.hypotheses] == sorted(one.loss for one in step.hypotheses)
         assert (step.hypotheses[0].origin, step.hypotheses[0].cameras) == (step.origin, step.cameras)
@@ -118,9 +118,6 @@ def test_hypotheses_are_told_the_leader_first(whole_fit: list[FitStep]):
     assert len(whole_fit[0].hypotheses) == QUICK.hypotheses
     assert whole_fit[-1].runner_up is not None
     assert whole_fit[-1].hypotheses[1].cameras == whole_fit[-1].runner_up.cameras
-
-
-def test_a_local_search_begins_anew_around_the_best_cameras(whole_fit: list[FitStep]):
     first = sum(stage.steps for stage in build_schedule(QUICK, ALL_COMPONENTS, unknown=True).coarse)
     before, after = whole_fit[first - 1 : first + 1]
     assert after.active == min(QUICK.hypotheses, LOCAL_HYPOTHESES) + 1

@@ -37,16 +37,13 @@ def test_a_runner_up_is_the_best_of_another_basin_or_the_opposite_view():
     assert best_other_basin(lost.best, concatenate(lost, lost), views).origin.tolist() == [0]
 
 
-def test_a_hypothesis_that_diverged_does_not_lead():
+def test_what_diverged_does_not_lead_and_what_is_near_a_better_one_comes_last():
     batch = HypothesisBatch.of(random_parameters(3))
     assert batch[torch.tensor([2, 0])].origin.tolist() == [2, 0]
     costs = replace(batch, loss=torch.tensor([3.0, math.inf, 2.0]))
     assert costs.leader == 2
     with pytest.raises(ValueError, match="diverged"):
         _ = replace(batch, loss=torch.full((3,), math.inf)).leader
-
-
-def test_all_that_are_near_a_better_one_come_last():
     batch, views = HypothesisBatch.of(random_parameters(4)), torch.tensor([True])
     batch.parameters.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2], [0.05, 0.2]])
     batch = replace(batch, loss=torch.tensor([1.0, 2.0, 3.0, math.inf]))

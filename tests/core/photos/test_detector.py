@@ -68,16 +68,13 @@ def test_without_its_file_everything_else_works(tmp_path: Path, monkeypatch: pyt
     assert "\n" not in said
 
 
-def test_prominent_is_what_is_large_sure_and_in_the_middle():
+def test_prominent_is_large_sure_and_central_and_boxes_overlap():
     usual = Detection((0.3, 0.3, 0.7, 0.7), {"chairs": 0.8, "cars": 0.1})
     smaller = usual._replace(box=(0.45, 0.45, 0.55, 0.55))
     aside = usual._replace(box=(0.0, 0.3, 0.4, 0.7))
     unsure = usual._replace(scores={"chairs": 0.4, "cars": 0.1})
     assert all(usual.prominence > other.prominence for other in (smaller, aside, unsure))
     assert usual.prominence == pytest.approx(0.8 * math.sqrt(0.4))
-
-
-def test_overlap_is_symmetric_and_0_for_boxes_apart():
     one, other = (0.0, 0.0, 0.4, 0.4), (0.2, 0.2, 0.6, 0.6)
     assert box_overlap(one, other) == box_overlap(other, one) == pytest.approx(0.04 / 0.28)
     assert box_overlap(one, (0.5, 0.5, 0.6, 0.6)) == 0

@@ -109,14 +109,11 @@ def test_images_are_turned_upright_as_pillow_turns_them(tmp_path: Path, orientat
         np.testing.assert_array_equal(np.asarray(read_rgba(path))[..., :3], np.asarray(ImageOps.exif_transpose(lying)))
 
 
-def test_a_transparent_entry_of_a_palette_is_background(tmp_path: Path, tiny: Model):
+def test_palettes_may_be_transparent_and_images_huge(tmp_path: Path, tiny: Model):
     image = drawing(background=(0, 200, 60)).convert("P", palette=Image.Palette.ADAPTIVE)
     check_found(
         load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny, tiny_bank()), tiny
     )
-
-
-def test_a_huge_image_is_made_smaller(tmp_path: Path, tiny: Model):
     image = Image.new("L", (20_000, 1500), 255)
     image.paste(40, (9000, 300, 10_000, 1300))
     photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny, tiny_bank())
@@ -159,15 +156,12 @@ def test_colours_of_another_space_become_srgb(tmp_path: Path):
         np.testing.assert_allclose(np.asarray(read_rgba(broken))[32, 32], (234, 51, 35, 255), atol=6)
 
 
-def test_a_large_profile_or_description_is_no_reason_to_refuse(tmp_path: Path, tiny: Model):
+def test_a_large_or_broken_description_is_no_reason_to_refuse(tmp_path: Path, tiny: Model):
     pixels = zlib.compress(b"".join(b"\0" + row.tobytes() for row in np.asarray(drawing())))
     header, large = struct.pack(">IIBBBBB", 300, 200, 8, 2, 0, 0, 0), zlib.compress(bytes(3_000_000))
     for chunk in ((b"iCCP", b"a\0\0" + large), (b"iTXt", b"a\0\1\0\0\0" + large), (b"zTXt", b"a\0\0" + large)):
         write_png(tmp_path / "a.png", header, pixels, chunk)
         check_found(load_photo(tmp_path / "a.png", tiny, tiny_bank()), tiny)
-
-
-def test_a_broken_description_is_no_reason_to_refuse(tmp_path: Path, tiny: Model):
     check_found(
         load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny, tiny_bank()), tiny
     )
@@ -206,11 +200,6 @@ def test_all_is_known_around_a_whole_object_and_a_trimmed_one(tiny: Model, box: 
     assert photo_from(np.asarray(cutout.crop(box)), tiny).unseen is None
 
 
-def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
-    with pytest.raises(ValueError, match="unseen"):
-        Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, unseen=torch.ones(8, 8) > 0)
-
-
 # Separating the object from its background
 
 
@@ -220,7 +209,7 @@ def test_a_plain_background_of_any_colour_is_taken_off(tiny: Model, background: 
     check_found(photo, tiny)
 
 
-def test_a_noisy_background_lit_from_the_side_is_taken_off(tiny: Model):
+def test_noise_shadow_and_specks_are_background_as_alpha_says(tiny: Model):
     image = np.asarray(drawing(background=(180, 170, 160))).astype(float)
     light = np.linspace(0.85, 1.15, 300)[None, :, None]
     noise = np.random.default_rng(0).normal(0, 2, image.shape)
@@ -241,9 +230,6 @@ def test_a_white_part_inside_stays_with_the_object(tiny: Model):
     photo = photo_from(np.asarray(drawing((900, 600))), tiny)
     bright = (photo.pixels > 0.8).all(-1)
     assert bool((bright & photo.mask).any())
-
-
-def test_the_gap_in_a_frame_is_background(tiny: Model):
     image = Image.new("RGB", (300, 200), (120, 190, 120))
     ImageDraw.Draw(image).rectangle((60, 40, 200, 180), outline=(90, 20, 20), width=25)
     photo = photo_from(np.asarray(image), tiny)
@@ -341,9 +327,12 @@ def test_what_is_too_small(tmp_path: Path, tiny: Model, size: tuple[int, int]):
     assert "too small" in refused(saved(Image.new("RGB", size), tmp_path / "a.png"), tiny)
 
 
-def test_what_is_too_narrow_is_called_so_in_its_own_size(tmp_path: Path, tiny: Model):
+def test_clear_and_narrow_images_are_refused_and_noise_is_not(tmp_path: Path, tiny: Model):
     refusal = refused(saved(Image.new("RGB", (20_000, 10)), tmp_path / "a.png"), tiny)
     assert "too narrow (20000 x 10 px)" in refusal
+    assert "no object found" in refused(saved(Image.new("RGBA", (90, 90), (9, 9, 9, 0)), tmp_path / "a.png"), tiny)
+    noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
+    assert load_photo(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny, tiny_bank()).mask.any()
 
 
 @pytest.mark.parametrize(("side", "bits", "kind"), [(19_900, 16, 0), (13_000, 8, 2), (30_000, 1, 0)])
@@ -361,15 +350,6 @@ def test_nothing_but_background(tmp_path: Path, tiny: Model, colour: str | tuple
     assert "no object found" in refused(saved(Image.new("RGB", (90, 90), colour), tmp_path / "a.png"), tiny)
 
 
-def test_nothing_but_clear(tmp_path: Path, tiny: Model):
-    assert "no object found" in refused(saved(Image.new("RGBA", (90, 90), (9, 9, 9, 0)), tmp_path / "a.png"), tiny)
-
-
-def test_noise_is_not_refused(tmp_path: Path, tiny: Model):
-    noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
-    assert load_photo(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny, tiny_bank()).mask.any()
-
-
 def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
     with pytest.raises((ValueError, TypeError)):
         Photo(torch.ones(8, 8, 3), torch.ones(8, 9, dtype=torch.bool))
@@ -377,6 +357,8 @@ def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
         Photo(torch.full((8, 8, 3), float("nan")), torch.ones(8, 8, dtype=torch.bool))
     with pytest.raises(ValueError, match="camera is for"):
         Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool), tiny.camera(0.0, 0.0))
+    with pytest.raises(ValueError, match="unseen"):
+        Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, unseen=torch.ones(8, 8) > 0)
 
 
 def test_the_shared_photographs(shared: Path, tiny: Model):

@@ -83,16 +83,13 @@ def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int):
     assert left < 0.6 * lost
 
 
-def test_an_image_of_one_pixel_on_the_object_still_has_starts(tiny: Model):
+def test_one_pixel_has_starts_that_a_probable_direction_ranks(tiny: Model):
     mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
     mask[5, 7] = True
     candidates = rank_cameras(tiny_bank(), ObjectMask(mask, 30.0), 6)
     assert bool(candidates.distance.isfinite().all())
     assert float(candidates.distance.max()) <= 2 * tiny.distance
     assert float(candidates.elevation.abs().max()) < math.pi / 2
-
-
-def test_a_probable_direction_is_ranked_first_where_the_match_does_not_decide(tiny: Model):
     bank = tiny_bank()
     mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
     mask[5, 7] = True

@@ -34,24 +34,12 @@ def overlap(cut: CutOut, truth: np.ndarray) -> float:
     return float((cut.mask & truth).sum() / (cut.mask | truth).sum())
 
 
-def test_a_box_finds_the_object_on_busy_background():
+def test_a_box_and_strokes_find_the_object_on_busy_background():
     cut = cut_out(busy(), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),)))
     assert overlap(cut, disc()) > 0.95
     assert not cut.mask[:40].any()
     np.testing.assert_array_equal(cut.pixels[0], 1)
     assert not cut.white
-
-
-def test_without_hints_and_without_a_network_the_middle_of_a_busy_image_is_taken(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(candidates, "predict_saliency", lambda _: None)
-    cut = cut_out(busy())
-    assert cut.mask[120, 120]
-    assert cut.confidence < 0.9
-    with pytest.raises(ValueError, match="no object found"):
-        cut_out(Image.new("RGBA", (64, 64), "grey"))
-
-
-def test_strokes_add_and_remove_the_later_over_the_earlier():
     adding = Stroke(((0.73, 0.70), (0.73, 0.76)), 0.03, True)
     removing = Stroke(((0.32, 0.5), (0.68, 0.5)), 0.04, False)
     cut = cut_out(busy(), Hints(BOX, (removing, adding)))
@@ -59,9 +47,18 @@ def test_strokes_add_and_remove_the_later_over_the_earlier():
     assert not cut.mask[120, 90:150].any()
     again = cut_out(busy(), Hints(BOX, (removing, adding, removing._replace(adds=True))))
     assert again.mask[120, 90:150].all()
+    values = np.asarray(busy()).copy()
+    values[..., 3] = np.where(disc(), 255, 0)
+    assert overlap(cut_out(Image.fromarray(values), Hints(BOX)), disc()) > 0.95
 
 
-def test_a_stroke_changes_nothing_far_away(monkeypatch: pytest.MonkeyPatch):
+def test_without_a_network_the_middle_is_taken_and_strokes_change_nothing_far_away(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(candidates, "predict_saliency", lambda _: None)
+    cut = cut_out(busy())
+    assert cut.mask[120, 120]
+    assert cut.confidence < 0.9
+    with pytest.raises(ValueError, match="no object found"):
+        cut_out(Image.new("RGBA", (64, 64), "grey"))
     monkeypatch.setattr(candidates, "predict_saliency", lambda _: None)
     before = cut_out(busy(), Hints(BOX)).mask
     after = cut_out(busy(), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),))).mask
@@ -80,12 +77,6 @@ def test_strokes_alone_correct_what_is_found_by_itself():
     cut = cut_out(image, Hints(strokes=(Stroke(((0.7, 0.2), (0.7, 0.8)), 0.1, False),)))
     assert cut.mask[120, 70]
     assert not cut.mask[120, 170]
-
-
-def test_a_transparent_background_stays_background_inside_the_box():
-    values = np.asarray(busy()).copy()
-    values[..., 3] = np.where(disc(), 255, 0)
-    assert overlap(cut_out(Image.fromarray(values), Hints(BOX)), disc()) > 0.95
 
 
 @pytest.mark.parametrize("size", [32, 60, 900])
@@ -118,11 +109,24 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Callable[[np.ndarray], None]:
     return sees
 
 
-def test_on_busy_background_the_network_decides(network: Callable[[np.ndarray], None]):
+def test_the_network_decides_on_busy_backgrounds_skies_frames_and_corners(network: Callable[[np.ndarray], None]):
     network(disc())
     cut = cut_out(busy())
     assert overlap(cut, disc()) > 0.95
     assert not cut.white
+    network(disc())
+    cut = cut_out(landscape())
+    assert not cut.mask[200:].any()
+    assert overlap(cut, disc()) > 0.95
+    network(np.pad(disc(), 30))
+    image = Image.new("RGBA", (300, 300), "black")
+    image.paste(busy(), (30, 30))
+    assert overlap(cut_out(image), np.pad(disc(), 30)) > 0.9
+    network(disc())
+    image, corners = busy(), Image.new("L", (240, 240), 0)
+    ImageDraw.Draw(corners).rounded_rectangle((0, 0, 239, 239), 20, fill=255)
+    image.putalpha(corners)
+    assert overlap(cut_out(image), disc()) > 0.9
 
 
 def two_discs() -> tuple[Image.Image, np.ndarray, np.ndarray]:
@@ -186,13 +190,6 @@ def landscape() -> Image.Image:
     return image
 
 
-def test_a_sky_over_a_road_is_no_plain_background(network: Callable[[np.ndarray], None]):
-    network(disc())
-    cut = cut_out(landscape())
-    assert not cut.mask[200:].any()
-    assert overlap(cut, disc()) > 0.95
-
-
 def photograph(size: tuple[int, int] = (200, 160)) -> Image.Image:
     """A red box before a wall that is lit from one side."""
     width, height = size
@@ -225,28 +222,10 @@ def test_a_photo_in_a_frame_is_found_within_it(colour: str, jpeg: bool):
     assert not cut.white
 
 
-def test_the_frame_of_a_busy_photo_is_no_background(network: Callable[[np.ndarray], None]):
-    network(np.pad(disc(), 30))
-    image = Image.new("RGBA", (300, 300), "black")
-    image.paste(busy(), (30, 30))
-    assert overlap(cut_out(image), np.pad(disc(), 30)) > 0.9
-
-
-def test_a_block_of_one_colour_is_an_object():
+def test_a_block_of_one_colour_is_an_object_and_may_fill_its_image():
     image = Image.new("RGBA", (120, 100), "white")
     ImageDraw.Draw(image).rectangle((20, 20, 90, 80), fill=(180, 20, 20))
     assert cut_out(image).mask.sum() == 71 * 61
-
-
-def test_rounded_corners_are_no_cut_out(network: Callable[[np.ndarray], None]):
-    network(disc())
-    image, corners = busy(), Image.new("L", (240, 240), 0)
-    ImageDraw.Draw(corners).rounded_rectangle((0, 0, 239, 239), 20, fill=255)
-    image.putalpha(corners)
-    assert overlap(cut_out(image), disc()) > 0.9
-
-
-def test_a_cut_out_that_fills_its_image_is_one():
     filled = Image.new("L", (200, 100), 0)
     ImageDraw.Draw(filled).rounded_rectangle((1, 1, 198, 98), 4, fill=255)  # its border is clear
     above = Image.new("L", (200, 100), 255)

@@ -25,13 +25,10 @@ def test_the_blur_of_an_image_is_measured(blur: float):
     assert measure_blur(as_pixels(gaussian_filter(disc(), blur))) == pytest.approx(blur, rel=0.25)
 
 
-def test_sharp_images_and_plain_ones_are_not_blurred():
+def test_sharp_images_are_not_blurred_and_their_masks_may_be_soft():
     noise = np.random.default_rng(0).random((64, 64)).astype(np.float32)
     for grey in (disc(), (disc() > 0.5).astype(np.float32), noise, np.ones((64, 64), np.float32)):
         assert measure_blur(as_pixels(grey)) < 0.3
-
-
-def test_a_mask_is_soft_where_its_image_is_sharp():
     opacity = torch.from_numpy(1 - np.clip(np.hypot(*(np.mgrid[:64, :64] - 31.5)) - 20, 0, 1).astype(np.float32))
     soft = torch.from_numpy(gaussian_filter(opacity.numpy(), 2.0))
     assert edge_softness(opacity, 0.0) == 0

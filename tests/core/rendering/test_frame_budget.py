@@ -52,12 +52,26 @@ def test_time_that_no_smaller_image_saves_does_not_make_it_smaller(fixed: float,
     assert usual == 1 or 4 * cost / usual**2 > 0.05 * fixed
 
 
-def test_fixed_time_is_found_where_no_image_may_be_smaller() -> None:
+def test_only_images_of_its_own_size_change_the_budget() -> None:
     pace = FrameBudget()
     for _ in range(60):
         first = pace.divisors(256)[0]
         pace.observe(first, 0.08 + 0.02 / first**2)
     assert pace.divisor == 1
+    pace = FrameBudget()
+    pace.observe(4, 10.0)
+    assert pace.divisor == 8
+    pace = FrameBudget()
+
+    def frame(height: int) -> int:
+        first = pace.divisors(height)[0]
+        pace.observe(first, 0.8 * (height / 512 / first) ** 2)
+        return first
+
+    before = [frame(512) for _ in range(60)][-1]
+    assert before == 5
+    assert {frame(100) for _ in range(20)} == {1}
+    assert frame(512) == before
 
 
 @given(st.floats(0.04, 1), st.floats(1e-3, 0.1), st.integers(10, 300))
@@ -69,12 +83,6 @@ def test_fixed_time_is_forgotten_once_it_has_gone(fixed: float, cost: float, fra
         pace.observe(pace.divisor, 0.2 / pace.divisor**2)
     assert pace.limit == pace.budget
     assert pace.divisor in (2, 3, 4)
-
-
-def test_images_begun_at_another_size_say_nothing() -> None:
-    pace = FrameBudget()
-    pace.observe(4, 10.0)
-    assert pace.divisor == 8
 
 
 @pytest.mark.parametrize("divisor", [24, 8, 4, 3, 2, 1])
@@ -103,20 +111,6 @@ def test_it_recovers_soon_after_other_work_has_ended(busy: float, frames: int) -
     for _ in range(30):  # a second of them
         pace.observe(pace.divisor, 0.004 / pace.divisor**2)
     assert pace.divisor == 1
-
-
-def test_a_view_that_is_small_for_a_moment_does_not_spoil_the_budget() -> None:
-    pace = FrameBudget()
-
-    def frame(height: int) -> int:
-        first = pace.divisors(height)[0]
-        pace.observe(first, 0.8 * (height / 512 / first) ** 2)
-        return first
-
-    before = [frame(512) for _ in range(60)][-1]
-    assert before == 5
-    assert {frame(100) for _ in range(20)} == {1}
-    assert frame(512) == before
 
 
 @given(st.lists(st.integers(64, 2000), min_size=1, max_size=30))

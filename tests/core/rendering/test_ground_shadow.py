@@ -45,7 +45,7 @@ def shadow() -> GroundShadow:
     return found
 
 
-def test_it_is_what_a_plate_hides_of_a_sky_brightest_overhead(shadow: GroundShadow) -> None:
+def test_it_is_what_a_plate_hides_of_the_sky_on_a_ground_just_below(shadow: GroundShadow) -> None:
     """Light from a direction of zenith angle a weighs cos(a)^6: its integral over the plate, as seen from below."""
     height = 12 * SIDE * EXTENT[2]  # the slab from 8 to 16 layers
     x, y = (torch.arange(-32, 33) * SIDE * half for half in EXTENT[:2])
@@ -54,9 +54,6 @@ def test_it_is_what_a_plate_hides_of_a_sky_brightest_overhead(shadow: GroundShad
         square = (x[24:40, None] - EXTENT[0] * places[column]) ** 2 + (y[24:40] - EXTENT[1] * places[row]) ** 2
         light = height**6 / (square + height**2) ** 4 * 3 / math.pi * (SIDE * EXTENT[0]) * (SIDE * EXTENT[1])
         assert shadow.darkness[row, column] == pytest.approx(255 * 0.7 * float(light.sum()), rel=0.05, abs=1)
-
-
-def test_the_ground_is_just_below_the_lowest_layer_and_reaches_over_the_box(shadow: GroundShadow) -> None:
     assert shadow.reach == (1.0, 0.8)
     assert shadow.height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
     edges = shadow.darkness[[0, -1]], shadow.darkness[:, [0, -1]]

@@ -41,7 +41,7 @@ def test_with_all_samples_kept_it_is_the_exact_renderer(white_from_network: bool
     torch.testing.assert_close(ours, theirs, rtol=1e-4, atol=1e-5)
 
 
-def test_opacity_is_exact_whatever_is_kept(model: Model) -> None:
+def test_opacity_is_exact_whatever_is_kept_and_rays_that_miss_are_white(model: Model) -> None:
     rays = bundle(model, 2, 30)
     shape, texture = biases(model, 2)
     whole = render_rays(model, rays, 16, shape[:, None, None, None], texture[:, None, None, None])
@@ -51,9 +51,6 @@ def test_opacity_is_exact_whatever_is_kept(model: Model) -> None:
         torch.testing.assert_close(opacity[..., 0], whole.opacity)
         errors.append(float((colour - whole.colour).abs().mean().detach()))
     assert errors[0] > errors[1] > errors[2]
-
-
-def test_rays_that_miss_are_white(model: Model) -> None:
     turn = camera_rotation(torch.tensor(0.0), torch.tensor(0.0))
     origins = (turn @ torch.tensor([0.0, 0.0, 5.0])).expand(1, 1, 4, 3)
     nothing = torch.zeros(1, 1, 4)

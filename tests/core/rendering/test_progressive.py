@@ -21,7 +21,7 @@ def test_frames_come_coarse_to_fine(model: Model):
     assert times == sorted(times)
 
 
-def test_a_new_texture_is_rendered_at_once_at_full_size():
+def test_new_textures_are_rendered_at_full_size_and_last_stages_with_all_samples():
     model = random_model()
     a, b = model.codes[0], model.codes[1]
     camera = model.camera(0.3, 0.2)
@@ -30,9 +30,6 @@ def test_a_new_texture_is_rendered_at_once_at_full_size():
     assert only.final
     assert only.resolution == (32, 32)
     assert [frame.stage for frame in render_progressively(model, RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
-
-
-def test_the_last_of_two_stages_of_full_size_has_all_samples():
     model = random_model()
     job = RenderJob(model.codes[0], model.camera(0.3, 0.2), RenderSettings(divisors=(2, 1, 1)))
     shown = [(frame.resolution, frame.samples) for frame in render_progressively(model, job) if frame]

@@ -5,14 +5,11 @@ from core.rendering.surface import surface_points
 from tests.core.tiny import EXTENT
 
 
-def test_the_surface_lies_in_the_box_and_has_the_colours_of_the_object(tiny: Model):
+def test_densities_cross_the_surface_in_the_box_in_colours_seen_from_outside(tiny: Model):
     points, colours = surface_points(tiny, tiny.codes[3])
     assert len(points) > 500
     assert bool((points.abs() < EXTENT[0]).all())
     assert 0 <= float(colours.min()) <= float(colours.max()) <= 1
-
-
-def test_densities_cross_the_surface_there(tiny: Model):
     codes = tiny.codes[2]
     points, _ = surface_points(tiny, codes)
     cell = 2 * max(EXTENT) / 40
@@ -22,9 +19,6 @@ def test_densities_cross_the_surface_there(tiny: Model):
     thickness = thickness.reshape(len(points), 27)
     assert float((thickness[:, 0] > 0.45).float().mean()) > 0.98
     assert float((thickness[:, 1:].amin(1) < 0.55).float().mean()) > 0.98
-
-
-def test_colours_are_those_seen_from_outside(tiny: Model):
     codes = tiny.codes[1]
     points, colours = surface_points(tiny, codes)
     field = tiny.field

@@ -33,7 +33,7 @@ def test_room_made_for_a_value_is_there_when_it_comes(puts: list[tuple[CacheKind
             assert sum(size for kind in CacheKind if kind > CacheKind.VIEW for _, size in cache.newest(kind)) > 60
 
 
-def test_views_go_before_details_and_the_oldest_first():
+def test_the_oldest_views_go_before_details_and_what_is_put_again_replaces():
     cache = ByteCache(100)
     cache.put(CacheKind.DETAIL, "detail", 0, 40)
     for key in "abc":
@@ -42,9 +42,6 @@ def test_views_go_before_details_and_the_oldest_first():
     cache.put(CacheKind.SHAPE, "shape", 1, 20)
     assert [key for key, _ in cache.newest(CacheKind.VIEW)] == ["a", "c"]
     assert cache.get(CacheKind.DETAIL, "detail") == 0
-
-
-def test_what_is_put_again_replaces_what_was_there():
     cache = ByteCache(100)
     cache.put(CacheKind.VIEW, "a", 1, 60)
     cache.put(CacheKind.VIEW, "a", 2, 50)

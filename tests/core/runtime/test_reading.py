@@ -40,7 +40,7 @@ def test_whatever_a_parser_raises_names_the_file_in_one_line_and_is_kept(error: 
     assert raised.value.__cause__ is error
 
 
-def test_what_is_named_already_is_left_as_it_is() -> None:
+def test_what_is_named_already_is_left_and_an_address_is_no_file() -> None:
     class OfItsOwnKind(ValueError):
         pass
 
@@ -48,13 +48,23 @@ def test_what_is_named_already_is_left_as_it_is() -> None:
         raise OfItsOwnKind("a.bin: why")
     with pytest.raises(KeyboardInterrupt), reading("a.bin"):
         raise KeyboardInterrupt
+    with (
+        pytest.raises(ValueError, match="is an address: save an image from there"),
+        reading(Path("https://example.org/chair.png"), "an image"),
+    ):
+        Path("https://example.org/chair.png").read_bytes()
 
 
-def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:
+def test_missing_files_are_named_and_text_may_have_a_byte_order_mark(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"no such scene: .*gone\.json"), reading(tmp_path / "gone.json", "a scene"):
         read_json(tmp_path / "gone.json")
     with pytest.raises(ValueError, match="is a folder, not a scene"), reading(tmp_path, "a scene"):
         read_json(tmp_path)
+    (tmp_path / "a.txt").write_text("1 2e3\r\n-4", "utf-8-sig")
+    assert read_numbers(tmp_path / "a.txt", 3) == (1.0, 2000.0, -4.0)
+    assert read_text(tmp_path / "a.txt").startswith("1")
+    with pytest.raises(ValueError, match="expected 4 numbers, got 3"):
+        read_numbers(tmp_path / "a.txt", 4)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32"])
@@ -62,14 +72,6 @@ def test_json_of_any_program_is_read(tmp_path: Path, encoding: str) -> None:
     (tmp_path / "a.json").write_text('{"name": "Stühle 椅子"}', encoding)
     assert read_json(tmp_path / "a.json") == {"name": "Stühle 椅子"}
     assert parse_json('\ufeff{"a": 1}') == {"a": 1}
-
-
-def test_text_may_have_a_byte_order_mark(tmp_path: Path) -> None:
-    (tmp_path / "a.txt").write_text("1 2e3\r\n-4", "utf-8-sig")
-    assert read_numbers(tmp_path / "a.txt", 3) == (1.0, 2000.0, -4.0)
-    assert read_text(tmp_path / "a.txt").startswith("1")
-    with pytest.raises(ValueError, match="expected 4 numbers, got 3"):
-        read_numbers(tmp_path / "a.txt", 4)
 
 
 def test_json_that_is_deep_or_large_is_refused() -> None:
@@ -141,16 +143,13 @@ def test_what_is_of_another_type_is_named(wrong: dict, said: str) -> None:
     assert said in str(error.value)
 
 
-def test_a_zip_is_measured_before_it_is_unpacked(tmp_path: Path) -> None:
+def test_zips_and_images_are_measured_before_they_are_decoded(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("zeros", bytes(2_000_000))
     with open_zip(tmp_path / "a.zip") as file:
         assert len(file.read("zeros")) == 2_000_000
     with pytest.raises(ValueError, match="more than"), open_zip(tmp_path / "a.zip", 1_000_000):
         pass
-
-
-def test_an_image_is_measured_as_it_will_be_decoded(tmp_path: Path) -> None:
     path = tmp_path / "a.jpg"
     Image.new("RGB", (4000, 3000)).save(path, progressive=False)
     with pytest.raises(ValueError, match="too large"), open_image(path, most=13_000_000):
@@ -171,11 +170,3 @@ def test_a_message_is_short_whatever_the_file_holds(path: str, named: bool) -> N
     assert "begins" in str(raised.value)
     assert str(raised.value).endswith("ends")
     assert path in str(raised.value)
-
-
-def test_an_address_is_no_file() -> None:
-    with (
-        pytest.raises(ValueError, match="is an address: save an image from there"),
-        reading(Path("https://example.org/chair.png"), "an image"),
-    ):
-        Path("https://example.org/chair.png").read_bytes()

@@ -55,21 +55,13 @@ def test_it_draws_what_the_reference_renders_where_the_exact_picture_is(
         assert psnr(shown, exact) > least
 
 
-def test_the_background_is_that_of_the_view(gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model) -> None:
+def test_any_object_is_drawn_on_the_views_background(
+    gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model
+) -> None:
     crop = fit_to_panel(stool.camera(0.7, 0.4, 4.0), 80, 80, 80)
     shown = drawn(gl, baked[0], crop, DARK)
     np.testing.assert_allclose(shown[0, 0], DARK.background[0], atol=0.01)
     np.testing.assert_allclose(shown[-1, -1], DARK.background[1], atol=0.01)
-
-
-def test_rays_through_pixel_corners_stay_there(gl: moderngl.Context) -> None:
-    model = random_model(white_from_network=True)
-    mist = next(one for one in bake(model, model.codes[0]) if one)
-    crop = fit_to_panel(model.camera(0.7, 0.4), 40, 40, 40)
-    assert psnr(drawn(gl, mist, crop), render_baked(mist, crop.camera).colour.numpy()) > 40
-
-
-def test_another_camera_or_object_is_drawn_at_once(gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model):
     canvas = BakedCanvas(gl)
     for one, azimuth in ((baked[1], 0.0), (baked[1], 1.0), (baked[0], 1.0), (baked[1], 0.0)):
         crop = fit_to_panel(stool.camera(azimuth, 0.4), 60, 60, 60)
@@ -78,7 +70,11 @@ def test_another_camera_or_object_is_drawn_at_once(gl: moderngl.Context, baked: 
     canvas.release()
 
 
-def test_whether_opengl_is_fast_is_measured(gl: moderngl.Context) -> None:
+def test_rays_through_corners_stay_there_and_speed_is_measured(gl: moderngl.Context) -> None:
+    model = random_model(white_from_network=True)
+    mist = next(one for one in bake(model, model.codes[0]) if one)
+    crop = fit_to_panel(model.camera(0.7, 0.4), 40, 40, 40)
+    assert psnr(drawn(gl, mist, crop), render_baked(mist, crop.camera).colour.numpy()) > 40
     assert is_fast(gl, math.inf)
     assert not is_fast(gl, 0.0)
 

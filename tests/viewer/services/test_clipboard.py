@@ -18,6 +18,17 @@ def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert first != second
     with Image.open(first) as image:
         assert image.size == (20, 10)
+    monkeypatch.setattr(clipboard.ImageGrab, "grabclipboard", lambda: Image.new("RGB", (2, 1), "red"))
+    folder = tmp_path / "pasted"
+    ((first,),) = Clipboard(folder).images("")
+    board = Clipboard(folder)
+    ((second,),) = board.images("")
+    assert [path.name for path in (first, second)] == ["pasted 1.png", "pasted 2.png"]
+    for _ in range(50):
+        ((newest,),) = board.images("")
+    assert not (first.exists() or second.exists())
+    assert newest.name == "pasted 52.png"
+    assert len(list(folder.iterdir())) == 50
 
 
 def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,20 +50,6 @@ def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyP
         assert window.session.messages.errors == ["Cannot copy the image: the clipboard cannot be written (no display)"]
 
     drive(act)
-
-
-def test_images_stay_for_the_next_launch_and_the_oldest_go(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(clipboard.ImageGrab, "grabclipboard", lambda: Image.new("RGB", (2, 1), "red"))
-    folder = tmp_path / "pasted"
-    ((first,),) = Clipboard(folder).images("")
-    board = Clipboard(folder)
-    ((second,),) = board.images("")
-    assert [path.name for path in (first, second)] == ["pasted 1.png", "pasted 2.png"]
-    for _ in range(50):
-        ((newest,),) = board.images("")
-    assert not (first.exists() or second.exists())
-    assert newest.name == "pasted 52.png"
-    assert len(list(folder.iterdir())) == 50
 
 
 def test_files_are_named_by_paths_and_addresses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

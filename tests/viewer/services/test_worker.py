@@ -193,15 +193,12 @@ def test_closing_ends_what_runs_and_cleans_up() -> None:
     assert sorted(closed) == ["export", "fit"]
 
 
-def test_the_window_is_woken_for_every_delivery() -> None:
+def test_deliveries_wake_the_window_and_work_ends_with_a_rest() -> None:
     woken = threading.Event()
     worker = Worker(woken.set)
     worker.submit(Job("one", lambda: iter([1]), lambda value: None))
     assert woken.wait(60.0)
     worker.close()
-
-
-def test_it_rests_once_after_each_spell_of_work() -> None:
     rested: list[int] = []
     worker = Worker(at_rest=lambda: rested.append(len(rested)))
     for turn in range(2):

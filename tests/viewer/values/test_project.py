@@ -140,12 +140,9 @@ def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved:
     assert "\n" not in str(error.value)
 
 
-def test_a_file_that_is_not_there_is_named(models: OpenModels, tmp_path: Path) -> None:
+def test_a_project_that_is_not_there_or_of_no_open_model(models: OpenModels, tmp_path: Path, saved: Project) -> None:
     with pytest.raises(ValueError, match=r"no such project: .*a\.codenerf"):
         Project.load(tmp_path / "a.codenerf", models)
-
-
-def test_a_project_of_a_model_that_is_not_open_is_refused(models: OpenModels, saved: Project, tmp_path: Path) -> None:
     saved.save(tmp_path / "a.codenerf", models)
     (model,) = models
     other = OpenModels(lambda name: random_model(seed=9))

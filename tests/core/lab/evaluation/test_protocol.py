@@ -108,7 +108,7 @@ def score(name: str, value: float, *rotations: float, translation: float = 0.01)
     return ObjectScore(name, value, value / 30, 3, 2.0, poses)
 
 
-def test_outliers_are_found_by_rotation_and_by_translation():
+def test_outliers_are_found_and_every_object_counts_alike():
     scores = [score("good", 24, 2.0), score("turned", 12, 170.0), score("away", 20, 1.0, translation=0.2)]
     found = summarise(scores)
     assert found.pose is not None
@@ -118,9 +118,6 @@ def test_outliers_are_found_by_rotation_and_by_translation():
     assert found.pose.within_5_degrees.mean == pytest.approx(2 / 3)
     assert found.pose.within_3_percent.mean == pytest.approx(2 / 3)
     assert found.pose.initial_rotation.mean == 80
-
-
-def test_every_object_counts_alike_however_many_cameras_it_had():
     found = summarise([score("a", 20, 0.0, 0.0, 9.0), score("b", 20, 9.0)])
     assert found.pose.cameras == 4
     assert found.pose.rotation.mean == pytest.approx(6)

@@ -59,11 +59,16 @@ def test_training_learns_and_measures_on_views_it_never_saw(dataset: Dataset):
     assert held_out_psnr(trainer.model(), held_out, 24) > before + 1.5
 
 
-def test_objects_of_one_texture_share_its_code(dataset: Dataset):
+def test_textures_share_codes_and_the_papers_recipe_uses_no_hull(dataset: Dataset):
     shared = tuple(dataclasses.replace(views, texture_id="same") for views in dataset.objects)
     model = Trainer(dataclasses.replace(dataset, objects=shared), SETTINGS).model()
     assert (len(model.codes.shapes), len(model.codes.textures), len(model.codes)) == (2, 1, 2)
     assert (model.category, model.image_size, model.distance) == ("balls", 32, 2.0)
+    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, whole_image=True))
+    assert trainer.ray_dataset.hulls.all()
+    *_, mask_class = trainer.ray_dataset.sample(2000, torch.Generator().manual_seed(0))
+    whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
+    assert abs(float((mask_class == 2).float().mean()) - float(whole)) < 0.1
 
 
 @pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
@@ -75,14 +80,6 @@ def test_every_recipe_learns(dataset: Dataset, recipe: str):
     settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **frequencies), **pace)
     steps = all_steps(Trainer(dataset, settings))
     assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.2
-
-
-def test_the_papers_recipe_uses_no_hull(dataset: Dataset):
-    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, whole_image=True))
-    assert trainer.ray_dataset.hulls.all()
-    *_, mask_class = trainer.ray_dataset.sample(2000, torch.Generator().manual_seed(0))
-    whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
-    assert abs(float((mask_class == 2).float().mean()) - float(whole)) < 0.1
 
 
 def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_path):
