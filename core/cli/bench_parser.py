@@ -16,9 +16,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kind = add_command(kinds, name, f"measure.bench_{name}", help_text)
         for add in parts:
             add(kind)
-        kind.add_argument(
-            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="output folder of the charts"
-        )
+        kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="folder of the charts")
 
 
 def _add_views(kind: argparse.ArgumentParser) -> None:
@@ -31,9 +29,7 @@ def _add_turns(kind: argparse.ArgumentParser) -> None:
 
 def _add_fits(kind: argparse.ArgumentParser) -> None:
     """Add the objects of a benchmark of fits."""
-    kind.add_argument(
-        "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders (default: the model's training objects)"
-    )
+    kind.add_argument("--dataset", type=Path, nargs="+", metavar="D", help="SRN folders (default: training objects)")
     kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
     add_seed(kind)
 

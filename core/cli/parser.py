@@ -54,9 +54,7 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     add_model(command)
     what = command.add_mutually_exclusive_group()
     what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
-    what.add_argument(
-        "--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) with an embedded one"
-    )
+    what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) that embeds one")
     add_no_photo_detail(command, "show the colours of the codes alone, without the photo detail of a fitted scene")
     command.add_argument(
         "--edit",
@@ -76,12 +74,8 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     _add_object_options(command)
-    command.add_argument(
-        "--azimuth", type=degrees, metavar="D", help="degrees; 90 is the front (default: 60 or the scene's)"
-    )
-    command.add_argument(
-        "--elevation", type=degrees, metavar="D", help="degrees, -90 to 90 (default: 20 or the scene's)"
-    )
+    command.add_argument("--azimuth", type=degrees, metavar="D", help="degrees; 90: the front (default: 60 or scene's)")
+    command.add_argument("--elevation", type=degrees, metavar="D", help="degrees, -90 to 90 (default: 20 or scene's)")
     command.add_argument(
         "--distance",
         type=float,
@@ -137,12 +131,8 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         metavar="PX",
         help="glb: width of a colour image, approximately (default: colours at the vertices)",
     )
-    command.add_argument(
-        "--triangles", type=count, metavar="N", help="at most (default: all, or a few thousand with a texture)"
-    )
-    command.add_argument(
-        "--metres", type=float, metavar="M", help="longest side, standing on the ground (default: scene units)"
-    )
+    command.add_argument("--triangles", type=count, metavar="N", help="at most (default: all; 8,000 with a texture)")
+    command.add_argument("--metres", type=float, metavar="M", help="longest side, on the ground (default: scene units)")
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
 
@@ -154,9 +144,7 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands, "fit", "fit.fit", "estimate camera and codes of an object in images; ends with one JSON line"
-    )
+    command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
     command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
     add_device(command)
@@ -167,12 +155,8 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="camera axes of --pose; opengl is Blender's"
     )
     where = command.add_mutually_exclusive_group()
-    where.add_argument(
-        "--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on the object, one point per image"
-    )
-    where.add_argument(
-        "--mask", type=Path, nargs="+", default=[], metavar="MASK", help="masks, white on the object, one per image"
-    )
+    where.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
+    where.add_argument("--mask", type=Path, nargs="+", default=[], metavar="MASK", help="one per image, white on it")
     where.add_argument(
         "--box",
         type=box,
@@ -181,13 +165,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         metavar="X0,Y0,X1,Y1",
         help="px around the object, one box per image: for several objects or clutter",
     )
-    where.add_argument(
-        "--object", type=count, nargs="+", default=[], metavar="N", help="the N-th detected object, one per image"
-    )
+    where.add_argument("--object", type=count, nargs="+", default=[], metavar="N", help="the N-th detection per image")
     _add_preset(command)
-    command.add_argument(
-        "--estimate-focal", action="store_true", help="also estimate the focal length (default: the model's)"
-    )
+    command.add_argument("--estimate-focal", action="store_true", help="find the focal length too (default: model's)")
     add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
     command.add_argument("--out", type=Path, metavar="S.json", help="save the fitted scene to this file")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="write every step to this file, one line each")
@@ -217,12 +197,8 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     )
     meshes = add_command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
-    meshes.add_argument(
-        "--variants", type=int, default=0, metavar="N", help="additional deformed, recoloured variants of each"
-    )
-    pairs = add_command(
-        kinds, "pairs", "train.dataset_pairs", "render trained and untrained pairs for evaluate --disentanglement"
-    )
+    meshes.add_argument("--variants", type=int, default=0, metavar="N", help="deformed, recoloured variants of each")
+    pairs = add_command(kinds, "pairs", "train.dataset_pairs", "render pairs for evaluate --disentanglement")
     pairs.add_argument("folder", type=Path, metavar="DIR")
     pairs.add_argument("--variants", type=count, default=3, metavar="N", help="as for the training dataset")
     pairs.add_argument("--meshes", type=count, default=4, metavar="N", help="training meshes, evenly spaced")
@@ -239,9 +215,7 @@ _DEFAULT_FIELD = RECIPES["default"].field
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands, "train", "train.train", "train a category model; to continue a stopped run, --resume"
-    )
+    command = add_command(commands, "train", "train.train", "train a category model; --resume continues a run")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     command.add_argument("--shares", type=float, nargs="+", default=(), help="fraction of the rays for each dataset")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
@@ -255,9 +229,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--steps", type=count, default=100_000, help="length of the schedule")
     command.add_argument("--rays", type=count, help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)")
     command.add_argument("--recipe", choices=tuple(RECIPES), default="default", help="M1, M2: the entangled ablations")
-    command.add_argument(
-        "--width", type=count, help=f"of the network (default: the recipe's; {_DEFAULT_FIELD.width} by default)"
-    )
+    command.add_argument("--width", type=count, help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)")
     command.add_argument(
         "--latent",
         type=count,
@@ -297,26 +269,20 @@ def _add_train_parts(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands, "convert", "train.convert", "turn a checkpoint of the authors' trainer into a model file"
-    )
+    command = add_command(commands, "convert", "train.convert", "turn a checkpoint of the authors into a model file")
     command.add_argument("checkpoint", type=Path, metavar="models.pth")
     command.add_argument("--config", type=Path, metavar="hpam.json", help="default: beside the checkpoint")
     command.add_argument("--out", type=Path, required=True, metavar="X.safetensors")
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, render the others, compare"
-    )
+    command = add_command(commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, score others")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
     add_model(command)
     command.add_argument(
         "--disentanglement", action="store_true", help="test untrained shape-texture pairs, and leaks of codes, instead"
     )
-    command.add_argument(
-        "--input-views", type=view_numbers, default="64", metavar="V,V", help="the views that are fitted"
-    )
+    command.add_argument("--input-views", type=view_numbers, default="64", metavar="V,V", help="the fitted views")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="cameras of the input views")
     _add_preset(command)
     command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")

@@ -124,9 +124,7 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     share = 100 * accuracy_within(
         classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE
     )
-    tqdm.write(
-        f"viewpoint: {share:.0f} % of held-out objects' views within {math.degrees(_VALIDATION_ANGLE):.0f} degrees"
-    )
+    tqdm.write(f"viewpoint: {share:.0f} % of held-out views within {math.degrees(_VALIDATION_ANGLE):.0f} degrees")
     return replace(model, viewpoint_classifier=classifier)
 
 

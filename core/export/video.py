@@ -38,9 +38,7 @@ class VideoSettings:
 
     def __post_init__(self) -> None:
         if not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
-            raise ValueError(
-                f"a video has 1 to 100 frames per second, quality 1 to 100; got {self.rate}, {self.quality}"
-            )
+            raise ValueError(f"a video has 1 to 100 frames a second, quality 1 to 100; got {self.rate}, {self.quality}")
 
 
 def write_video(

@@ -47,6 +47,4 @@ class FieldConfig:
         if number(self.density_scale, "density_scale") <= 0:
             raise ValueError(f"density_scale of a field is positive, got {self.density_scale}")
         if number(self.contrast, "contrast") < 0 or number(self.contrast_gain, "contrast_gain") < 1:
-            raise ValueError(
-                f"contrast of a field is at least 0, its gain at least 1: {self.contrast}, {self.contrast_gain}"
-            )
+            raise ValueError(f"contrast of a field is >= 0, its gain >= 1: {self.contrast}, {self.contrast_gain}")

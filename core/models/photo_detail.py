@@ -46,9 +46,7 @@ class PhotoView:
 
     def __post_init__(self) -> None:
         if len(self.image) > MAX_BYTES:
-            raise ValueError(
-                f"a photo's detail has at most {MAX_BYTES / 1000:.0f} kB, got {len(self.image) / 1000:.0f}"
-            )
+            raise ValueError(f"photo detail has at most {MAX_BYTES / 1000:.0f} kB, got {len(self.image) / 1000:.0f}")
         numbers = [number for one in self.erased for number in (one.radius, *itertools.chain(*one.points))]
         if not all(math.isfinite(number) for number in numbers):
             raise ValueError("erasures of a photo must be finite")

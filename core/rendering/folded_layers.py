@@ -185,9 +185,7 @@ def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
 def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     field: Field = model.field
     if model.is_ablation:
-        raise ValueError(
-            f"a model of architecture {field.config.architecture} needs render --exact and cannot be fitted"
-        )
+        raise ValueError(f"a model of architecture {field.config.architecture} needs --exact and cannot be fitted")
     width, features = field.config.width, field.feature_layer
     entry = field.direction_layer
     from_features = entry.weight[:, :width]

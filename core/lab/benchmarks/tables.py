@@ -145,9 +145,7 @@ _FITS: list[Column] = [
 
 def ablations_table(found: Results[Ablation]) -> str:
     """A line per method."""
-    return _text(
-        f"{found.about['machine']}; cameras unknown; with 95 % intervals.", markdown_table(_ABLATIONS, found.rows)
-    )
+    return _text(f"{found.about['machine']}; cameras unknown; 95 % intervals.", markdown_table(_ABLATIONS, found.rows))
 
 
 _ABLATIONS: list[Column] = [

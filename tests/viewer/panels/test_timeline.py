@@ -8,10 +8,9 @@ from tests.viewer.driver import Driver, in_window
 from tests.viewer.stand_ins import small_video
 
 
-@in_window(video=small_video)
-def test_a_timeline_is_made_and_exported(window: Driver, tmp_path: Path) -> None:
-    session, editor = window.session, window.session.editor
-    made = session.player
+@in_window()
+def test_keyframes_are_added_moved_shown_and_deleted(window: Driver) -> None:
+    editor, made = window.session.editor, window.session.player
     window.show("Timeline")
     buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share video", "time"))
     assert line.min.y > buttons.max.y
@@ -46,7 +45,16 @@ def test_a_timeline_is_made_and_exported(window: Driver, tmp_path: Path) -> None
     window.click("Timeline/key 2")
     window.press(imgui.Key.delete)
     assert len(made.timeline.keys) == 1
-    window.undo()
+
+
+@in_window(video=small_video)
+def test_a_timeline_is_exported(window: Driver, tmp_path: Path) -> None:
+    session, made = window.session, window.session.player
+    window.show("Timeline")
+    made.add_key()
+    made.seek(2.0)
+    session.editor.show_object("object 3")
+    made.add_key()
     window.click("Timeline/Loop")
     assert not made.timeline.loop
     window.set("Timeline/##length", 1.0)
