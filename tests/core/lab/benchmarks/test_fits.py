@@ -62,6 +62,8 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Result
 
 
 def test_charts_of_any_results_are_written(found: Results[FitTrial], tmp_path: Path):
+    with pytest.raises(ValueError, match="no CSV file of a benchmark"):
+        redraw(tmp_path)
     prepare(tmp_path / "charts")
     table = write(tmp_path / "charts", "fit", found)
     assert read_results(tmp_path / "charts/fit.csv", FitTrial) == found
@@ -71,8 +73,6 @@ def test_charts_of_any_results_are_written(found: Results[FitTrial], tmp_path: P
     (tmp_path / "charts/fit.md").unlink()
     assert redraw(tmp_path) == [tmp_path / "charts/fit.csv"]
     assert (tmp_path / "charts/fit.md").read_text() == table
-    with pytest.raises(ValueError, match="no CSV file of a benchmark"):
-        redraw(tmp_path)
     at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.rows)
     write(tmp_path, "fit", replace(found, rows=at_once))
     assert (tmp_path / "fit.png").exists()

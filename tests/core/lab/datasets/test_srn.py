@@ -57,8 +57,8 @@ def test_a_manifest_says_what_is_shared_else_nothing_is(tmp_path: Path) -> None:
     dataset = read_dataset(tmp_path)
     assert dataset.category == "chairs"
     assert [(one.shape_id, one.texture_id) for one in dataset.objects] == [("shape-1", "oak"), ("shape-1", "red")]
-    write_object(tmp_path, replace(views("a"), shape_id="s", texture_id="t"))
-    one = read_dataset(tmp_path).objects[0]
+    write_object(tmp_path / "bare", replace(views("a"), shape_id="s", texture_id="t"))
+    one = read_dataset(tmp_path / "bare").objects[0]
     assert one.shape_id == one.texture_id == "a"
 
 
