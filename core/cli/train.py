@@ -121,10 +121,8 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     stream = train_viewpoint(classifier, training, steps, seed)
     for _ in tqdm(stream, total=steps, desc="viewpoint", unit="step", disable=None):
         pass
-    share = 100 * accuracy_within(
-        classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE
-    )
-    tqdm.write(f"viewpoint: {share:.0f} % of held-out views within {math.degrees(_VALIDATION_ANGLE):.0f} degrees")
+    hits = 100 * accuracy_within(classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE)
+    tqdm.write(f"viewpoint: {hits:.0f} % of held-out views within {math.degrees(_VALIDATION_ANGLE):.0f} degrees")
     return replace(model, viewpoint_classifier=classifier)
 
 

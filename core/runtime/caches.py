@@ -98,9 +98,7 @@ class ByteCache:
         return sum(entry.size for entries in self._entries.values() for entry in entries.values())
 
     def _room(self, kind: CacheKind) -> int:
-        return self.limit - sum(
-            entry.size for more in CacheKind if more > kind for entry in self._entries[more].values()
-        )
+        return self.limit - sum(one.size for more in CacheKind if more > kind for one in self._entries[more].values())
 
     def _make_room(self, size: int = 0) -> None:
         while self._used() + size > self.limit:

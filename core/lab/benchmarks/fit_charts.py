@@ -76,9 +76,7 @@ def robustness_chart(found: Results[RobustnessTrial]) -> "Figure":
         axes.remove()
     presets = list(dict.fromkeys(trial.preset for trial in found.rows))
     for axes, name in zip(panels, names, strict=False):
-        _stressor_panel(
-            axes, name, {level: each for (stressor, level), each in rates.items() if stressor == name}, presets
-        )
+        _stressor_panel(axes, name, {level: one for (other, level), one in rates.items() if other == name}, presets)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower right", ncols=len(labels))
     what = f"cameras within {SUCCESS_DEGREES:g}°; without an object: refused or doubted (%)"

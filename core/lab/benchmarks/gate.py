@@ -57,18 +57,14 @@ def measure_ratios(model: Model) -> Iterator[Ratio]:
     ((_, codes),) = evenly_spaced_objects(model, 1)
     camera = model.camera(0.9, 0.4)
     with use_dtype(torch.float32):
-        exact = _second_time(
-            lambda: render_exact(model, codes, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time
-        )
-        rendered = _second_time(
+        exact = _timed(lambda: render_exact(model, codes, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time)
+        rendered = _timed(
             lambda: fast.render(model, codes, camera, RenderSettings().samples), time.process_time, fast.clear_views
         )
         yield Ratio("a render against an exact one", rendered / exact)
         photo = Photo(*render_on_white(model, codes, camera))
-        naive = _second_time(
-            lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)), time.process_time
-        )
-        fitted = _second_time(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)), time.process_time)
+        naive = _timed(lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)), time.process_time)
+        fitted = _timed(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)), time.process_time)
         yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)
     yield from _commands(model.category)
 
@@ -90,9 +86,7 @@ def read_baseline(path: Path) -> tuple[Ratio, ...]:
     return read_records(path, Ratio)
 
 
-def _second_time(
-    run: Callable[[], object], clock: Callable[[], float], before: Callable[[], None] = lambda: None
-) -> float:
+def _timed(run: Callable[[], object], clock: Callable[[], float], before: Callable[[], None] = lambda: None) -> float:
     """Return the seconds of a second run; the first fills caches, also oneDNN's compiled kernels."""
     run()
     before()
@@ -117,8 +111,8 @@ def _commands(category: str) -> Iterator[Ratio]:
             environment = os.environ | {"CODENERF_CACHE": folder}
             said.append(subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout)
 
-        plain = _second_time(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
-        whole = _second_time(command, time.perf_counter)
+        plain = _timed(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
+        whole = _timed(command, time.perf_counter)
         yield Ratio("a draft fit's process against importing torch", whole / plain)
         parts = json.loads(said[-1].splitlines()[-1])["seconds_by_part"]
         yield Ratio("a kept view bank against the search", parts["view_bank"] / parts["search"])

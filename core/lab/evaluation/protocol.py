@@ -154,10 +154,8 @@ def _require_focal_length(model: Model, views: ObjectViews) -> None:
 
 
 def _pose_score(view: int, truth: Camera, estimated: Camera, initial: Camera) -> PoseScore:
-    errors = [
-        measure(camera, truth) for camera in (estimated, initial) for measure in (rotation_error, translation_error)
-    ]
-    return PoseScore(view, *errors)
+    measures = rotation_error, translation_error
+    return PoseScore(view, *(measure(camera, truth) for camera in (estimated, initial) for measure in measures))
 
 
 # Averages
