@@ -37,7 +37,7 @@ def subprogress(
     """
     while True:
         try:
-            share = next(stream)
+            fraction = next(stream)
         except StopIteration as done:
             return done.value
-        yield begin + (end - begin) * (share or 0.0)
+        yield begin + (end - begin) * (fraction or 0.0)

@@ -42,11 +42,11 @@ def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: b
     return [View(view.codes, replace(view.camera, focal=zoom * view.camera.focal)) for view in views]
 
 
-def filling_distance(model: Model, codes: Codes, camera: Camera, share: float) -> float:
+def filling_distance(model: Model, codes: Codes, camera: Camera, fraction: float) -> float:
     """Return the distance (scene units) at which the object fills a fraction (0..1) of the frame's width or height."""
     local = camera.to_camera_axes(_opaque_points(model, codes, 1))
     reach = local[:, :2].abs() + max(model.extent) / CELLS  # the points are the middles of cells
-    half = share * torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
+    half = fraction * torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
     return camera.distance + float((reach / half + local[:, 2:]).amax())
 
 

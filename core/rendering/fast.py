@@ -65,7 +65,7 @@ def render_steps(
         with torch.inference_mode():
             for whole, part in zip(image, (colour, chunk.depth, chunk.opacity, chunk.evaluations), strict=True):
                 whole[chunk.pixel] = part
-        size, done = size + chunk.size, done + chunk.share
+        size, done = size + chunk.size, done + chunk.fraction
         # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
         keep = keep and CACHE.make_room(CacheKind.VIEW, round(size / done))
         seen.append(chunk) if keep else seen.clear()
@@ -94,7 +94,7 @@ class Chunk:
     ray: Int[Tensor, "seen"]
     weight: Float[Tensor, "seen"]  # fraction of its ray's light
     features: Float[Tensor, "seen width"]  # input of the texture part
-    share: float  # fraction of the view's rays, including empty ones
+    fraction: float  # of the view's rays, including empty ones
 
     @property
     def size(self) -> int:
@@ -156,8 +156,8 @@ def _visibility(folded: FoldedField, view: VisibilityKey) -> tuple[Callable[[sli
     def visible(some: slice) -> Chunk:
         with torch.inference_mode():
             rays = _rays(view, occupancy, pixel[some], first[some], last[some])
-            share = len(pixel[some]) / len(pixel)
-            return _chunk(folded, occupancy, pixel[some], rays, step, limits, share)
+            fraction = len(pixel[some]) / len(pixel)
+            return _chunk(folded, occupancy, pixel[some], rays, step, limits, fraction)
 
     size = max(1, min(CHUNK_RAYS, -(-len(pixel) // 2)))  # of a small image, two threads take a half each
     return visible, [slice(start, start + size) for start in range(0, len(pixel), size)]
@@ -185,9 +185,9 @@ def _chunk(
     rays: Rays,
     step: float,
     tolerances: Tolerances,
-    share: float,
+    fraction: float,
 ) -> Chunk:
-    """Trace rays (a fraction ``share`` of the view's) to the end; drop rays that meet no occupied cell."""
+    """Trace rays, a ``fraction`` of the view's, to the end; drop rays that meet no occupied cell."""
     occupied = occupancy.intersect(rays, step, tolerances.termination)
     some, ray, counts = torch.unique_consecutive(occupied.ray, return_inverse=True, return_counts=True)
     pixel, rays = pixel.index_select(0, some), rays[some]
@@ -214,7 +214,7 @@ def _chunk(
     seen = (weight > tolerances.min_weight * opacity.index_select(0, owner)).nonzero()[:, 0]
     ray, weight, features = (part.index_select(0, seen) for part in (owner, weight, features))
     evaluations = torch.bincount(owner, minlength=len(counts))
-    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, ray, weight, features, share)
+    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, ray, weight, features, fraction)
 
 
 def _evaluation_rounds(

@@ -22,7 +22,7 @@ from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
 from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
-from core.lab.evaluation.statistics import Mean, mean_of, share_within
+from core.lab.evaluation.statistics import Mean, fraction_within, mean_of
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
 from core.photos.view_bank import build_view_bank
@@ -171,7 +171,7 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
     curve = []
     for number, moment in enumerate(TIMES):
         errors = [trial.rotation_curve[number] for trial in trials]
-        curve.append((moment, median(errors), share_within(errors, 5.0).mean))
+        curve.append((moment, median(errors), fraction_within(errors, 5.0).mean))
     return FitSummary(
         preset,
         len(trials),
@@ -179,9 +179,9 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
         float(np.mean([trial.initial_rotation for trial in trials])),
         median(trial.rotation for trial in trials),
         sum(trial.symmetric for trial in trials),
-        share_within(rotations, 5.0),
-        share_within(rotations, 10.0),
-        share_within(translations, 0.03),
+        fraction_within(rotations, 5.0),
+        fraction_within(rotations, 10.0),
+        fraction_within(translations, 0.03),
         mean_of([trial.held_out for trial in trials]),
         _confidence_auroc(trials),
         _mean_score([trial.whole for trial in trials if trial.whole]),

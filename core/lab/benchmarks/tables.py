@@ -24,7 +24,7 @@ from core.lab.benchmarks.robustness import (
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.benchmarks.videos import VideoTiming
 from core.lab.evaluation.protocol import ViewScore
-from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
+from core.lab.evaluation.statistics import Mean, format_difference, format_fraction, fraction_within
 
 _SURE = 0.9  # a wrong camera of more confidence misleads
 _THRESHOLDS = (0.0, 0.5, 0.8, _SURE)  # confidences from which a camera may be believed
@@ -134,9 +134,9 @@ _FITS: list[Column] = [
     ("processor s (median)", "seconds", "{:.1f}"),
     ("initial rotation error", "initial_rotation", "{:.0f}°"),
     ("rotation error (median)", "rotation", "{:.2f}°"),
-    ("within 5°", "within_5_degrees", format_share),
-    ("within 10°", "within_10_degrees", format_share),
-    ("within 3 %", "within_3_percent", format_share),
+    ("within 5°", "within_5_degrees", format_fraction),
+    ("within 10°", "within_10_degrees", format_fraction),
+    ("within 3 %", "within_3_percent", format_fraction),
     ("other views", "held_out.mean", "{:.1f} dB"),
     ("at the dataset's size: dB, overlap, haze", "whole", lambda score: "" if score is None else _view_score(score)),
     ("confidence (AUROC)", "auroc", lambda area: "" if area is None else f"{area:.2f}"),
@@ -153,8 +153,8 @@ _ABLATIONS: list[Column] = [
     ("views", "summary.fits", "{}"),
     ("time", "time", "{:.2f}"),
     ("rotation error (median)", "summary.rotation", "{:.2f}°"),
-    ("within 5°", "summary.within_5_degrees", format_share),
-    ("within 10°", "summary.within_10_degrees", format_share),
+    ("within 5°", "summary.within_5_degrees", format_fraction),
+    ("within 10°", "summary.within_10_degrees", format_fraction),
     ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
     ("difference to the full method (dB)", "gain", format_difference),
 ]
@@ -218,7 +218,7 @@ def _of(preset: str, rates: Rates) -> Callable[[tuple[str, float]], Mean | None]
 
 
 def _share(share: Mean | None) -> str:
-    return format_share(share) if share else ""
+    return format_fraction(share) if share else ""
 
 
 def _per_cent(share: Mean | None) -> str:
@@ -252,7 +252,7 @@ def photo_detail_table(found: Results[DetailView]) -> str:
         ("the photo itself (dB)", lambda rows: _photo_itself(rows, "plain"), "{:.1f}"),
         ("with detail", lambda rows: _photo_itself(rows, "full"), "{:.1f}"),
         ("bound", lambda rows: _photo_itself(rows, "bound"), "{:.1f}"),
-        ("35 dB", lambda rows: share_within([-row.full for row in _right(rows)], -35.0), format_share),
+        ("35 dB", lambda rows: fraction_within([-row.full for row in _right(rows)], -35.0), format_fraction),
     ]
     what = "with 95 % intervals over objects; the photo itself: of cameras within 10°; bound: the photo's own colours."
     return _text(f"{found.about['machine']}; {what}", markdown_table(columns, groups.values()))

@@ -41,24 +41,24 @@ def mean_gain(values: Sequence[float], others: Sequence[float]) -> Mean:
     return mean_of([one - other for one, other in zip(values, others, strict=True)])
 
 
-def share_within(values: Sequence[float], limit: float) -> Mean:
+def fraction_within(values: Sequence[float], limit: float) -> Mean:
     """Return the fraction of values that are at most ``limit``, 0..1, with its interval.
 
     Example:
-        >>> share_within([1.0, 2.0, 9.0, 9.0], 5.0).mean
+        >>> fraction_within([1.0, 2.0, 9.0, 9.0], 5.0).mean
         0.5
     """
     return mean_of([float(value <= limit) for value in values])
 
 
-def format_share(share: Mean) -> str:
+def format_fraction(fraction: Mean) -> str:
     """Format a fraction of 0..1 as per cent with its interval.
 
     Example:
-        >>> format_share(Mean(0.8, 0.634, 0.93))
+        >>> format_fraction(Mean(0.8, 0.634, 0.93))
         '80 % (63 to 93)'
     """
-    return f"{100 * share.mean:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f})"
+    return f"{100 * fraction.mean:.0f} % ({100 * fraction.low:.0f} to {100 * fraction.high:.0f})"
 
 
 def format_difference(difference: Mean) -> str:
