@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import repeat
@@ -38,36 +38,19 @@ _TOGETHER = "confidence, uncertainty and runner-up of several photos together ar
 
 def fit(chosen: argparse.Namespace) -> None:
     """Run ``fit``: estimate camera and codes of the object in the images; end with a line of JSON."""
-    if chosen.pose and len(chosen.pose) != len(chosen.images):
-        raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
-    pointed = (chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks"), (chosen.object, "object numbers")
-    for given, plural in pointed:
-        if given and len(given) != len(chosen.images):
-            raise ValueError(f"{len(chosen.images)} images need as many {plural}, got {len(given)}")
-    if chosen.estimate_focal and chosen.pose:
-        raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
-    if chosen.out and chosen.out.suffix.lower() != ".json":
-        raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
-    if chosen.explain:
-        chosen.explain.mkdir(parents=True, exist_ok=True)
-    for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):
-        require_writable(path)
+    _check(chosen)
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     poses = chosen.pose or [None] * len(chosen.images)
     nothing = [None] * len(chosen.images)
     hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
-    clock = Stopwatch()
+    clock = _Stopwatch()
     masks = chosen.mask or nothing
     cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
-    model = load_model(chosen.model or probable_model(cuts[0]), chosen.device)
+    model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
         bank = wait_for_view_bank(model)
     photos = tuple(map(_photo, chosen.images, cuts, repeat(model), repeat(bank), poses, repeat(chosen.pose_axes)))
-    guess, *others = (photo.categories for photo in photos)
-    for path, other in zip(chosen.images[1:], others, strict=True):
-        _say(path, describe_difference(guess, other))
-    if said := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
-        print(f"python -m core: {said}", file=sys.stderr)
+    _say_categories(chosen, model, photos)
     with clock("search"):
         last = _search(model, FitJob(photos, bank, settings, chosen.seed), chosen.log)
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
@@ -84,12 +67,32 @@ def fit(chosen: argparse.Namespace) -> None:
         save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)
 
 
-def probable_model(cut: CutOut) -> str:
-    """Return the name of the shipped model of an image's likeliest category."""
-    return likeliest_model(cut.categories)
+def _check(chosen: argparse.Namespace) -> None:
+    """Raise ``ValueError`` for options that contradict each other or files that cannot be written."""
+    count, kinds = len(chosen.images), {"pose": "poses", "box": "boxes", "point": "points", "mask": "masks"}
+    for name, plural in (kinds | {"object": "object numbers"}).items():
+        if (given := getattr(chosen, name)) and len(given) != count:
+            raise ValueError(f"{count} images need as many {plural}, got {len(given)}")
+    if chosen.estimate_focal and chosen.pose:
+        raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
+    if chosen.out and chosen.out.suffix.lower() != ".json":
+        raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
+    if chosen.explain:
+        chosen.explain.mkdir(parents=True, exist_ok=True)
+    for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):
+        require_writable(path)
 
 
-def other_objects(cut: CutOut, hints: Hints | None) -> str:
+def _say_categories(chosen: argparse.Namespace, model: Model, photos: Sequence[Photo]) -> None:
+    """Print what the images show if it is not one object of the model's category."""
+    guess, *others = (photo.categories for photo in photos)
+    for path, other in zip(chosen.images[1:], others, strict=True):
+        _say(path, describe_difference(guess, other))
+    if said := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
+        print(f"python -m core: {said}", file=sys.stderr)
+
+
+def _other_objects(cut: CutOut, hints: Hints | None) -> str:
     """Return a note about other objects nearly as prominent as the one cut out; "" for none."""
     if hints or cut.confidence == 1 or len(cut.detections) < 2:
         return ""
@@ -98,7 +101,7 @@ def other_objects(cut: CutOut, hints: Hints | None) -> str:
     return f"{len(cut.detections)} objects are found: --object 2 fits the next one" if near else ""
 
 
-class Stopwatch:
+class _Stopwatch:
     """Adds up seconds by part: ``with clock("decode"): ...``."""
 
     def __init__(self) -> None:
@@ -112,7 +115,7 @@ class Stopwatch:
         self.parts[part] = round(self.parts.get(part, 0.0) + time.perf_counter() - began, 3)
 
 
-def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatch) -> CutOut:
+def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: _Stopwatch) -> CutOut:
     try:
         with naming(path):
             with clock("decode"):
@@ -127,7 +130,7 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
         if cut.confidence < DOUBTFUL_MASK:
             doubt = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by})"
             _say(path, f"{doubt}: --point, --box or --mask helps")
-        if not mask and (said := other_objects(cut, hints)):
+        if not mask and (said := _other_objects(cut, hints)):
             _say(path, said)
         return cut
     except NoBackgroundError as error:
