@@ -227,6 +227,9 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
         assert corner("View").y < corner("Timeline").y
         window.menu("Panels/Timeline")
         assert "Timeline" not in seen(window)
+        window.menu("Panels/Timeline")
+        assert "Timeline" in seen(window)
+        window.menu("Panels/Timeline")
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.tab)
         assert seen(window) == {"View"}

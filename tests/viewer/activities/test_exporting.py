@@ -20,13 +20,24 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
     assert session.messages.errors == []
 
 
-def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(session: Session, tmp_path: Path) -> None:
-    for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
+_REFUSED = {
+    "mesh": "a.stl a missing/a.glb mist.glb",  # the tiny model is a mist: it has no surface
+    "turntable": "turn.avi turn missing/turn.mp4 missing/turn.gif",
+    "picture": "a.xyz missing/a.png",
+}
+
+
+@pytest.mark.parametrize(("kind", "names"), _REFUSED.items())
+def test_what_cannot_be_written_is_reported(session: Session, tmp_path: Path, kind: str, names: str) -> None:
+    for name in names.split():
         session.messages.all.clear()
-        session.exporting.share(tmp_path / name, ShareSettings("mesh", cells=16))
+        session.exporting.share(tmp_path / name, ShareSettings(kind, cells=16, size=16))
         finish(session)
         assert len(session.messages.errors) == 1, name
         assert not session.exporting.running
+    session.exporting.mixes(tmp_path / "missing" / "mixes.png", size=16)
+    finish(session)
+    assert len(session.messages.errors) == 2
     assert list(tmp_path.iterdir()) == []
 
 

@@ -40,6 +40,10 @@ def test_a_drag_turns_the_object_and_is_one_step_of_undo(window: Driver) -> None
     assert editor.scene == before
     window.click("View/###redo")
     assert editor.scene.camera == turned
+    window.ctx.key_down(imgui.Key.mod_shift)  # finely
+    window.drag("View/orbit", 150)
+    window.ctx.key_up(imgui.Key.mod_shift)
+    assert 0 < turned.azimuth - editor.scene.camera.azimuth < 0.3 * (before.camera.azimuth - turned.azimuth)
 
 
 @in_window(size=(900, 600))

@@ -1,4 +1,4 @@
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -38,9 +38,13 @@ def test_a_file_that_an_ending_leads_to_is_confirmed(tmp_path: Path) -> None:
     assert not dialogs.asking
 
 
-@pytest.mark.parametrize(("typed", "path"), [("a", "a.png"), ("a.webp", "a.webp"), (" a.png ", "a.png")])
-def test_a_name_without_an_ending_gets_one(typed: str, path: str) -> None:
-    assert FileRequest("Save", print, (".png",), True, "image.png").path(typed) == Path(path)
+@pytest.mark.parametrize(
+    ("typed", "path"), [("a", "a.png"), ("a.webp", "a.webp"), (" a.png ", "a.png"), (" /a/b ", "/a/b.png")]
+)
+def test_a_name_without_an_ending_gets_the_proposed_one(typed: str, path: str) -> None:
+    request = FileRequest("Save", print, (".webp", ".png"), True, "image.png")
+    assert request.path(typed) == Path(path)
+    assert replace(request, save=False).path("/a/b") == Path("/a/b")
 
 
 def test_a_file_that_is_no_name_is_not_there() -> None:
