@@ -208,6 +208,7 @@ def test_objects_of_two_models_are_not_mixed_and_bring_mixes_of_their_own(both: 
     assert all(both.models.of(both.objects[name].codes) is cars for name in both.state.mix.names)
     both.mix_both(0.0, 0.5)
     assert both.model is cars
+    both.show_object("object 3")
     assert both.is_mixable("object 2") and not both.is_mixable("object 2 (2)")
     with pytest.raises(ValueError, match="different models"):
         both.take("texture", "object 2 (2)")
