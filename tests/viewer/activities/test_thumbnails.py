@@ -63,15 +63,6 @@ def test_another_model_has_other_thumbnails(session: Session, model: Model) -> N
     assert not session.thumbnails.newest
 
 
-def test_thumbnails_are_rendered_when_they_are_requested(session: Session, model: Model) -> None:
-    assert [session.thumbnails.of_object(model.codes[index]) for index in (0, 1)] == [None, None]
-    finish(session)
-    assert all(session.thumbnails.of_object(model.codes[index]) for index in (0, 1))
-    assert session.thumbnails.of_object(model.codes[2]) is None
-    finish(session)
-    assert session.thumbnails.of_object(model.codes[2])
-
-
 def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, model: Model) -> None:
     widths: list[int] = []
 

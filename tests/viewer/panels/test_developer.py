@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import quick_fit
 from viewer.services.backend import Backend
 
@@ -49,37 +49,33 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
     drive(act, replace(backend, fit=fit))
 
 
-def test_numbers_describe_the_frame_on_screen_and_move_the_camera(drive: Drive, real_backend: Backend) -> None:
-    def act(window: Driver) -> None:
-        session = window.session
-        window.show("Developer")
-        window.set("Developer/##azimuth", 30.0)
-        window.set("Developer/##elevation", 10.0)
-        camera = session.editor.scene.camera
-        assert (camera.azimuth, camera.elevation) == pytest.approx((math.radians(30), math.radians(10)), abs=1e-4)
-        window.set("Developer/##distance", 1.2)
-        assert session.editor.scene.camera.distance == pytest.approx(1.2)
-        window.click("Developer/##mode")
-        window.click("**/Opacity")
-        window.wait(lambda: session.viewport.frame.final and not session.jobs.busy("view"))
-        assert session.messages.errors == []
-
-    drive(act, real_backend)
+@in_window(of="real_backend")
+def test_numbers_describe_the_frame_on_screen_and_move_the_camera(window: Driver) -> None:
+    session = window.session
+    window.show("Developer")
+    window.set("Developer/##azimuth", 30.0)
+    window.set("Developer/##elevation", 10.0)
+    camera = session.editor.scene.camera
+    assert (camera.azimuth, camera.elevation) == pytest.approx((math.radians(30), math.radians(10)), abs=1e-4)
+    window.set("Developer/##distance", 1.2)
+    assert session.editor.scene.camera.distance == pytest.approx(1.2)
+    window.click("Developer/##mode")
+    window.click("**/Opacity")
+    window.wait(lambda: session.viewport.frame.final and not session.jobs.busy("view"))
+    assert session.messages.errors == []
 
 
-def test_the_camera_is_copied_and_pasted(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        window.drag("View/orbit", 90, -20)
-        here = editor.scene.camera
-        window.menu("Edit/###copy_camera")
-        window.click("View/###reset_view")
-        window.menu("Edit/###paste_camera")
-        back = editor.scene.camera
-        assert (back.azimuth, back.elevation) == pytest.approx((here.azimuth, here.elevation), abs=1e-5)
-        imgui.set_clipboard_text("no camera at all")
-        window.menu("Edit/###paste_camera")
-        assert editor.scene.camera == back
-        assert "no camera" in window.session.messages.errors[0]
-
-    drive(act)
+@in_window()
+def test_the_camera_is_copied_and_pasted(window: Driver) -> None:
+    editor = window.session.editor
+    window.drag("View/orbit", 90, -20)
+    here = editor.scene.camera
+    window.menu("Edit/###copy_camera")
+    window.click("View/###reset_view")
+    window.menu("Edit/###paste_camera")
+    back = editor.scene.camera
+    assert (back.azimuth, back.elevation) == pytest.approx((here.azimuth, here.elevation), abs=1e-5)
+    imgui.set_clipboard_text("no camera at all")
+    window.menu("Edit/###paste_camera")
+    assert editor.scene.camera == back
+    assert "no camera" in window.session.messages.errors[0]

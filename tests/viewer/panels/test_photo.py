@@ -11,7 +11,7 @@ from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.photo_detail import Erasure
 from core.photos.segmentation import Hints
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import (
     crowded,
     detailed_fit,
@@ -28,109 +28,87 @@ from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
 
-def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        before = editor.state
-        window.context.drop([str(photo)])
-        window.wait(lambda: not session.fitting.running)
-        window.wait()
-        assert editor.scene.codes == model.codes[3]
-        window.click("Photo/###share")  # what one does next is there
-        window.press(imgui.Key.escape)
-        assert editor.objects.own[0] == "block"
-        assert window.exists("Library/**/show block")
+@in_window(fit=detailed_fit)
+def test_photo_and_view_are_compared_from_the_photo_s_camera(window: Driver, photo: Path) -> None:
+    session, editor, context = window.session, window.session.editor, window.context
+    window.fit(photo)
+    first, low, high = editor.scene.camera, *context.view
+    middle = int((low.y + high.y) / 2), int((low.x + high.x) / 2)
+    window.press(imgui.Key._4)
+    window.wait()
+    assert context.tool == "wipe"
+    assert editor.scene.camera == session.photo_camera != first
+    before = editor.history
+    window.drag("View/orbit", -400)
+    render = window.capture()
+    window.drag("View/orbit", 400)
+    np.testing.assert_allclose(window.capture()[middle], (200, 30, 30), atol=12)  # the red block
+    assert abs(render[middle] - (200, 30, 30)).max() > 30
+    assert editor.history is before
+    window.press(imgui.Key._4)
+    assert context.tool == "turn"
+    np.testing.assert_allclose(window.capture()[middle], render[middle], atol=3)
+    window.click("Photo/###wipe")
+    assert context.tool == "wipe"
+    window.click("Photo/###turn")
+    window.drag("View/orbit", 100)
+    assert editor.scene.camera != session.photo_camera
+
+
+@in_window()
+def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver, model: Model, tmp_path: Path) -> None:
+    editor = window.session.editor
+    editor.add_and_show(fitted(model), editor.scene.camera)
+    window.show("Photo")
+    before = editor.state
+
+    def erased() -> tuple[Erasure, ...]:
+        detail = editor.scene.codes.detail
+        assert detail is not None
+        return detail.views[0].erased
+
+    window.click("Photo/###erase")
+    window.wait()
+    assert editor.scene.camera == window.session.photo_camera
+    seen = editor.state
+    window.drag("View/orbit", 40)
+    (stroke,) = erased()
+    xs = [x for x, _ in stroke.points]
+    assert len(xs) > 1 and xs[-1] > xs[0]
+    assert editor.history.past[-1] == seen, "a stroke is one step"
+    window.ctx.mouse_wheel_y(4.0)
+    window.ctx.yield_(2)
+    window.drag("View/orbit", 40)
+    assert erased()[1].radius > 1.5 * stroke.radius
+    window.session.project().save(tmp_path / "a.codenerf", window.session.models)
+    again = Project.load(tmp_path / "a.codenerf", window.session.models).history.now
+    assert again.scene.codes.detail == editor.scene.codes.detail
+    window.click("Photo/###restore detail")
+    assert erased() == ()
+    for _ in range(4):
         window.undo()
-        assert editor.state == before
-
-    drive(act)
+    assert editor.state == before
 
 
-def test_photo_and_view_are_compared_from_the_photo_s_camera(drive: Drive, backend: Backend, photo: Path) -> None:
-    def act(window: Driver) -> None:
-        session, editor, context = window.session, window.session.editor, window.context
-        window.fit(photo)
-        first, low, high = editor.scene.camera, *context.view
-        middle = int((low.y + high.y) / 2), int((low.x + high.x) / 2)
-        window.press(imgui.Key._4)
-        window.wait()
-        assert context.tool == "wipe"
-        assert editor.scene.camera == session.photo_camera != first
-        before = editor.history
-        window.drag("View/orbit", -400)
-        render = window.capture()
-        window.drag("View/orbit", 400)
-        np.testing.assert_allclose(window.capture()[middle], (200, 30, 30), atol=12)  # the red block
-        assert abs(render[middle] - (200, 30, 30)).max() > 30
-        assert editor.history is before
-        window.press(imgui.Key._4)
-        assert context.tool == "turn"
-        np.testing.assert_allclose(window.capture()[middle], render[middle], atol=3)
-        window.click("Photo/###wipe")
-        assert context.tool == "wipe"
-        window.click("Photo/###turn")
-        window.drag("View/orbit", 100)
-        assert editor.scene.camera != session.photo_camera
-
-    drive(act, replace(backend, fit=detailed_fit))
-
-
-def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(drive: Drive, model: Model, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        editor.add_and_show(fitted(model), editor.scene.camera)
-        window.show("Photo")
-        before = editor.state
-
-        def erased() -> tuple[Erasure, ...]:
-            detail = editor.scene.codes.detail
-            assert detail is not None
-            return detail.views[0].erased
-
-        window.click("Photo/###erase")
-        window.wait()
-        assert editor.scene.camera == window.session.photo_camera
-        seen = editor.state
-        window.drag("View/orbit", 40)
-        (stroke,) = erased()
-        xs = [x for x, _ in stroke.points]
-        assert len(xs) > 1 and xs[-1] > xs[0]
-        assert editor.history.past[-1] == seen, "a stroke is one step"
-        window.ctx.mouse_wheel_y(4.0)
-        window.ctx.yield_(2)
-        window.drag("View/orbit", 40)
-        assert erased()[1].radius > 1.5 * stroke.radius
-        window.session.project().save(tmp_path / "a.codenerf", window.session.models)
-        again = Project.load(tmp_path / "a.codenerf", window.session.models).history.now
-        assert again.scene.codes.detail == editor.scene.codes.detail
-        window.click("Photo/###restore detail")
-        assert erased() == ()
-        for _ in range(4):
-            window.undo()
-        assert editor.state == before
-
-    drive(act)
-
-
-def test_a_fit_is_begun_again_in_several_ways(drive: Drive, backend: Backend, photo: Path) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        fitting = session.fitting
-        window.fit(photo)
-        window.drag("View/orbit", 150)
-        turned = editor.scene.camera
-        window.click("Photo/###again")
-        window.click("**/###resume from view")
-        window.wait(lambda: not fitting.running)
-        assert orbit.same_direction(fitting.view.camera, turned)
-        assert editor.objects.own[:2] == ["block (2)", "block"]
-        window.click("Photo/###again")
-        window.click("**/###restart")
-        window.wait(lambda: not fitting.running)
-        assert len(fitting.history.steps) == 10
-        assert not orbit.same_direction(fitting.view.camera, turned)
-
-    drive(act, backend)
+@in_window()
+def test_a_fit_is_begun_again_in_several_ways(window: Driver, photo: Path) -> None:
+    session, editor = window.session, window.session.editor
+    fitting = session.fitting
+    window.fit(photo)
+    window.drag("View/orbit", 150)
+    turned = editor.scene.camera
+    window.click("Photo/###again")
+    window.click("**/###resume from view")
+    window.wait(lambda: not fitting.running)
+    assert orbit.same_direction(fitting.view.camera, turned)
+    assert editor.objects.own[:2] == ["block (2)", "block"]
+    window.click("Photo/###share")  # what one does next is there
+    window.press(imgui.Key.escape)
+    window.click("Photo/###again")
+    window.click("**/###restart")
+    window.wait(lambda: not fitting.running)
+    assert len(fitting.history.steps) == 10
+    assert not orbit.same_direction(fitting.view.camera, turned)
 
 
 @pytest.mark.parametrize("margin", [0.0, 9.0])
@@ -183,115 +161,91 @@ def test_the_panel_is_about_the_object_in_the_view(drive: Drive, backend: Backen
     drive(act, replace(backend, fit=endless_fit))
 
 
-def test_a_doubtful_cut_out_is_answered_by_one_click(drive: Drive, both: Backend, photo: Path) -> None:
-    def act(window: Driver) -> None:
-        fitting, editor = window.session.fitting, window.session.editor
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(fitting.questions))
-        assert window.exists("Photo/photo")
-        assert window.session.messages.shown == []
-        window.click("Photo/###as chairs")
-        window.wait(lambda: not fitting.running)
-        assert editor.objects.own == ["block"]
-        assert editor.model.category == "chairs"
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(fitting.questions))
-        window.click("Photo/###this one")
-        window.wait(lambda: not fitting.running)
-        assert editor.model.category == "cars"
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(fitting.questions))
-        window.click("Photo/###leave photo")
-        assert not (fitting.questions or fitting.running)
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(fitting.questions))
-        window.click("Photo/###point at it")
-        assert window.session.segmenting.active
-        window.session.segmenting.close()
-
-    drive(act, replace(both, cut_out=doubted))
+@in_window(of="both", cut_out=doubted)
+def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path) -> None:
+    fitting, editor = window.session.fitting, window.session.editor
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    assert window.exists("Photo/photo")
+    assert window.session.messages.shown == []
+    window.click("Photo/###as chairs")
+    window.wait(lambda: not fitting.running)
+    assert editor.objects.own == ["block"]
+    assert editor.model.category == "chairs"
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    window.click("Photo/###this one")
+    window.wait(lambda: not fitting.running)
+    assert editor.model.category == "cars"
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    window.click("Photo/###leave photo")
+    assert not (fitting.questions or fitting.running)
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    window.click("Photo/###point at it")
+    assert window.session.segmenting.active
+    window.session.segmenting.close()
 
 
-def test_a_click_on_a_numbered_box_fits_that_object(drive: Drive, backend: Backend, photo: Path) -> None:
-    def act(window: Driver) -> None:
-        fitting, editor = window.session.fitting, window.session.editor
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(fitting.questions))
-        window.click("Photo/object 1")
-        window.wait(lambda: not fitting.running)
-        assert editor.objects.own == ["block"]
-        window.click("Photo/object 2")  # the other one, later
-        window.wait(lambda: not fitting.running)
-        assert editor.objects.own == ["block (2)", "block"]
-        assert fitting.shown.sources[0].hints == Hints(object=1)
-
-    drive(act, replace(backend, cut_out=crowded))
+@in_window(cut_out=crowded)
+def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path) -> None:
+    fitting, editor = window.session.fitting, window.session.editor
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    window.click("Photo/object 1")
+    window.wait(lambda: not fitting.running)
+    assert editor.objects.own == ["block"]
+    window.click("Photo/object 2")  # the other one, later
+    window.wait(lambda: not fitting.running)
+    assert editor.objects.own == ["block (2)", "block"]
+    assert fitting.shown.sources[0].hints == Hints(object=1)
 
 
-def test_paint_is_picked_from_photo_and_view_and_taken_off(drive: Drive, backend: Backend, model: Model) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        editor.add_and_show(fitted(model), editor.scene.camera)
-        window.show("Photo")
-        window.wait()
-        before, past = editor.state, len(editor.history.past)
-        for share in (0.2, 0.5, 0.9):  # a drag over colours
-            session.painting.paint((share, 0.0, 0.0))
-        window.wait()
-        assert editor.scene.codes.texture[0] == pytest.approx(0.9)
-        assert len(editor.history.past) == past + 1
-        window.click("Photo/###pick colour")
-        window.click("Photo/photo")
-        window.wait()
-        assert editor.scene.codes.texture[:3].tolist() == pytest.approx([1.0, 0.0, 0.0], abs=0.05)  # the photo's red
-        window.click("Photo/###pick colour")
-        window.click("View/orbit")
-        window.wait()
-        assert window.context.tool == "turn"
-        assert len(editor.history.past) == past + 3
-        window.click("Photo/###original paint")
-        assert editor.scene.codes == before.scene.codes
-        for _ in range(4):
-            window.undo()
-        assert editor.state == before
-
-    drive(act, replace(backend, paint=quick_paint, paint_colour=quick_colour))
+@in_window(paint=quick_paint, paint_colour=quick_colour)
+def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model: Model) -> None:
+    session, editor = window.session, window.session.editor
+    editor.add_and_show(fitted(model), editor.scene.camera)
+    window.show("Photo")
+    window.wait()
+    before, past = editor.state, len(editor.history.past)
+    for share in (0.2, 0.5, 0.9):  # a drag over colours
+        session.painting.paint((share, 0.0, 0.0))
+    window.wait()
+    assert editor.scene.codes.texture[0] == pytest.approx(0.9)
+    assert len(editor.history.past) == past + 1
+    window.click("Photo/###pick colour")
+    window.click("Photo/photo")
+    window.wait()
+    assert editor.scene.codes.texture[:3].tolist() == pytest.approx([1.0, 0.0, 0.0], abs=0.05)  # the photo's red
+    window.click("Photo/###pick colour")
+    window.click("View/orbit")
+    window.wait()
+    assert window.context.tool == "turn"
+    assert len(editor.history.past) == past + 3
+    window.click("Photo/###original paint")
+    assert editor.scene.codes == before.scene.codes
+    for _ in range(4):
+        window.undo()
+    assert editor.state == before
 
 
-def test_the_other_side_is_one_choice_of_three(drive: Drive, model: Model) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        editor.add_and_show(fitted(model), editor.scene.camera)
-        window.show("Photo")
-        before = editor.state
-        for side, label in (("soft", "Soft"), ("model", "The model's"), ("mirrored", "Mirrored")):
-            window.click("Photo/##other side")
-            window.click(f"**/{label}")
-            detail = editor.scene.codes.detail
-            assert detail is not None and detail.other_side == side
-        for _ in range(3):
-            window.undo()
-        assert editor.state == before
-
-    drive(act)
-
-
-def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, photo: Path) -> None:
-    def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        fitting = session.fitting
-        window.show("Photo")
-        window.click("View/**/###fit_image")
-        window.type(str(photo))
-        window.wait(lambda: len(fitting.history.steps) > 3)
-        assert fitting.running
-        window.drag("View/orbit", 50)  # the window lives meanwhile
-        window.click("Photo/###stop fit")
-        assert not fitting.running
-        window.wait()
-        assert editor.objects.own[0] == "block"
-
-    drive(act, replace(backend, fit=endless_fit))
+@in_window()
+def test_the_other_side_is_one_choice_of_three_and_strength_a_slider(window: Driver, model: Model) -> None:
+    editor = window.session.editor
+    editor.add_and_show(fitted(model), editor.scene.camera)
+    window.show("Photo")
+    before = editor.state
+    for side, label in (("soft", "Soft"), ("model", "The model's"), ("mirrored", "Mirrored")):
+        window.click("Photo/##other side")
+        window.click(f"**/{label}")
+        detail = editor.scene.codes.detail
+        assert detail is not None and detail.other_side == side
+    window.drag("Photo/##photo detail", -60)
+    assert editor.scene.codes.detail.strength < 1
+    for _ in range(4):
+        window.undo()
+    assert editor.state == before
 
 
 def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -336,20 +290,3 @@ def test_several_photos_agree_or_not_by_a_dot(drive: Drive, backend: Backend, ph
         assert dots == [words]
 
     drive(act, replace(backend, fit=rated))
-
-
-def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, model: Model) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        assert not window.exists("Photo/##photo detail")
-        editor.add_and_show(fitted(model), editor.scene.camera)
-        window.show("Photo")
-        before = editor.state
-        assert window.exists("Photo/##photo detail")
-        window.drag("Photo/##photo detail", -60)
-        detail = editor.scene.codes.detail
-        assert detail is not None and detail.strength < 1
-        window.undo()
-        assert editor.state == before
-
-    drive(act)

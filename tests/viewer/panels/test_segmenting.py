@@ -9,7 +9,7 @@ from PIL import Image
 from core.photos.photo import read_cut_out
 from core.photos.saliency import predict_saliency
 from tests.core.tiny import tiny_model
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
 from viewer.services.backend import Backend
 from viewer.values.fit_history import PhotoSource
 
@@ -65,41 +65,39 @@ def _drop(window: Driver, photo: Path) -> _Canvas:
     return _Canvas(window)
 
 
-def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backend: Backend, busy: Path) -> None:
-    def act(window: Driver) -> None:
-        segmenting, editor = window.session.segmenting, window.session.editor
-        before = editor.history
-        canvas = _drop(window, busy)
-        window.press(imgui.Key.f1)
-        assert not window.context.help_open
-        assert window.session.messages.errors == []
-        assert editor.history is before
-        canvas.draw(*_BOX)
-        assert segmenting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
-        assert canvas.covered(0.38, 0.5)
-        window.click("Cut out###segment/**/Remove")
-        canvas.draw((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
-        assert not canvas.covered(0.58, 0.37)
-        window.click("Cut out###segment/**/Add")
-        canvas.draw((0.55, 0.7), (0.6, 0.7))
-        assert canvas.covered(0.58, 0.7)
-        window.undo()
-        window.wait()
-        assert not canvas.covered(0.58, 0.7)
-        window.ctx.mouse_move_to_pos(canvas.place(0.5, 0.5))
-        window.ctx.mouse_wheel_y(4.0)
-        window.ctx.yield_(2)
-        before_zoom = segmenting.hints
-        canvas.draw((0.4, 0.4), (0.6, 0.6))  # nearer, so a stroke of half the length
-        (near,) = segmenting.hints.strokes[len(before_zoom.strokes) :]
-        assert 0.05 < near.points[-1][0] - near.points[0][0] < 0.15
-        window.undo()
-        window.wait()
-        assert segmenting.settled
-        assert segmenting.hints == before_zoom
-        window.click("Cut out###segment/**/###cancel segmentation")
-
-    drive(act, replace(backend, load_model=lambda name: tiny_model()))
+@in_window(load_model=lambda name: tiny_model())
+def test_a_photo_on_busy_background_is_segmented_by_strokes(window: Driver, busy: Path) -> None:
+    segmenting, editor = window.session.segmenting, window.session.editor
+    before = editor.history
+    canvas = _drop(window, busy)
+    window.press(imgui.Key.f1)
+    assert not window.context.help_open
+    assert window.session.messages.errors == []
+    assert editor.history is before
+    canvas.draw(*_BOX)
+    assert segmenting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
+    assert canvas.covered(0.38, 0.5)
+    window.click("Cut out###segment/**/Remove")
+    canvas.draw((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
+    assert not canvas.covered(0.58, 0.37)
+    window.click("Cut out###segment/**/Add")
+    canvas.draw((0.55, 0.7), (0.6, 0.7))
+    assert canvas.covered(0.58, 0.7)
+    window.undo()
+    window.wait()
+    assert not canvas.covered(0.58, 0.7)
+    window.ctx.mouse_move_to_pos(canvas.place(0.5, 0.5))
+    window.ctx.mouse_wheel_y(4.0)
+    window.ctx.yield_(2)
+    before_zoom = segmenting.hints
+    canvas.draw((0.4, 0.4), (0.6, 0.6))  # nearer, so a stroke of half the length
+    (near,) = segmenting.hints.strokes[len(before_zoom.strokes) :]
+    assert 0.05 < near.points[-1][0] - near.points[0][0] < 0.15
+    window.undo()
+    window.wait()
+    assert segmenting.settled
+    assert segmenting.hints == before_zoom
+    window.click("Cut out###segment/**/###cancel segmentation")
 
 
 def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarray]]:
@@ -150,43 +148,39 @@ def test_one_click_finds_each_of_several_objects(
     drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
-def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend: Backend, busy: Path) -> None:
-    def act(window: Driver) -> None:
-        segmenting, session = window.session.segmenting, window.session
-        _drop(window, busy).draw(*_BOX)
-        hints = segmenting.hints
-        window.click("Cut out###segment/**/###fit segmentation")
-        assert not segmenting.active
-        window.wait(lambda: not session.fitting.running)
-        assert session.editor.objects.own[0] == "busy"
-        fitted = session.fitting.history.photo
-        assert fitted is not None
-        assert fitted.source.hints == hints
-        assert fitted.photo.cropped
-        window.click("Photo/###point at it")
-        window.wait(lambda: segmenting.result is not None)
-        assert segmenting.hints == hints
-        window.click("Cut out###segment/**/###cancel segmentation")
-        window.wait()
-        assert not segmenting.active
-
-    drive(act, replace(backend, load_model=lambda name: tiny_model()))
+@in_window(load_model=lambda name: tiny_model())
+def test_a_fitted_photo_is_segmented_again_with_its_hints(window: Driver, busy: Path) -> None:
+    segmenting, session = window.session.segmenting, window.session
+    _drop(window, busy).draw(*_BOX)
+    hints = segmenting.hints
+    window.click("Cut out###segment/**/###fit segmentation")
+    assert not segmenting.active
+    window.wait(lambda: not session.fitting.running)
+    assert session.editor.objects.own[0] == "busy"
+    fitted = session.fitting.history.photo
+    assert fitted is not None
+    assert fitted.source.hints == hints
+    assert fitted.photo.cropped
+    window.click("Photo/###point at it")
+    window.wait(lambda: segmenting.result is not None)
+    assert segmenting.hints == hints
+    window.click("Cut out###segment/**/###cancel segmentation")
+    window.wait()
+    assert not segmenting.active
 
 
-def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: Backend, busy: Path) -> None:
-    def act(window: Driver) -> None:
-        segmenting, session = window.session.segmenting, window.session
-        _drop(window, busy).draw(*_BOX)
-        hints = segmenting.hints
-        window.context.drop([str(busy.with_name("missing.png"))])
-        window.wait(lambda: bool(window.session.messages.errors))
-        assert segmenting.active  # with its photo
-        window.context.drop([str(busy)])
-        window.wait()
-        assert segmenting.hints == hints
-        window.click("Cut out###segment/**/###cancel segmentation")
-        window.wait(lambda: bool(session.editor.objects.own))  # the one that was dropped
-        assert not segmenting.active
-        assert session.editor.objects.own == ["busy"]
-
-    drive(act, replace(backend, load_model=lambda name: tiny_model()))
+@in_window(load_model=lambda name: tiny_model())
+def test_a_photo_dropped_on_the_dialog_waits_for_its_end(window: Driver, busy: Path) -> None:
+    segmenting, session = window.session.segmenting, window.session
+    _drop(window, busy).draw(*_BOX)
+    hints = segmenting.hints
+    window.context.drop([str(busy.with_name("missing.png"))])
+    window.wait(lambda: bool(window.session.messages.errors))
+    assert segmenting.active  # with its photo
+    window.context.drop([str(busy)])
+    window.wait()
+    assert segmenting.hints == hints
+    window.click("Cut out###segment/**/###cancel segmentation")
+    window.wait(lambda: bool(session.editor.objects.own))  # the one that was dropped
+    assert not segmenting.active
+    assert session.editor.objects.own == ["busy"]

@@ -5,96 +5,77 @@ import torch
 from imgui_bundle import imgui
 
 from core.models.codes import CODE_KINDS
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Driver, in_window
 from viewer.panels.sliders import SlidersPanel
-from viewer.services.backend import Backend
 from viewer.values.influence import CodeInfluence
 
 
-def test_sliders_with_words_move_one_direction_and_are_reset(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        window.show("Sliders")
-        window.wait()
-        before = editor.state
-        assert not window.exists("Sliders/**/##shape 2")  # it has no word
-        window.set("Sliders/**/##shape 1", 1.5)
-        window.ctx.yield_(2)
-        moved = editor.space("shape").coordinates(editor.code("shape"))
-        assert moved[0] == pytest.approx(1.5, abs=1e-3)
-        assert editor.scene.codes.texture is before.scene.codes.texture
-        window.drag("Sliders/**/##texture 1", 40)
-        assert editor.state.scene.codes != before.scene.codes
-        window.click("Sliders/**/##texture 1", 1)
-        assert editor.space("texture").coordinates(editor.code("texture"))[0] == pytest.approx(0, abs=1e-4)
-        window.click("Sliders/###reset")
-        assert editor.scene.codes == before.scene.codes
-        window.click("Sliders/###sample")
-        while editor.history.past:
-            window.undo()
-        assert editor.state == before
-
-    drive(act)
-
-
-def test_dragging_a_slider_is_one_step(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        before = editor.state
-        window.show("Sliders")
-        window.drag("Sliders/**/##shape 1", 70)
-        assert editor.state != before
-        assert editor.history.past == (before,)
-
-    drive(act)
+@in_window()
+def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> None:
+    editor = window.session.editor
+    window.show("Sliders")
+    window.wait()
+    before = editor.state
+    assert not window.exists("Sliders/**/##shape 2")  # it has no word
+    window.set("Sliders/**/##shape 1", 1.5)
+    window.ctx.yield_(2)
+    moved = editor.space("shape").coordinates(editor.code("shape"))
+    assert moved[0] == pytest.approx(1.5, abs=1e-3)
+    assert editor.scene.codes.texture is before.scene.codes.texture
+    past = len(editor.history.past)
+    window.drag("Sliders/**/##texture 1", 70)
+    assert editor.state.scene.codes != before.scene.codes
+    assert len(editor.history.past) == past + 1  # a drag is one step
+    window.click("Sliders/**/##texture 1", 1)
+    assert editor.space("texture").coordinates(editor.code("texture"))[0] == pytest.approx(0, abs=1e-4)
+    window.click("Sliders/###reset")
+    assert editor.scene.codes == before.scene.codes
+    window.click("Sliders/###sample")
+    while editor.history.past:
+        window.undo()
+    assert editor.state == before
 
 
-def test_the_slider_under_the_mouse_shows_where_it_leads(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        session = window.session
-        window.show("Sliders")
-        window.wait()
-        before = len(session.thumbnails.newest)
-        window.ctx.mouse_move("//Sliders/**/##shape 1")
-        window.wait(lambda: len(session.thumbnails.newest) >= before + 3)
-        assert not session.editor.history.past
-
-    drive(act)
+@in_window()
+def test_the_slider_under_the_mouse_shows_where_it_leads(window: Driver) -> None:
+    session = window.session
+    window.show("Sliders")
+    window.wait()
+    before = len(session.thumbnails.newest)
+    window.ctx.mouse_move("//Sliders/**/##shape 1")
+    window.wait(lambda: len(session.thumbnails.newest) >= before + 3)
+    assert not session.editor.history.past
 
 
-def test_a_random_object_keeps_what_is_locked(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        before = editor.scene.codes
-        window.show("Sliders")
-        window.click("Sliders/###lock texture")
-        window.click("Sliders/###sample")
-        assert not torch.equal(editor.code("shape"), before.shape)
-        assert torch.equal(editor.code("texture"), before.texture)
-        window.click("Sliders/###lock texture")
-        window.ctx.mouse_move("//View/orbit")
-        window.press(imgui.Key.r)
-        assert not torch.equal(editor.code("texture"), before.texture)
-        assert len(editor.history.past) == 2
-
-    drive(act)
+@in_window()
+def test_a_random_object_keeps_what_is_locked(window: Driver) -> None:
+    editor = window.session.editor
+    before = editor.scene.codes
+    window.show("Sliders")
+    window.click("Sliders/###lock texture")
+    window.click("Sliders/###sample")
+    assert not torch.equal(editor.code("shape"), before.shape)
+    assert torch.equal(editor.code("texture"), before.texture)
+    window.click("Sliders/###lock texture")
+    window.ctx.mouse_move("//View/orbit")
+    window.press(imgui.Key.r)
+    assert not torch.equal(editor.code("texture"), before.texture)
+    assert len(editor.history.past) == 2
 
 
-def test_the_slider_under_the_mouse_shows_what_it_changes(drive: Drive, real_backend: Backend, tmp_path: Path) -> None:
-    def act(window: Driver) -> None:
-        editor = window.session.editor
-        panel = next(panel for panel in window.app.panels if isinstance(panel, SlidersPanel))
-        window.show("Sliders")
-        window.wait()
-        found: dict[str, CodeInfluence] = {}
-        for kind in CODE_KINDS:
-            window.ctx.mouse_move(f"//Sliders/**/##{kind} 1")
-            window.wait(lambda: panel.influence not in (None, *found.values()))
-            assert panel.influence is not None
-            found[kind] = panel.influence
-        assert found["texture"].leak == 0.0
-        assert found["texture"].image.std() > 0
-        assert found["shape"].leak > 0
-        assert not editor.history.past
-
-    drive(act, real_backend)
+@in_window(of="real_backend")
+def test_the_slider_under_the_mouse_shows_what_it_changes(window: Driver, tmp_path: Path) -> None:
+    editor = window.session.editor
+    panel = next(panel for panel in window.app.panels if isinstance(panel, SlidersPanel))
+    window.show("Sliders")
+    window.wait()
+    found: dict[str, CodeInfluence] = {}
+    for kind in CODE_KINDS:
+        window.ctx.mouse_move(f"//Sliders/**/##{kind} 1")
+        window.wait(lambda: panel.influence not in (None, *found.values()))
+        assert panel.influence is not None
+        found[kind] = panel.influence
+    assert found["texture"].leak == 0.0
+    assert found["texture"].image.std() > 0
+    assert found["shape"].leak > 0
+    assert not editor.history.past
