@@ -81,9 +81,7 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
 
 
 @pytest.mark.usefixtures("lasting_messages")
-def test_a_session_that_ended_badly_in_a_fit_goes_on(
-    drive: Drive, backend: Backend, photo: Path, tmp_path: Path
-) -> None:
+def test_a_session_that_ended_badly_in_a_fit_goes_on(drive: Drive, backend: Backend, photo: Path, tmp_path: Path):
     folder = tmp_path / "config"
 
     def first(window: Driver) -> None:

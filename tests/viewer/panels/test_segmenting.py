@@ -158,7 +158,6 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(window: Driver, busy: 
     window.wait(lambda: not session.fitting.running)
     assert session.editor.objects.own[0] == "busy"
     fitted = session.fitting.history.photo
-    assert fitted is not None
     assert fitted.source.hints == hints
     assert fitted.photo.cropped
     window.click("Photo/###point at it")

@@ -55,9 +55,7 @@ def test_it_draws_what_the_reference_renders_where_the_exact_picture_is(
         assert psnr(shown, exact) > least
 
 
-def test_any_object_is_drawn_on_the_views_background(
-    gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model
-) -> None:
+def test_any_object_is_drawn_on_the_views_background(gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model):
     crop = fit_to_panel(stool.camera(0.7, 0.4, 4.0), 80, 80, 80)
     shown = drawn(gl, baked[0], crop, DARK)
     np.testing.assert_allclose(shown[0, 0], DARK.background[0], atol=0.01)

@@ -248,9 +248,7 @@ def test_work_with_a_formerly_shipped_model_goes_on_beside_the_new_one(
     assert session.fitting.history.model == new.fingerprint  # with which a new photo is fitted
 
 
-def test_a_project_that_is_too_large_is_not_saved(
-    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_project_that_is_too_large_is_not_saved(session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(reading, "MAX_TEXT", 10)
     assert not session.save_project(tmp_path / "a.codenerf")
     assert len(session.messages.errors) == 1 and not list(tmp_path.iterdir())
