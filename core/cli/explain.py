@@ -1,4 +1,4 @@
-"""``fit --explain``: a web page of what the networks told about a photo, and the two best results of its fit."""
+"""``fit --explain``: a web page of the networks' findings about a photo, and the two best results of its fit."""
 
 import html
 import math

@@ -84,7 +84,7 @@ def _check(chosen: argparse.Namespace) -> None:
 
 
 def _say_categories(chosen: argparse.Namespace, model: Model, photos: Sequence[Photo]) -> None:
-    """Print what the images show if it is not one object of the model's category."""
+    """Print a warning unless all images show one object of the model's category."""
     guess, *others = (photo.categories for photo in photos)
     for path, other in zip(chosen.images[1:], others, strict=True):
         _say(path, describe_difference(guess, other))

@@ -344,7 +344,7 @@ def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor
 
 
 def _core(mask: Bool[Tensor, "h w"], depth: float) -> Bool[Tensor, "h w"]:
-    """Return the pixels of a mask that are at least so many px inside it, and the middle of narrower parts."""
+    """Return the pixels of a mask at least ``depth`` px inside it, and the middle of narrower parts."""
     inside, reach = _distance(mask), math.ceil(depth)
     deepest = functional.max_pool2d(inside[None], 2 * reach + 1, 1, reach)[0]
     return mask & (inside >= deepest.clamp_max(depth))

@@ -80,7 +80,7 @@ class _Sink:
         raise NotImplementedError
 
     def finish(self) -> None:
-        """Write what is left."""
+        """Write the remaining frames."""
 
     def close(self) -> None:
         """Release the file."""
