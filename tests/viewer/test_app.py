@@ -136,7 +136,7 @@ def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, 
     made: list[History] = []
     with pytest.raises(RuntimeError, match="exited before"):  # as the toolkit says where a test ends the program
         drive(first, replace(both, fit=endless_fit), folder=folder)
-    assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
+    assert len([*folder.glob("session-*")]) == 1
     drive(second, both, folder=folder)
 
 
@@ -290,7 +290,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         context = window.context
         context.set_preference(text=2.0)
         look()
-        window.click("Messages/###discard 0")
+        window.click("Messages/###dismiss 0")
         for kind in KINDS:
             context.share(kind)
             look()
