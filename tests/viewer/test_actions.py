@@ -16,12 +16,9 @@ def markdown_table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_the_readme_has_the_table_of_the_program() -> None:
+def test_every_action_is_in_the_readme_and_every_key_once() -> None:
     readme = (Path(actions.__file__).parent / "README.md").read_text()
     assert markdown_table() == readme.split("<!-- actions -->\n")[1].split("<!-- end of actions -->")[0]
-
-
-def test_every_action_and_every_key_is_there_once() -> None:
     rows = [row for rows in TABLE.values() for row in rows if isinstance(row, Action)]
     assert len(rows) == len(ACTIONS)
     pressed = [chord for row in rows for chord in chords(row.keys)]

@@ -31,7 +31,7 @@ def test_projection_is_the_inverse_of_casting(azimuth: float, elevation: float):
     torch.testing.assert_close(camera.project(points), pixel_centres(64, 48), atol=1e-3, rtol=0)
 
 
-def test_opengl_projects_to_the_same_pixels():
+def test_opengl_projects_to_the_same_pixels_and_gradients_reach_the_camera():
     camera = Camera(0.7, -0.3, 2.0, 70.0, 64, 48)
     points = torch.randn(20, 3, generator=torch.Generator().manual_seed(0)) / 4
     homogeneous = torch.nn.functional.pad(points, (0, 1), value=1.0)
@@ -40,6 +40,14 @@ def test_opengl_projects_to_the_same_pixels():
     torch.testing.assert_close(camera.project(points), torch.stack((32 + 32 * x, 24 - 24 * y), -1), atol=1e-3, rtol=0)
     nearer = -camera.to_camera_axes(points)[:, 2]
     assert torch.equal(nearer.argsort(), depth.argsort())
+
+    def first(numbers: torch.Tensor) -> torch.Tensor:
+        pixels = torch.tensor([[3.0, 4.0], [20.0, 9.0]], dtype=torch.float64)
+        rays = cast_rays(pixels, *numbers, 32.0, (32, 32), EXTENT.double())
+        return torch.cat((rays.origins, rays.directions), -1)
+
+    numbers = torch.tensor([0.4, 0.3, 2.0], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(first, (numbers,))
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -57,13 +65,3 @@ def test_clipped_rays_stay_in_the_box_and_missing_ones_are_empty(seed: int):
     walked = origins[:, None] + torch.linspace(0, 8, 2000)[:, None] * directions[:, None]
     seen = (walked.abs() <= EXTENT - 0.02).all(-1).any(-1)
     assert bool((hit | ~seen).all())
-
-
-def test_gradients_reach_the_camera():
-    def first(numbers: torch.Tensor) -> torch.Tensor:
-        pixels = torch.tensor([[3.0, 4.0], [20.0, 9.0]], dtype=torch.float64)
-        rays = cast_rays(pixels, *numbers, 32.0, (32, 32), EXTENT.double())
-        return torch.cat((rays.origins, rays.directions), -1)
-
-    numbers = torch.tensor([0.4, 0.3, 2.0], dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(first, (numbers,))

@@ -30,19 +30,10 @@ def test_folded_biases_are_the_plain_network(shape_blocks: int, texture_blocks: 
     torch.testing.assert_close((density, colour), expected, atol=1e-4, rtol=1e-5)
 
 
-def test_encoding_of_one_point():
+def test_encodings_and_slopes_of_biases_are_their_formulas():
     found = encode(torch.tensor([0.5, 0.0, -1.0]), 2)
     angles = torch.tensor([0.5, 0.0, -1.0, 1.0, 0.0, -2.0])
     torch.testing.assert_close(found, torch.cat((torch.tensor([0.5, 0.0, -1.0]), angles.sin(), angles.cos())))
-
-
-@pytest.mark.parametrize("sizes", [{"width": 0}, {"width": 7}, {"shape_blocks": 0}, {"position_frequencies": -1}])
-def test_impossible_sizes_are_refused(sizes: dict):
-    with pytest.raises(ValueError, match="of a field is"):
-        FieldConfig(**sizes)
-
-
-def test_slopes_of_biases_are_autograds():
     torch.manual_seed(2)
     field = Field(FieldConfig(32, 2, 1, 8, 4))
     codes, along, none = torch.randn(3, 8), torch.randn(5, 8), torch.zeros(3, 5)
@@ -52,3 +43,9 @@ def test_slopes_of_biases_are_autograds():
         torch.func.jacrev(lambda code, moved: field.texture_bias(code + moved @ along[:, :4]), 1)
     )
     torch.testing.assert_close(field.texture_bias_jacobian(codes[:, :4], along[:, :4]), expected(codes[:, :4], none))
+
+
+@pytest.mark.parametrize("sizes", [{"width": 0}, {"width": 7}, {"shape_blocks": 0}, {"position_frequencies": -1}])
+def test_impossible_sizes_are_refused(sizes: dict):
+    with pytest.raises(ValueError, match="of a field is"):
+        FieldConfig(**sizes)

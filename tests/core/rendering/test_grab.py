@@ -16,7 +16,7 @@ def camera(tiny: Model) -> Camera:
     return tiny.camera(1.1, 0.3).resized(96, 96)
 
 
-def test_effects_are_those_of_moved_codes(tiny: Model, camera: Camera) -> None:
+def test_effects_are_those_of_moved_codes_and_none_beside_the_object(tiny: Model, camera: Camera) -> None:
     codes, space, point = tiny.codes[0], tiny.codes.shape_space, (48.0, 44.0)
     pulls = pulls_at(tiny, codes, camera, point)
     effects = {pull.direction: pull.effect for pull in pulls}
@@ -30,9 +30,6 @@ def test_effects_are_those_of_moved_codes(tiny: Model, camera: Camera) -> None:
     assert max(effects, key=lambda one: effects[one]) == max(shown, key=lambda one: shown[one])
     for direction, effect in shown.items():
         assert effects[direction] == pytest.approx(effect, rel=0.35, abs=0.01)
-
-
-def test_nothing_is_grabbed_beside_the_object(tiny: Model, camera: Camera) -> None:
     assert pulls_at(tiny, tiny.codes[0], camera, (2.0, 2.0)) == []
 
 

@@ -22,16 +22,13 @@ class Builder:
         return tiny_bank()
 
 
-def test_two_jobs_that_wait_in_turn_share_the_work():
+def test_jobs_share_the_work_and_continue_that_of_others():
     builder, model = Builder(), tiny_model()
     banks = ViewBanks(builder)
     turns = list(zip_longest(banks.wait(model), banks.wait(model)))
     assert (len(turns), builder.taken) == (4, 8)
     assert run_to_end(banks.wait(model)) is tiny_bank()
     assert builder.taken == 8
-
-
-def test_a_job_that_was_given_up_is_continued():
     builder, model = Builder(), tiny_model()
     banks = ViewBanks(builder)
     first = banks.wait(model)

@@ -18,7 +18,7 @@ def cut() -> CutOut:
     return cut_out(image)
 
 
-def test_the_outline_runs_along_the_edge_of_the_mask_at_any_size() -> None:
+def test_the_outline_runs_along_the_mask_on_white() -> None:
     mask = np.zeros((40, 60), bool)
     mask[10:30, 20:40] = True
     for scale in (1, 3):
@@ -29,6 +29,11 @@ def test_the_outline_runs_along_the_edge_of_the_mask_at_any_size() -> None:
     whole = outlined(np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), bool), (9, 9, 9))
     assert whole[0].any() and not whole[4, 4].any()  # it is cut off there
     assert not outlined(np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8), bool), (9, 9, 9)).any()
+    image = Image.new("RGBA", (64, 32), (10, 20, 30, 0))
+    image.putpixel((0, 0), (10, 20, 30, 255))
+    assert pixels_on_white(image)[0, 0].tolist() == [10, 20, 30]
+    assert pixels_on_white(image)[1, 1].tolist() == [255, 255, 255]
+    assert pixels_on_white(image, 16).shape == (8, 16, 3)
 
 
 def test_a_doubtful_cut_out_has_an_outline_of_another_colour(cut: CutOut) -> None:
@@ -49,11 +54,3 @@ def test_a_rival_is_nearly_as_prominent(cut: CutOut, score: float, rival: bool) 
     assert not has_rival(replace(cut, white=True, detections=(_FIRST, second)))
     assert not has_rival(replace(cut, white=False, detections=(_FIRST,)))
     assert not has_rival(replace(cut, white=False, detections=()))
-
-
-def test_clear_pixels_are_shown_on_white_and_large_images_smaller() -> None:
-    image = Image.new("RGBA", (64, 32), (10, 20, 30, 0))
-    image.putpixel((0, 0), (10, 20, 30, 255))
-    assert pixels_on_white(image)[0, 0].tolist() == [10, 20, 30]
-    assert pixels_on_white(image)[1, 1].tolist() == [255, 255, 255]
-    assert pixels_on_white(image, 16).shape == (8, 16, 3)

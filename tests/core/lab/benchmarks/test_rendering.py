@@ -37,13 +37,10 @@ def test_every_recipe_is_measured_against_the_reference(rows: list[RenderTiming]
     assert min(point.psnr for point in fast) > 45
 
 
-def test_what_is_left_out_of_a_ray_costs_next_to_no_accuracy(curves: Curves) -> None:
+def test_shortcuts_cost_next_to_no_accuracy_and_times_are_medians(curves: Curves) -> None:
     full, *others = curves["ablation"]
     assert [one.recipe for one in others] == ["without early ray termination", "colouring all intervals"]
     assert all(one.psnr == pytest.approx(full.psnr, abs=1.0) for one in others)
-
-
-def test_times_are_medians_over_turns() -> None:
     some = [RenderTiming("fast", "fast", 128, 64, turn, ms, 50.0, 49.0, 0.1) for turn, ms in enumerate((1.0, 9.0, 2.0))]
     (one,) = median_turns(some)["fast"]
     assert (one.ms, one.psnr) == (2.0, 50.0)

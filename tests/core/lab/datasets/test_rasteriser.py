@@ -62,7 +62,7 @@ def test_coverage_is_the_share_of_the_pixel(rasteriser: Rasteriser) -> None:
     assert ((image > 20) & (image < 235)).any()
 
 
-def test_the_background_is_white_and_out_of_the_mask(rasteriser: Rasteriser) -> None:
+def test_near_hides_far_on_a_white_background_out_of_the_mask(rasteriser: Rasteriser) -> None:
     rasteriser.upload([dot(np.zeros(3), 0.1)])
     image, mask = rasteriser.render(camera(0, 0))
     assert (image[:8] == 255).all()
@@ -71,9 +71,6 @@ def test_the_background_is_white_and_out_of_the_mask(rasteriser: Rasteriser) -> 
     image, mask = rasteriser.render(camera(0, 0))
     assert (image == 255).all()
     assert not mask.any()
-
-
-def test_near_hides_far(rasteriser: Rasteriser) -> None:
     black, behind = dot(np.zeros(3), 0.1), dot(np.array([0, 0.3, 0]), 0.1)
     white = Surface(behind.vertices, behind.normals, behind.faces, np.ones((6, 3)))
     rasteriser.upload([white, black])
