@@ -19,10 +19,6 @@ from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, pixel
 _RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
 
 
-class Remark(str):
-    """A message about a photo; the fit goes on."""
-
-
 class Doubt(NamedTuple):
     """A question about the next photo, which ends the stream until a person answers."""
 
@@ -46,10 +42,10 @@ class FitOptions:
 
 def fit_stream(
     jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, known: Mapping[PhotoSource, CutOut]
-) -> Iterator[Model | Remark | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
+) -> Iterator[Model | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
     """Yield each new photo's cut-out and photo, the model unless the request names one, then the steps.
 
-    Remarks come in between, and a :class:`Doubt` ends the stream. None only marks progress.
+    A :class:`Doubt` ends the stream. None only marks progress.
 
     Args:
         here: the model on screen, taken if the photo's category is unknown.
@@ -57,7 +53,8 @@ def fit_stream(
     """
     backend, models, history = jobs.backend, jobs.models, request.history
     model = models[history.model] if history.model else None
-    photos, first = [fitted.photo for fitted in history.photos], dict[str, float]()
+    photos = [fitted.photo for fitted in history.photos]
+    first = photos[0].categories if photos else {}
     for source in history.sources[len(photos) :]:
         try:
             cut = known.get(source) or backend.cut_out(source.path, source.hints)
@@ -66,14 +63,13 @@ def fit_stream(
             yield Doubt("The object was not found: point at it", model or here, None, bare)
             return
         guess = _guess(backend, cut)
-        if said := describe_difference(first, guess):
-            yield Remark(f"{source.name}: {said}")
-        first = first or guess
         seen, chosen = SeenCutOut.of(read_rgba(source.path), cut), model or _choose(models, here, guess)
         asked = len(photos) < request.answered or source.hints is not None
-        if not asked and (words := _doubt(cut, "" if model else describe_category(guess, chosen.category))):
+        about = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
+        if not asked and (words := _doubt(cut, about)):
             yield Doubt(words, chosen, cut, seen)
             return
+        first = first or guess
         yield seen
         if model is None:
             model = chosen

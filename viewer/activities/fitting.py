@@ -10,7 +10,7 @@ from core.fitting.photo_views import with_photo_detail
 from core.models.model import Model
 from core.photos.segmentation import CutOut, Hints
 from viewer.activities.fit_results import FitResults
-from viewer.activities.fit_stream import Doubt, FitOptions, Remark, fit_stream
+from viewer.activities.fit_stream import Doubt, FitOptions, fit_stream
 from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -156,6 +156,13 @@ class Fitting:
         self.forget(history.sources)
         self._begin(request, {question.source: question.cut} if question.cut else {})
 
+    def leave(self, question: Question) -> None:
+        """Leave a photo in question out, and fit the others of its object, if any."""
+        history = question.request.history
+        self.forget(history.sources)
+        if others := tuple(source for source in history.sources if source is not question.source):
+            self._begin(FitRequest(replace(history, sources=others), answered=question.number))
+
     def resume(self, hypothesis: Hypothesis | None = None) -> None:
         """Continue the shown fit from a hypothesis, by default the best one of the newest step."""
         initial = hypothesis or self.resume_point
@@ -253,15 +260,13 @@ class Fitting:
 
         self._jobs.submit(Job("fit", stream, self._receive, ended, share=FIT_SHARE))
 
-    def _receive(self, value: Model | Remark | Doubt | SeenCutOut | FittedPhoto | FitStep) -> None:
+    def _receive(self, value: Model | Doubt | SeenCutOut | FittedPhoto | FitStep) -> None:
         if isinstance(value, Model):
             self.view.history = replace(self.history, model=value.fingerprint)
         elif isinstance(value, Doubt):
             self._ask(value)
         elif isinstance(value, SeenCutOut):
             self.view.seen = value
-        elif isinstance(value, Remark):
-            self._jobs.messages.notify(value, MessageKind.NOTE)
         elif isinstance(value, FittedPhoto):
             self.view.history = replace(self.history, photos=(*self.history.photos, value))
             if value.photo.note:

@@ -6,6 +6,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.fitting.category_check import describe_difference
 from core.fitting.confidence import RIGHT_DEGREES, explained, in_words
 from core.models.photo_detail import OtherSide, PhotoDetail
 from core.photos.decode import IMAGE_SUFFIXES
@@ -91,7 +92,7 @@ def _draw_question(context: PanelContext, question: Question) -> None:
         session.segmenting.open(*about, history.model)
     flow("Leave it")
     if button("Leave it###leave photo", "Do not fit this photo"):
-        fitting.forget(history.sources)
+        fitting.leave(question)
 
 
 def _draw_object(context: PanelContext, shown: FitHistory) -> None:
@@ -180,7 +181,8 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, shown: FitHistory) ->
     """Draw the camera's confidence, in doubt with another viewpoint, or several photos' agreement."""
     step, confidence = shown.last, context.session.editor.objects[context.session.editor.state.mix.a.shape].confidence
     if len(shown.photos) > 1 and step is not None:
-        agree = explained(step.psnr) > _AGREE
+        first, *others = (fitted.photo.categories for fitted in shown.photos)
+        agree = explained(step.psnr) > _AGREE and not any(describe_difference(first, one) for one in others)
         words = f"{len(shown.photos)} photos {'agree' if agree else 'disagree'}"
         _draw_dot_and_words(context, words, "sure" if agree else "doubtful")
         tooltip("Whether one object, seen from the cameras that were found, explains all of them")

@@ -381,7 +381,7 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
 
 
-def test_a_photo_of_something_else_among_several_and_what_lies_beside_are_named(session: Session, photo: Path) -> None:
+def test_a_photo_of_something_else_among_several_is_asked_about(session: Session, photo: Path) -> None:
     other, beside = photo.with_name("block other.png"), photo.with_name("block.mov")
     shutil.copy(photo, other)
     beside.write_bytes(b"moving")
@@ -389,10 +389,14 @@ def test_a_photo_of_something_else_among_several_and_what_lies_beside_are_named(
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
     session.fitting.start(photo, beside, other)
     finish(session, lambda: not session.fitting.running)
-    texts = [message.text for message in session.messages.shown]
-    assert "Left out block.mov: no image" in texts
-    (said,) = (text for text in texts if "the images of one fit show one object" in text)
-    assert said.startswith("block other.png: this looks like a boat")
+    assert [message.text for message in session.messages.shown] == ["Left out block.mov: no image"]
+    (question,) = session.fitting.questions
+    assert question.source.path == other
+    assert question.words.startswith("This looks like a boat, the first image like a chair")
+    session.fitting.leave(question)
+    finish(session, lambda: not session.fitting.running)
+    assert not session.fitting.questions
+    assert [fitted.source.path for fitted in session.fitting.shown.photos] == [photo]
 
 
 def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
