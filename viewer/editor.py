@@ -1,7 +1,7 @@
 """The editor of an object's codes, its camera and the timeline, with undo."""
 
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, takewhile
 
 import torch
 from torch import Tensor
@@ -77,6 +77,19 @@ class Editor:
     def pair(self, pair: Pair) -> Codes:
         """Return the codes of a pair: the shape of one object and the texture of another."""
         return self.objects[pair.texture].codes.taking("shape", self.objects[pair.shape].codes)
+
+    @property
+    def unmixed(self) -> Codes:
+        """The codes of A, with its edits, as last shown without any of B; the library's if never shown."""
+        codes = self.pair(self.state.mix.a)
+        for kind in CODE_KINDS:
+            codes = codes.taking(kind, self._last_unmixed(kind) or codes)
+        return codes
+
+    def _last_unmixed(self, kind: CodeKind) -> Codes | None:
+        name, states = getattr(self.state.mix.a, kind), chain([self.state], reversed(self.history.past))
+        of_a = takewhile(lambda state: getattr(state.mix.a, kind) == name, states)
+        return next((state.scene.codes for state in of_a if not getattr(state.mix, kind)), None)
 
     # The camera
 
@@ -256,7 +269,7 @@ class Editor:
                     raise ValueError("it mixes objects of different models")
 
     def _mix(self, mix: Mix, kinds: tuple[CodeKind, ...], gesture: str = "") -> None:
-        mixed = self.pair(mix.a).mixed(self.objects[mix.b].codes, mix.shape, mix.texture)
+        mixed = self.unmixed.mixed(self.objects[mix.b].codes, mix.shape, mix.texture)
         codes = self.scene.codes
         for kind in kinds:
             codes = codes.taking(kind, mixed)

@@ -70,6 +70,18 @@ def test_shape_and_texture_slide_from_a_to_b_independently(editor: Editor) -> No
     torch.testing.assert_close(editor.code("shape"), b.shape)
 
 
+def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
+    editor.show_object("object 1")
+    editor.set_texture(edited := editor.code("texture") + 0.1)
+    for amount in (0.1, 0.6, 0.0):
+        editor.mix_both(amount, amount, gesture="pad")
+    assert torch.equal(editor.code("texture"), edited)
+    editor.mix_both(0.5, 0.5)
+    torch.testing.assert_close(editor.code("texture"), (edited + editor.objects[editor.state.mix.b].codes.texture) / 2)
+    editor.show_object("object 1")
+    assert editor.unmixed == editor.objects["object 1"].codes
+
+
 def test_shape_and_texture_are_taken_from_different_objects(editor: Editor) -> None:
     one, two = editor.objects["object 1"].codes, editor.objects["object 2"].codes
     editor.show_object("object 3")

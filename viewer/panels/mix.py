@@ -88,8 +88,8 @@ class MixPanel(Panel):
     def _follow(self, context: PanelContext) -> None:
         """Update the previews when A or B changes."""
         mix, editor = context.session.editor.state.mix, context.session.editor
-        ends = editor.pair(mix.a), editor.objects[mix.b].codes
-        if ends != self._ends:
+        ends = editor.unmixed, editor.objects[mix.b].codes
+        if ends != self._ends and not editor.history.gesture:
             self._ends, self._previews = ends, mixes(*ends)
 
 
