@@ -243,6 +243,7 @@ class App:
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         window.on_drop(self._dropped)
         window.limit_size()
+        window.shrink_to_monitor()
         if self._headless:
             window.resize(*self._size)
             self._surface = window.draw_into(self._gl, self._size)

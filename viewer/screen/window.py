@@ -122,6 +122,23 @@ def limit_size() -> None:
     glfw.set_window_size_limits(window, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
 
 
+def shrink_to_monitor() -> None:
+    """Shrink a window that is larger than its monitor, such as one last used at another scale of the screen."""
+    window = glfw_utils.glfw_window_hello_imgui()
+    (x, y), (width, height) = glfw.get_window_pos(window), glfw.get_window_size(window)
+
+    def overlap(area: tuple[int, int, int, int]) -> int:
+        left, top, across, down = area
+        wide, high = min(x + width, left + across) - max(x, left), min(y + height, top + down) - max(y, top)
+        return max(0, wide) * max(0, high)
+
+    left, top, across, down = max(map(glfw.get_monitor_workarea, glfw.get_monitors()), key=overlap)
+    if width > across or height > down:
+        before, above, after, below = glfw.get_window_frame_size(window)
+        glfw.set_window_pos(window, left + before, top + above)
+        glfw.set_window_size(window, min(width, across - before - after), min(height, down - above - below))
+
+
 def draw_into(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Framebuffer:
     """Redirect the window's drawing to a framebuffer of ``size`` px, and return it.
 

@@ -38,3 +38,13 @@ def test_a_window_whose_monitor_is_gone_opens_on_one_that_is_there(
         assert driver.session.messages.errors == []
 
     drive(act, folder=tmp_path)
+
+
+def test_a_window_larger_than_its_monitor_shrinks(drive: Drive) -> None:
+    def act(driver: Driver) -> None:
+        window.resize(7680, 4320)
+        window.shrink_to_monitor()
+        shown = glfw.get_window_size(glfw_utils.glfw_window_hello_imgui())
+        assert all(map(int.__le__, shown, glfw.get_monitor_workarea(glfw.get_primary_monitor())[2:]))
+
+    drive(act)
