@@ -72,7 +72,6 @@ class App:
         self._segmenting, self._share = SegmentingDialog(), ShareDialog()
         self._help, self._history = Help(), HistoryStrip()
         size = size or window.usual_size(headless)
-        self._placed = folder is not None and (folder / "window.ini").exists()  # the layout is the last launch's
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless, self._instance = size, folder, headless, instance
@@ -122,14 +121,19 @@ class App:
         )
         docking.docking_splits, self._width = self._splits(*size), size.x
         docking.layout_reset = True
+        self.context.focus = self.context.focus or self._front_panel()
+
+    def _front_panel(self) -> str:
+        """Return the title of the inspector's panel in front; empty if all are hidden."""
+        titles = (panel.title for panel in self.panels if panel.dock == "Right")
+        windows = {title: imgui.internal.find_window_by_name(title) for title in titles}
+        return next((title for title, seen in windows.items() if seen and seen.active and not seen.hidden), "")
 
     def _follow_width(self) -> None:
         """Place the panels again after a large change of width, and where the library becomes a strip."""
         width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor()
         if not width:  # there is no window yet
             return
-        if self._placed:
-            self._width, self._placed = width, False
         if (width < _NARROW) != (self._width < _NARROW) or abs(math.log(width / self._width)) > _OTHER_WIDTH:
             self._place_panels()
 
@@ -241,6 +245,8 @@ class App:
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
+        if self._folder and (width := hello_imgui.load_user_pref("width").strip()).isdigit():
+            self._width, self.context.focus = float(width), ""  # the layout is the last launch's
         window.on_drop(self._dropped)
         window.limit_size()
         window.shrink_to_monitor()
@@ -269,6 +275,8 @@ class App:
         if self.context.autosave:
             self.context.autosave.close()
         self._save_preferences()
+        if self._folder:
+            hello_imgui.save_user_pref("width", f"{self._width:.0f}")
         assert self.context.canvas and self.context.images and self.context.baked_canvas
         self.context.canvas.release()
         self.context.baked_canvas.release()

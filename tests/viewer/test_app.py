@@ -40,8 +40,10 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         window.menu("Panels/###reset_layout")
         window.ctx.yield_(5)
         window.drag("View/orbit", 30)
+        window.show("Photo")
 
     def second(window: Driver) -> None:
+        assert window.app._front_panel() == "Photo"
         assert window.context.preferences == kept[0]
         assert not (kept[0].dark or kept[0].newcomer)
 
@@ -49,6 +51,13 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
     drive(first, folder=folder)
     assert (folder / "window.ini").is_file()
     drive(second, folder=folder)
+
+    def third(window: Driver) -> None:
+        second(window)
+        view, library = (window.ctx.window_info(f"//{name}").window for name in ("View", "Library"))
+        assert library.pos.y > view.pos.y
+
+    drive(third, folder=folder, size=(900, 600))
 
 
 def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_path: Path) -> None:
