@@ -38,6 +38,7 @@ class Viewport:
         self._jobs, self._editor, self.settings = jobs, editor, settings
         self.source: Source = "none"  # source of the displayed frames; none until :meth:`begin`
         self.frame: Frame | None = None  # newest frame, cropped to the view
+        self._frame_of: ViewRequest | None = None  # inputs of :attr:`frame`
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
@@ -58,19 +59,16 @@ class Viewport:
         request = self.request
         if (found := (pictures or {}).get(_picture(request))) is not None:
             height, width = found.shape[:2]
-            self._show(frame_of(found, stages=2), orbit.fit_to_panel(request.camera, width, height, min(width, height)))
+            crop = orbit.fit_to_panel(request.camera, width, height, min(width, height))
+            self._show(frame_of(found, stages=2), crop, request)
         if self.source == "none":
             self.source = "scene"
         self.render()
 
     @property
     def picture(self) -> dict[str, Pixels]:
-        """The finished image of the scene by its name, to be stored; empty if unfinished."""
-        finished = self.frame and self.frame.final and not (self.baked_frame or self._jobs.busy("view"))
-        if not (finished and self.source == "scene" and self.settings.mode == "colour"):
-            return {}
-        assert self.frame is not None
-        return {_picture(self.request): pixels_of(self.frame)}
+        """The newest image by the name of its codes and camera, to be stored; empty if there is none."""
+        return {_picture(self._frame_of): pixels_of(self.frame)} if self.frame and self._frame_of else {}
 
     def close(self) -> None:
         """Stop rendering."""
@@ -224,7 +222,7 @@ class Viewport:
             if self.following:
                 self.source, self._last_render = "fit", None
                 self._jobs.cancel("view")
-                self._show(frame, crop)
+                self._show(frame, crop, request)
 
         ended = self._jobs.reporting("Cannot show the search")
         frames = Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent, TILES_SHARE)
@@ -258,7 +256,7 @@ class Viewport:
         job = RenderJob(request.codes, crop.camera, render, shadow=True)
 
         def rendered(frame: Frame) -> None:
-            self._show(frame, crop)
+            self._show(frame, crop, request)
             self.sharp = frame.final and detail == request.full
             if urgent and frame.stage == 0:
                 self.budget.observe(stages[0], frame.seconds)
@@ -269,9 +267,9 @@ class Viewport:
         share = FIT_SHARE if urgent else SHARPENING_SHARE
         self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
 
-    def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
+    def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
-        self.baked_frame = None
+        self._frame_of, self.baked_frame = request, None
 
 
 def _picture(request: ViewRequest) -> str:

@@ -1,14 +1,18 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from core.models.codes import Codes
 from core.models.model import Model
-from tests.viewer.driver import finish
-from tests.viewer.stand_ins import Bakery
+from core.rendering.progressive import Frame, RenderJob
+from tests.viewer.driver import deliver, finish
+from tests.viewer.stand_ins import Bakery, quick_frames
 from viewer.editor import Editor
+from viewer.services.backend import Backend
+from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
 
@@ -111,3 +115,18 @@ def test_what_is_on_screen_is_not_sharp_once_the_scene_has_changed(session: Sess
     editor.sample()
     assert not session.viewport.sharp  # its render is still to come
     finish(session, lambda: session.viewport.sharp)
+
+
+def test_an_unfinished_image_is_stored(worker: Worker, backend: Backend) -> None:
+    def unfinished(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+        yield replace(next(filter(None, quick_frames(model, job))), stage_count=2)
+        while True:
+            yield None
+
+    session = Session(worker, replace(backend, frames=unfinished), 0)
+    assert not session.viewport.picture
+    session.start()
+    deliver(session, lambda: session.viewport.frame is not None)
+    (stored,) = session.viewport.picture.values()
+    np.testing.assert_array_equal(stored[..., :3], session.viewport.frame.image)
+    session.close()
