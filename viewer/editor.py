@@ -131,8 +131,15 @@ class Editor:
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object A, without any of B, except locked parts."""
-        self._set_codes(self.objects[name].codes, self._mix_from(Pair(name, name)))
+        """Make an object A, without any of B, except locked parts.
+
+        A fitted object is seen from its photo's camera at first and after an object of another model.
+        """
+        codes, pair, camera = self.objects[name].codes, Pair(name, name), self.scene.camera
+        seen = any(state.mix.a == pair for state in (self.state, *self.history.past))
+        if codes.detail and not (seen and self.is_mixable(name)):
+            camera = orbit.photo_camera(codes.detail.views[0].camera, self.models.of(codes))
+        self._set_codes(codes, self._mix_from(pair), camera=camera)
         self.object_chosen.emit()
 
     def take(self, kind: CodeKind, name: str) -> None:
@@ -275,14 +282,14 @@ class Editor:
             codes = codes.taking(kind, mixed)
         self._set_codes(codes, mix, gesture)
 
-    def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
+    def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "", camera: Camera | None = None) -> None:
         """Edit codes and mix; locked codes stay, with their object A and amount of B."""
         now = self.state
         for kind in self.locked if codes.model == now.scene.codes.model else ():
             codes = codes.taking(kind, now.scene.codes)
             a = mix.a._replace(**{kind: getattr(now.mix.a, kind)})
             mix = replace(mix, a=a).with_amount(kind, getattr(now.mix, kind))
-        self._edit(replace(now.scene, codes=codes), mix, gesture)
+        self._edit(Scene(codes, camera or now.scene.camera), mix, gesture)
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
         self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix), gesture))

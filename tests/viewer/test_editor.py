@@ -179,6 +179,16 @@ def test_the_photo_s_detail_comes_back_from_a_project(editor: Editor, session: S
         assert sum(name.startswith("photos/") for name in file.namelist()) == 1  # shared by all states
 
 
+def test_a_fitted_object_is_first_seen_from_its_photo(editor: Editor, model: Model) -> None:
+    name = editor.objects.add(one := fitted(model))
+    editor.show_object(name)
+    assert orbit.same_direction(editor.scene.camera, one.codes.detail.views[0].camera)
+    editor.set_camera(turned := orbit.turned(editor.scene.camera, 1.0, 0.0))
+    for other in ("object 2", name):
+        editor.show_object(other)
+        assert editor.scene.camera == turned
+
+
 def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) -> None:
     one = fitted(model)
     UserObjects(tmp_path).sync(open_models(model), [one])
