@@ -26,8 +26,8 @@ _LINE = 40  # em, the longest line of a tooltip
 
 
 def tooltip(text: str) -> None:
-    """Add a tooltip to imgui's last item, hidden while the item is dragged."""
-    if not imgui.is_item_active() and imgui.begin_item_tooltip():
+    """Add a tooltip, if there is text, to imgui's last item, hidden while the item is dragged."""
+    if text and not imgui.is_item_active() and imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * imgui.get_main_viewport().work_size.x))
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
