@@ -269,6 +269,7 @@ class App:
             self.context.fit(Path(start.image))
 
     def _closing(self) -> None:
+        window.set_title(f"{window.NAME}: saving …")
         if self._instance:
             self._instance.end()
         self.session.jobs.worker.close()

@@ -161,6 +161,11 @@ def bring_to_front() -> None:
             glfw.request_window_attention(window)
 
 
+def set_title(title: str) -> None:
+    """Change the title, which the system shows even while no frame is drawn."""
+    glfw.set_window_title(glfw_utils.glfw_window_hello_imgui(), title)
+
+
 def resize(width: int, height: int) -> None:
     """Resize the window to these px, even beyond the screen."""
     glfw.set_window_size(glfw_utils.glfw_window_hello_imgui(), width, height)
