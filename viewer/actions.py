@@ -188,7 +188,7 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
         return
     typing = context.files.asking or context.share_open
     for action in ACTIONS.values():
-        keys = ", ".join(key for key in action.keys.split(", ") if "Ctrl" in key) if typing else action.keys
+        keys = ", ".join(key for key in action.keys.split(", ") if not typing or "Ctrl" in key or key == "F1")
         pressed = (action.id in _IN_VIEW_ONLY) == in_view and any(map(is_pressed, chords(keys)))
         if pressed and _is_allowed(action, context) and action.enabled(context):
             action.run(context)

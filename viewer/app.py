@@ -343,13 +343,15 @@ class App:
             self._save_preferences()
 
     def _close_top(self, context: PanelContext) -> None:
-        """On Esc, close open menus and lists, else the help; dialogs close themselves."""
+        """On Esc, close open menus and lists, else the help, else Share; modal dialogs close themselves."""
         if not imgui.is_key_pressed(imgui.Key.escape):
             return
         if self._popup_open:
             imgui.internal.close_popups_except_modals()
-        else:
+        elif context.help_open:
             context.help_open = False
+        elif not imgui.is_any_item_active():  # Esc ends typing into a field first
+            context.share_open = False
 
     def _save_preferences(self) -> None:
         """Save changed preferences at once, so that a crash does not lose them."""

@@ -362,7 +362,13 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(window: Driver) -
     window.press(key.r)
     window.press(key.k)
     assert editor.history is before
+    window.show("Photo")  # as a dropped photo does
+    window.press(key.f1)
+    assert window.context.help_open
     window.press(key.escape)
+    assert window.context.share_open and not window.context.help_open
+    window.press(key.escape)
+    assert not window.context.share_open
     window.press(key.r)
     assert editor.history is not before
 

@@ -63,8 +63,7 @@ class ShareDialog:
         if not context.share_open:
             preview.close()
             return
-        shown, stays = begin_dialog("Share")
-        context.share_open = stays and not _left_by_escape()
+        shown, context.share_open = begin_dialog("Share")
         if shown:
             preview.update(_as_in_view(context, context.preferences.share))
             self._draw_content(context)
@@ -107,11 +106,6 @@ class ShareDialog:
             veil = packed(context.palette.panel, object_tiles.DIMMED)
             imgui.get_window_draw_list().add_rect_filled(corner, corner + size, veil)
         tooltip(_PREVIEW.get(settings.kind, "The first frame"))
-
-
-def _left_by_escape() -> bool:
-    idle = not imgui.is_any_item_active() and not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-    return idle and imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
 
 
 def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
