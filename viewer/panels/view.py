@@ -83,7 +83,7 @@ class ViewPanel(Panel):
             self._welcome.draw(context, corner, size)
             context.covered = max(context.covered, self._welcome.covered)
         if not begins or context.session.editor.history.past:
-            _draw_badge(viewport, viewport.frame, corner + ImVec2(0, size.y - context.covered))
+            _draw_badge(context, viewport.frame, corner + ImVec2(0, size.y - context.covered))
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
         """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""
@@ -172,13 +172,25 @@ def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         draw.add_image(texture, low, low + ImVec2(side, side))
 
 
-def _draw_badge(viewport: Viewport, frame: Frame, low: ImVec2) -> None:
-    """Draw a badge above the corner ``low`` (lower left) while a fit or a coarse image is shown."""
-    (width, height), live = frame.resolution, viewport.source == "fit"
-    coarse = not viewport.baked_frame and min(width, height) < _ENOUGH * min(viewport.settings.panel)
-    if not (live or coarse):
+def _badge(context: PanelContext, frame: Frame) -> str:
+    """Return what the image is waiting for; "" if nothing."""
+    session, viewport = context.session, context.session.viewport
+    if viewport.source == "fit":
+        return "Fitting …"
+    if session.jobs.busy("paint"):
+        return "Painting …"
+    if viewport.baked_frame or viewport.frame_of is None:
+        return ""
+    if viewport.frame_of.codes != session.editor.scene.codes and not session.editor.history.gesture:
+        return "Rendering …"
+    return "Sharpening …" if min(frame.resolution) < _ENOUGH * min(viewport.settings.panel) else ""
+
+
+def _draw_badge(context: PanelContext, frame: Frame, low: ImVec2) -> None:
+    """Draw a badge above the corner ``low`` (lower left) while the image is not the final one."""
+    (width, height), words, em = frame.resolution, _badge(context, frame), hello_imgui.em_size()
+    if not words:
         return
-    words, em = "Fitting …" if live else "Sharpening …", hello_imgui.em_size()
     size = imgui.calc_text_size(words) + ImVec2(2.1, 0.5) * em
     low = low + ImVec2(0.7 * em, -size.y - 0.7 * em)
     draw = imgui.get_window_draw_list()
