@@ -195,7 +195,7 @@ class Fitting:
             if self.history.steps:
                 *before, last = self.history.steps
                 self.view.history = replace(self.history, steps=(*before, self._with_detail(last)))
-            self._finish("Stopped")
+            self._finish("Stopped after")
             self._next()
 
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
@@ -289,7 +289,7 @@ class Fitting:
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:
-            self._finish("Fitted")
+            self._finish("Fitted in")
             return
         self.request = self.results.checking = None
         self._viewport.unfollow()
@@ -298,7 +298,7 @@ class Fitting:
     def _finish(self, how: str) -> None:
         last, checking = self.history.last, self.results.checking
         if last is None:
-            self._jobs.messages.notify(f"{how} before there was a result", MessageKind.NOTE)
+            self._jobs.messages.notify("Stopped before there was a result", MessageKind.NOTE)
         elif checking:
             self._keep_fit(checking.name)
             better = self.results.improve(checking, self._fitted(last), self.view.camera_of(last))
@@ -307,7 +307,7 @@ class Fitting:
         else:
             found = self._add(last)
             self._keep_fit(found.name)
-            self._tell(f"{how} in {last.seconds:.0f} s: {found.name}", found)
+            self._tell(f"{how} {last.seconds:.0f} s: {found.name}", found)
         self.request = self.results.checking = None
         self._viewport.unfollow()
 

@@ -37,7 +37,7 @@ _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _TOOLS = {"turn": "Turn", "wipe": "Wipe", "erase": "Erase"}
 _SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "soft": "Soft", "model": "The model's"}
 _POINT_HELP = "Show where the object is, by a click, a box, or strokes, and fit it"
-
+_LOST_HELP = "Open the photo again to fit it anew"
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
 and from the first one again"""
 _VIEW_HELP = "For a camera that was not found: turn the object in the view until it looks as in the photo, then click"
@@ -101,15 +101,16 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     heading(context, shown.name or session.editor.state.mix.a.shape)
     _draw_photos(fitting, shown)
     seen = photo.seen if photo else fitting.view.seen if shown is fitting.history else None
-    view = session.photo_view
+    fits = fitting.running and session.viewport.following
+    view = None if fits else session.photo_view  # that of the object on screen
     pixels = seen.pixels if seen else object_pixels(view.image) if view else photo.pixels if photo else None
     if pixels is not None:
         boxes = seen.boxes if seen else ()
         draw_cut_out(context, pixels, boxes, partial(fitting.choose, shown.sources, shown.photo_index))
-    if button("Point at it###point at it", _POINT_HELP, enabled=photo is not None):
+    if button("Point at it###point at it", _POINT_HELP if shown.sources else _LOST_HELP, enabled=photo is not None):
         session.segmenting.open(shown.sources, shown.photo_index, shown.model)
-    if fitting.running and session.viewport.following:
-        _draw_progress(fitting)
+    if fits:
+        _draw_progress(context)
         return
     if shown.photos:
         imgui.same_line()
@@ -137,17 +138,19 @@ def _draw_photos(fitting: Fitting, shown: FitHistory) -> None:
         tooltip(source.name)
 
 
-def _draw_progress(fitting: Fitting) -> None:
-    last = fitting.history.last
+def _draw_progress(context: PanelContext) -> None:
+    fitting = context.session.fitting
+    last, bank = fitting.history.last, context.session.jobs.banks.shares.get(fitting.history.model, 0.0)
     imgui.same_line()
-    if button("Stop###stop fit", "End here and keep what has been found; you can go on later"):
+    later = "; you can go on later" if fitting.resume_point else ""
+    if button("Stop###stop fit", f"End here and keep what has been found{later}"):
         fitting.stop()
     if last is not None:
         label = "Checking from other sides" if last.restart else "Finding camera, shape and texture"
-    elif fitting.history.photo is not None:
-        label = "Looking for the camera …"
+    elif 0 < bank < 1:
+        label = "Preparing, once on this computer …"
     else:
-        label = "Preparing, once on this computer …" if fitting.view.seen else "Cutting out …"
+        label = "Looking for the camera …" if fitting.history.photo or fitting.view.seen else "Cutting out …"
     imgui.progress_bar(fitting.history.progress, (-1, 0), label)
 
 

@@ -1,4 +1,5 @@
 import math
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,8 @@ from imgui_bundle import imgui
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.photo_detail import Erasure
-from core.photos.segmentation import Hints
+from core.photos.photo import read_cut_out
+from core.photos.segmentation import CutOut, Hints
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import (
     crowded,
@@ -132,6 +134,32 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: 
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
 
     drive(act, replace(backend, fit=rated))
+
+
+def test_a_new_photo_is_not_shown_as_the_object_on_screen(
+    drive: Drive, backend: Backend, model: Model, photo: Path
+) -> None:
+    goes_on = threading.Event()
+
+    def slow(path: Path, hints: Hints | None) -> CutOut:
+        goes_on.wait()
+        return read_cut_out(path, hints)
+
+    def act(window: Driver) -> None:
+        window.session.editor.add_and_show(fitted(model), window.session.editor.scene.camera)
+        window.show("Photo")
+        assert window.exists("Photo/photo")
+        try:
+            window.context.drop([str(photo)])
+            window.ctx.yield_(3)
+            assert window.exists("Photo/###stop fit") and not window.exists("Photo/photo")
+            window.click("Library/**/show object 5")
+            assert window.exists("View/badge")  # it is still the object before
+        finally:
+            goes_on.set()
+        window.wait(lambda: not window.session.fitting.running)
+
+    drive(act, replace(backend, cut_out=slow))
 
 
 def test_the_panel_is_about_the_object_in_the_view(drive: Drive, backend: Backend, model: Model, photo: Path) -> None:
