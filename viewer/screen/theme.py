@@ -125,7 +125,7 @@ def colours(p: Palette) -> dict[str, Colour]:
         "tab": p.back, "tab_hovered": p.raised, "tab_selected": p.panel,
         "tab_selected_overline": p.accent, "tab_dimmed": p.back, "tab_dimmed_selected": p.panel,
         "scrollbar_bg": p.panel, "scrollbar_grab": p.raised, "scrollbar_grab_hovered": lit,
-        "plot_histogram": p.accent, "plot_lines": p.accent, "docking_empty_bg": p.back,
+        "plot_histogram": mixed(p.accent, p.panel, 0.45), "plot_lines": p.accent, "docking_empty_bg": p.back,
         "resize_grip": p.raised, "resize_grip_hovered": p.accent, "nav_cursor": p.accent,
     }  # fmt: skip
 

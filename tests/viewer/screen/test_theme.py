@@ -9,7 +9,7 @@ _READABLE = 4.5
 _GROUNDS = (
     "window_bg", "popup_bg", "menu_bar_bg", "title_bg_active", "frame_bg", "frame_bg_hovered", "frame_bg_active",
     "button", "button_hovered", "button_active", "header", "header_hovered", "header_active", "tab", "tab_hovered",
-    "tab_selected", "tab_dimmed", "tab_dimmed_selected",
+    "tab_selected", "tab_dimmed", "tab_dimmed_selected", "plot_histogram",
 )  # fmt: skip
 
 
