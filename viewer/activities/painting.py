@@ -92,6 +92,8 @@ class Painting:
             if self._editor.scene.codes is self._shown:  # else another edit came in between
                 self._editor.set_texture(found.texture, gesture="paint")
                 self._shown = self._editor.scene.codes
+                self._jobs.cancel("paint colour")  # of the codes before
+                self._known = self._shown, wanted.part, colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)

@@ -65,3 +65,13 @@ def test_the_colour_is_told_once_it_is_known(painted: Session, editor: Editor) -
     assert painting.colour is not None  # that of before, until it is measured
     finish(painted)
     assert painting.colour == pytest.approx(editor.code("texture")[:3].clamp(0, 1).tolist())
+
+
+def test_a_painted_colour_stays_known_after_another_edit(painted: Session, editor: Editor) -> None:
+    painting = painted.painting
+    assert painting.colour is None  # it is being measured
+    painting.paint((0.9, 0.0, 0.0))
+    painting.release()
+    finish(painted)
+    editor.take("shape", "object 4")
+    assert painting.colour == (0.9, 0.0, 0.0)
