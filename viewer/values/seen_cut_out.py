@@ -7,12 +7,14 @@ from jaxtyping import Bool, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion
 
+from core.geometry.pixels import bounding_box
 from core.photos.decode import on_white
 from core.photos.detector import Box
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.segmentation import CutOut
 
 _RIVAL, _LEAST = 0.7, 0.25  # prominence relative to the first object's: to ask which is meant, and to draw a box
+_FRAMED = 0.97  # fraction of its bounding box from which a mask is rather a photo in a frame; chairs and cars fill less
 _SURE, _DOUBTFUL = (60, 220, 130), (255, 170, 40)  # colours of outlines
 _THIN = 1 / 300  # half the width of the outline, as a fraction of the photo's longer side
 
@@ -34,8 +36,11 @@ class SeenCutOut:
 
 
 def is_doubtful(cut: CutOut) -> bool:
-    """Return whether the mask may include more or less than one whole object."""
-    return cut.confidence < DOUBTFUL_MASK
+    """Return whether the mask may include more or less than one whole object, or be a photo in a frame."""
+    left, top, right, bottom = bounding_box(cut.mask)
+    fills = cut.mask[top:bottom, left:right].mean() > _FRAMED
+    framed = fills and not cut.white and cut.found_by == "plain background"
+    return bool(framed or cut.confidence < DOUBTFUL_MASK)
 
 
 def has_rival(cut: CutOut) -> bool:

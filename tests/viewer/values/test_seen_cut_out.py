@@ -54,3 +54,10 @@ def test_a_rival_is_nearly_as_prominent(cut: CutOut, score: float, rival: bool) 
     assert not has_rival(replace(cut, white=True, detections=(_FIRST, second)))
     assert not has_rival(replace(cut, white=False, detections=(_FIRST,)))
     assert not has_rival(replace(cut, white=False, detections=()))
+
+
+def test_a_mask_that_fills_its_box_may_be_a_photo_in_a_frame(cut: CutOut) -> None:
+    block = replace(cut, white=False)
+    assert is_doubtful(block) and not is_doubtful(cut)
+    corner = np.add(*np.mgrid[0:40, 0:60]) < 35
+    assert not is_doubtful(replace(block, mask=block.mask & ~corner))
