@@ -91,6 +91,17 @@ class Editor:
         of_a = takewhile(lambda state: getattr(state.mix.a, kind) == name, states)
         return next((state.scene.codes for state in of_a if not getattr(state.mix, kind)), None)
 
+    @property
+    def mix_ends(self) -> tuple[Codes, Codes]:
+        """The codes of A and B between which the mix pad mixes: A with its edits, locked codes in both."""
+        return self._keeping_locked(self.unmixed), self._keeping_locked(self.objects[self.state.mix.b].codes)
+
+    def _keeping_locked(self, codes: Codes) -> Codes:
+        """Return codes with the locked ones of the object on screen, if it is of the same model."""
+        for kind in self.locked if codes.model == self.scene.codes.model else ():
+            codes = codes.taking(kind, self.scene.codes)
+        return codes
+
     # The camera
 
     def set_camera(self, camera: Camera, gesture: str = "") -> None:
@@ -284,9 +295,8 @@ class Editor:
 
     def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "", camera: Camera | None = None) -> None:
         """Edit codes and mix; locked codes stay, with their object A and amount of B."""
-        now = self.state
+        now, codes = self.state, self._keeping_locked(codes)
         for kind in self.locked if codes.model == now.scene.codes.model else ():
-            codes = codes.taking(kind, now.scene.codes)
             a = mix.a._replace(**{kind: getattr(now.mix.a, kind)})
             mix = replace(mix, a=a).with_amount(kind, getattr(now.mix, kind))
         self._edit(Scene(codes, camera or now.scene.camera), mix, gesture)

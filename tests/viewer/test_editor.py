@@ -103,6 +103,7 @@ def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.5, 0.5)
     editor.lock("shape", True)
+    assert all(torch.equal(end.shape, editor.code("shape")) for end in editor.mix_ends)
     shape, mix = editor.code("shape"), editor.state.mix
     edits = (
         lambda: editor.show_object("object 2"),

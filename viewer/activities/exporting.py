@@ -62,8 +62,7 @@ class Exporting:
 
     def mixes(self, path: Path, size: int = 256) -> None:
         """Begin to write the mixes of A and B as one image on white, with cells of ``size`` px."""
-        mix = self._editor.state.mix
-        cells = mixes(self._editor.unmixed, self._editor.objects[mix.b].codes)
+        cells = mixes(*self._editor.mix_ends)
         camera = orbit.home(self._editor.model).resized(size, size)
         self._begin("mixes", path, lambda scene: write_mixes(self._jobs.frames, cells, camera, path))
 

@@ -86,9 +86,9 @@ class MixPanel(Panel):
         object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
 
     def _follow(self, context: PanelContext) -> None:
-        """Update the previews when A or B changes."""
-        mix, editor = context.session.editor.state.mix, context.session.editor
-        ends = editor.unmixed, editor.objects[mix.b].codes
+        """Update the previews when A, B or a lock changes."""
+        editor = context.session.editor
+        ends = editor.mix_ends
         if ends != self._ends and not editor.history.gesture:
             self._ends, self._previews = ends, mixes(*ends)
 
