@@ -25,7 +25,7 @@ class Exporting:
         self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`, or mixes
         self.saved: Path | None = None  # the last written file
         self.progress = 0.0  # finished fraction of the current file, 0..1
-        self._began = 0.0  # s on the monotonic clock
+        self._began = 0.0, 0.0  # time (s, monotonic clock) and finished fraction of the first progress
 
     @property
     def running(self) -> bool:
@@ -34,10 +34,11 @@ class Exporting:
 
     @property
     def remaining(self) -> float | None:
-        """The remaining seconds at the rate so far; None while unknown."""
-        if not self.running or self.progress <= 0:
+        """The remaining seconds at the rate since the first progress; None while unknown."""
+        since, first = self._began
+        if not self.running or self.progress <= first:
             return None
-        return (time.monotonic() - self._began) * (1 / self.progress - 1)
+        return (time.monotonic() - since) * (1 - self.progress) / (self.progress - first)
 
     def share(self, path: Path, settings: ShareSettings) -> None:
         """Begin to write a turntable, video, image or mesh, in the format of the path's ending.
@@ -85,7 +86,7 @@ class Exporting:
         """Run a stream that yields the finished work, of ``total``, unless a file is being written."""
         if self.running:
             return
-        self.kind, self.path, self.progress, self._began = kind, path, 0.0, time.monotonic()
+        self.kind, self.path, self.progress, self._began = kind, path, 0.0, (0.0, 0.0)
         scene = self._editor.scene
 
         def changes() -> Iterator[float | None]:
@@ -95,6 +96,8 @@ class Exporting:
                 before = done
 
         def advanced(done: float) -> None:
+            if not self.progress:  # what came before was preparation, or another job's time
+                self._began = time.monotonic(), done / total
             self.progress = done / total
 
         self._jobs.submit(Job("export", changes, advanced, self._ended))

@@ -1,10 +1,15 @@
 import errno
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from PIL import Image
 
-from tests.viewer.driver import finish
+from tests.viewer.driver import deliver, finish
+from tests.viewer.stand_ins import Clock
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values.share_settings import TURN, ShareSettings
@@ -18,6 +23,29 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
     with Image.open(tmp_path / "turn.gif") as video:
         assert (video.n_frames, video.size) == (TURN, (16, 16))
     assert session.messages.errors == []
+
+
+def test_the_time_left_does_not_count_preparation(session: Session, clock: Clock, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("viewer.activities.exporting.time", SimpleNamespace(monotonic=clock))
+    exporting, goes_on = session.exporting, threading.Event()
+
+    def mesh(*_: object) -> Iterator[float]:
+        yield 0.2
+        goes_on.wait(60)
+        yield 0.4
+        while True:
+            yield 0.4
+
+    session.jobs.backend = replace(session.jobs.backend, mesh=mesh)
+    exporting.share(Path("a.glb"), ShareSettings("mesh"))
+    clock.now = 100.0
+    deliver(session, lambda: exporting.progress == 0.2)
+    assert exporting.remaining is None
+    clock.now = 102.0
+    goes_on.set()
+    deliver(session, lambda: exporting.progress == 0.4)
+    assert exporting.remaining == pytest.approx(6.0)
+    exporting.cancel()
 
 
 _REFUSED = {
