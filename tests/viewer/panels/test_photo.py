@@ -11,8 +11,9 @@ from imgui_bundle import imgui
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.photo_detail import Erasure
-from core.photos.photo import read_cut_out
+from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
+from core.photos.view_bank import ViewBank
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import (
     crowded,
@@ -22,10 +23,12 @@ from tests.viewer.stand_ins import (
     quick_colour,
     quick_fit,
     quick_paint,
+    quick_photo,
 )
 from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
 from viewer.values import orbit
+from viewer.values.fit_history import PhotoSource
 from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
@@ -300,13 +303,21 @@ def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path:
     drive(act)
 
 
-@pytest.mark.parametrize(("psnr", "words"), [(30.0, "sure"), (12.0, "doubtful")])
-def test_several_photos_agree_or_not_by_a_dot(drive: Drive, backend: Backend, photo: Path, psnr: float, words: str):
+@pytest.mark.parametrize(
+    ("psnr", "second", "words"), [(30, "cars", "sure"), (12, "cars", "doubtful"), (30, "chairs", "doubtful")]
+)
+def test_several_photos_agree_or_not_by_a_dot(
+    drive: Drive, backend: Backend, photo: Path, psnr: float, second: str, words: str
+) -> None:
     other = photo.with_name("block two.png")
     other.write_bytes(photo.read_bytes())
 
     def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, psnr=psnr) for step in quick_fit(model, job))
+
+    def told(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+        category = second if source.path == other else "cars"
+        return replace(quick_photo(cut, model, bank, source), categories={category: 0.9})
 
     def act(window: Driver) -> None:
         window.fit(photo, other)
@@ -316,4 +327,4 @@ def test_several_photos_agree_or_not_by_a_dot(drive: Drive, backend: Backend, ph
         dots = [name for name, colour in COLOURS.items() if (abs(line - 255 * np.array(colour)).max(-1) < 2).sum() > 20]
         assert dots == [words]
 
-    drive(act, replace(backend, fit=rated))
+    drive(act, replace(backend, fit=rated, frame_photo=told))
