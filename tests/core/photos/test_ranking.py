@@ -67,10 +67,10 @@ def test_how_large_an_object_is_compared_with_others_from_there(tiny: Model):
     torch.testing.assert_close(larger - usual, torch.full_like(usual, math.log(2)))
 
 
-@pytest.mark.parametrize("side", [0, 1])
-def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int):
+@pytest.mark.parametrize(("side", "azimuth"), [(0, 2.2), (1, -1.2)])
+def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int, azimuth: float):
     bank = tiny_bank()
-    seen = render_exact(tiny, Codes(bank.codes.shape[1], bank.codes.texture[1]), tiny.camera(2.2, 0.5), 48)
+    seen = render_exact(tiny, Codes(bank.codes.shape[1], bank.codes.texture[1]), tiny.camera(azimuth, 0.5), 48)
     mask = seen.opacity > 0.5
     first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
     unseen = torch.zeros_like(mask)
