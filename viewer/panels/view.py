@@ -173,7 +173,7 @@ def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 
 def _badge(context: PanelContext, frame: Frame) -> str:
-    """Return what the image is waiting for; "" if nothing."""
+    """Name the work after which the image will be final; empty if it is."""
     session, viewport = context.session, context.session.viewport
     if viewport.source == "fit":
         return "Fitting …"

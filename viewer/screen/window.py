@@ -132,7 +132,8 @@ def shrink_to_monitor() -> None:
         wide, high = min(x + width, left + across) - max(x, left), min(y + height, top + down) - max(y, top)
         return max(0, wide) * max(0, high)
 
-    left, top, across, down = max(map(glfw.get_monitor_workarea, glfw.get_monitors()), key=overlap)
+    areas = map(glfw.get_monitor_workarea, glfw.get_monitors())
+    left, top, across, down = max(areas, key=overlap, default=(x, y, width, height))
     if width > across or height > down:
         before, above, after, below = glfw.get_window_frame_size(window)
         glfw.set_window_pos(window, left + before, top + above)
