@@ -76,9 +76,7 @@ class App:
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless, self._instance = size, folder, headless, instance
         if folder:
-            self.context.preferences = Preferences.load(folder)
-            self.context.clipboard = Clipboard(folder / "pasted")
-            self.context.autosave = Autosave(session, folder)
+            self._open_folder(folder)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None
         self._surface: moderngl.Framebuffer | None = None
@@ -93,6 +91,11 @@ class App:
         self._dock()
         self._connect()
         session.start()
+
+    def _open_folder(self, folder: Path) -> None:
+        self.context.preferences = Preferences.load(folder)
+        self.context.clipboard = Clipboard(folder / "pasted")
+        self.context.autosave = Autosave(self.session, folder)
 
     def run(self) -> None:
         """Open the window; return when it is closed, by a person or a signal."""

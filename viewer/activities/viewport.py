@@ -38,7 +38,7 @@ class Viewport:
         self._jobs, self._editor, self.settings = jobs, editor, settings
         self.source: Source = "none"  # source of the displayed frames; none until :meth:`begin`
         self.frame: Frame | None = None  # newest frame, cropped to the view
-        self.frame_of: ViewRequest | None = None  # inputs of :attr:`frame`
+        self.frame_request: ViewRequest | None = None  # inputs of :attr:`frame`
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
@@ -68,7 +68,7 @@ class Viewport:
     @property
     def picture(self) -> dict[str, Pixels]:
         """The newest image by the name of its codes and camera, to be stored; empty if there is none."""
-        return {_picture(self.frame_of): pixels_of(self.frame)} if self.frame and self.frame_of else {}
+        return {_picture(self.frame_request): pixels_of(self.frame)} if self.frame and self.frame_request else {}
 
     def close(self) -> None:
         """Stop rendering."""
@@ -269,7 +269,7 @@ class Viewport:
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
-        self.frame_of, self.baked_frame = request, None
+        self.frame_request, self.baked_frame = request, None
 
 
 def _picture(request: ViewRequest) -> str:

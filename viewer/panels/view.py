@@ -179,9 +179,9 @@ def _badge(context: PanelContext, frame: Frame) -> str:
         return "Fitting …"
     if session.jobs.busy("paint"):
         return "Painting …"
-    if viewport.baked_frame or viewport.frame_of is None:
+    if viewport.baked_frame or viewport.frame_request is None:
         return ""
-    if viewport.frame_of.codes != session.editor.scene.codes and not session.editor.history.gesture:
+    if viewport.frame_request.codes != session.editor.scene.codes and not session.editor.history.gesture:
         return "Rendering …"
     return "Sharpening …" if min(frame.resolution) < _ENOUGH * min(viewport.settings.panel) else ""
 

@@ -58,9 +58,7 @@ def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path,
     drive(act, replace(real_backend, load_model=lambda name: air))
 
 
-def test_the_preview_is_the_first_frame_on_its_background(
-    drive: Drive, real_backend: Backend, model: Model, tmp_path: Path
-) -> None:
+def test_the_preview_is_the_first_frame(drive: Drive, real_backend: Backend, model: Model) -> None:
     block = filled(model, 100.0)
 
     def act(window: Driver) -> None:
@@ -68,7 +66,7 @@ def test_the_preview_is_the_first_frame_on_its_background(
         camera = editor.scene.camera
         editor.set_camera(replace(camera, distance=0.6 * camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
-        exporting, preview = window.session.exporting, window.session.exporting.preview
+        preview = window.session.exporting.preview
         window.click("Share/###more")
         window.wait(lambda: preview.image is not None)
         filling = preview.image
@@ -78,8 +76,19 @@ def test_the_preview_is_the_first_frame_on_its_background(
         window.click("Share/###fill")
         window.wait(lambda: preview.image is not filling)
         assert preview.image[[0, -1], :, 3].max() > 230  # as near as in the view
+
+    drive(act, replace(real_backend, load_model=lambda name: block))
+
+
+def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend, model: Model, tmp_path: Path) -> None:
+    block = filled(model, 100.0)
+
+    def act(window: Driver) -> None:
+        editor, exporting = window.session.editor, window.session.exporting
+        editor.set_camera(replace(editor.scene.camera, distance=0.6 * editor.scene.camera.distance))
+        window.press(imgui.Key.mod_ctrl, imgui.Key.e)
+        window.click("Share/###more")
         window.click("Share/###picture")
-        window.click("Share/###fill")
         choose(window, "##background", "Colour")
         window.context.set_preference(share=replace(window.context.preferences.share, colour=(200, 10, 20)))
         window.click("Share/###small")
