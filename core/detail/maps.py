@@ -8,7 +8,7 @@ photo and render disagree: there the shape differs, not the paint.
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -72,12 +72,12 @@ def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps 
     detail = codes.detail
     assert detail is not None
     photos = yield from compared_photos(model, detail)
-    key = tuple(photos), tuple(codes.texture.tolist())
+    key = tuple(photos), codes.texture_key
     known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
     if known is None:
         yield None
         with torch.inference_mode():
-            known = _painted_maps(model, photos, codes.texture.to(model.device))
+            known = _painted_maps(model, photos, codes)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
     return DetailMaps(known[0], share, detail.other_side, known[1])
 
@@ -86,7 +86,7 @@ def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, 
     """Compare the photos with their renders; cached. Yields None many times on the first call."""
     photos = []
     for view in detail.views:
-        key = model, view, detail.codes_key
+        key = model, view, detail.fitted
         known: ComparedPhoto | None = CACHE.get(CacheKind.DETAIL, key)
         if known is None:
             known = yield from compare_photo(model, detail, view)
@@ -100,7 +100,7 @@ class ComparedPhoto:
     """A photo and the render of the codes fitted to it, from the photo's camera. Not modified after creation."""
 
     camera: Camera  # at the size of the render
-    codes: Codes
+    codes: Codes  # fitted to the photo
     photo: Float[Tensor, "3 height width"]  # the object's colours, extrapolated beyond its outline
     render: Float[Tensor, "3 h w"]  # the surface's colours, extrapolated likewise
     weight: Float[Tensor, "h w"]  # 0..1, reliability of the photo's colours
@@ -112,14 +112,11 @@ class ComparedPhoto:
     texels: "SurfaceTexels"
     match: ColourMatch  # from the render's colours to the photo's
 
-    def change(self, model: Model, texture: Float[Tensor, "latent"]) -> Float[Tensor, "3 h w"]:
-        """Return the change of the surface's colours with a texture."""
-        if torch.equal(texture.to(self.codes.texture.device), self.codes.texture):
+    def change(self, model: Model, textured: Codes) -> Float[Tensor, "3 h w"]:
+        """Return the change of the surface's colours with the texture of other codes."""
+        if textured.texture_key == self.codes.texture_key:
             return torch.zeros_like(self.render)
-        new, old = (
-            self.texels.colours(model, replace(self.codes, texture=one)) for one in (texture, self.codes.texture)
-        )
-        return new - old
+        return self.texels.colours(model, textured) - self.texels.colours(model, self.codes)
 
     def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
         """Return the photo repainted, given the change of the render.
@@ -171,7 +168,7 @@ def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generat
     rgba = view.pixels().astype(np.float32) / 255
     high = SOURCE_SIZE
     camera = view.camera.resized(max(1, round(high * view.camera.width / view.camera.height)), high)
-    codes = Codes(detail.shape.to(model.device), detail.texture.to(model.device))
+    codes = Codes.of(detail.fitted)
     source = yield from render_steps(model, codes, camera, _SAMPLES)
     yield None
     with torch.inference_mode():
@@ -251,12 +248,12 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
 
 
 def _painted_maps(
-    model: Model, photos: Sequence[ComparedPhoto], texture: Float[Tensor, "latent"]
+    model: Model, photos: Sequence[ComparedPhoto], textured: Codes
 ) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of all photos in a texture, and the match of that texture's colours to the photos."""
+    """Return the maps of all photos in the texture of some codes, and the match of its colours to the photos."""
     maps, colours, shown, weights = [], [], [], []
     for one in photos:
-        change = one.change(model, texture)
+        change = one.change(model, textured)
         photo = one.repainted(change) if change.any() else one.photo
         weight, near = _enlarged(torch.stack((one.weight, one.near)), photo)
         fine = torch.cat((photo, packed(weight, near)[None]))

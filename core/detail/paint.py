@@ -14,6 +14,7 @@ from torch import Tensor
 from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.repaint import lightness, replaced_share
 from core.models.codes import Codes
+from core.models.latents import Latents
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import shown_share
@@ -59,7 +60,7 @@ def paint(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Co
     painted = torch.lerp(surface.colours + (colour - now), colour * light[:, None].sqrt(), even)
     goal = torch.lerp(surface.colours, painted.clamp(0, 1), surface.share[:, None])
     start = yield from _nearest_texture(model, codes, surface, goal)
-    return replace(codes, texture=(yield from _refined(model, surface, goal, start)))
+    return (yield from _refined(model, surface, goal, start))
 
 
 def paint_colour(model: Model, codes: Codes, part: str = "") -> Generator[None, None, Rgb]:
@@ -92,10 +93,9 @@ class _Surface:
     fitted: Float[Tensor, "3"]  # mean colour of the part in the texture fitted to the photos
     matched: Float[Tensor, "3"]  # difference of the photos' colour from it
 
-    def coloured(self, texture: Float[Tensor, "latent"]) -> Float[Tensor, "points 3"]:
-        """Return the colours in a texture; differentiable."""
-        field = self.model.field
-        return field.colour(self.features, self.direction_bias, field.texture_bias(texture))
+    def coloured(self, codes: Latents) -> Float[Tensor, "points 3"]:
+        """Return the colours in the texture of some codes; differentiable."""
+        return self.model.field.colour(self.features, self.direction_bias, self.model.biases(codes)[1])
 
     @property
     def now(self) -> Float[Tensor, "3"]:
@@ -115,10 +115,10 @@ def _surface(model: Model, codes: Codes, part: str) -> Generator[None, None, _Su
         raise ValueError("the object has no surface that takes paint")
     points = points[torch.linspace(0, len(points) - 1, min(_POINTS, len(points))).long()]
     with torch.no_grad():
-        features = model.field.density(points, model.field.shape_bias(codes.shape))[1]
+        features = model.field.density(points, model.biases(codes)[0])[1]
         towards = model.field.direction_bias(-torch.nn.functional.normalize(points, dim=-1))
         surface = _Surface(model, features, towards, points, points[:, 0], torch.zeros(3), torch.zeros(3))
-        colours = surface.coloured(codes.texture).clamp(0, 1)
+        colours = surface.coloured(codes).clamp(0, 1)
         share = _part_share(model, codes, points, colours, part)
         surface = replace(surface, colours=colours, share=share, fitted=_mean(colours, share))
     if not shown_share(model, codes):
@@ -126,7 +126,7 @@ def _surface(model: Model, codes: Codes, part: str) -> Generator[None, None, _Su
     assert codes.detail is not None
     photos = yield from compared_photos(model, codes.detail)
     with torch.no_grad():
-        fitted = _mean(surface.coloured(codes.detail.texture).clamp(0, 1), share)
+        fitted = _mean(surface.coloured(codes.detail.fitted).clamp(0, 1), share)
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
     return replace(surface, fitted=fitted, matched=matched)
 
@@ -169,35 +169,36 @@ def _part_share(
 
 def _nearest_texture(
     model: Model, codes: Codes, surface: _Surface, goal: Float[Tensor, "points 3"]
-) -> Generator[None, None, Float[Tensor, "latent"]]:
-    """Return the current texture, or the trained one nearest to the goal."""
+) -> Generator[None, None, Codes]:
+    """Return the codes with their own texture, or with the trained one nearest to the goal."""
     valid = model.codes.valid
     some = valid[:: max(1, len(valid) // _TEXTURES)]
-    best, least = codes.texture, torch.inf
-    for texture in [codes.texture, *(model.codes[index].texture for index in some)]:
+    best, least = codes, torch.inf
+    for candidate in (codes, *(codes.taking("texture", model.codes[index]) for index in some)):
         with torch.no_grad():
-            error = float((surface.coloured(texture) - goal).square().mean())
+            error = float((surface.coloured(candidate) - goal).square().mean())
         if error < least:
-            best, least = texture, error
+            best, least = candidate, error
         yield None
     return best
 
 
 def _refined(
-    model: Model, surface: _Surface, goal: Float[Tensor, "points 3"], start: Float[Tensor, "latent"]
-) -> Generator[None, None, Float[Tensor, "latent"]]:
-    """Return the best texture of a gradient descent from ``start``."""
+    model: Model, surface: _Surface, goal: Float[Tensor, "points 3"], start: Codes
+) -> Generator[None, None, Codes]:
+    """Return the best codes of a gradient descent over the texture code from ``start``; offsets stay."""
     space = model.codes.texture_space
-    coordinates, best, least = space.coordinates(start).clone().requires_grad_(), start, torch.inf
+    coordinates, best, least = space.coordinates(start.texture).clone().requires_grad_(), start, torch.inf
     optimiser = torch.optim.Adam([coordinates], _RATE)
     for _ in range(_STEPS):
         with torch.enable_grad():
             texture = space.code(coordinates)
-            loss = (surface.coloured(texture) - goal).square().mean() + _PRIOR * coordinates.square().sum()
+            colours = surface.coloured(replace(start, texture=texture))
+            loss = (colours - goal).square().mean() + _PRIOR * coordinates.square().sum()
             optimiser.zero_grad()
             loss.backward()
         if float(loss.detach()) < least:
-            best, least = texture.detach().clone(), float(loss.detach())
+            best, least = replace(start, texture=texture.detach().clone()), float(loss.detach())
         optimiser.step()
         yield None
     return best

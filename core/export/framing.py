@@ -74,7 +74,7 @@ def _outline(model: Model, codes: Codes) -> Float[Tensor, "ends 3"]:
 
 def _opaque_points(model: Model, codes: Codes, parts: int) -> Float[Tensor, "points 3"]:
     """Return opaque points (scene units), ``parts`` along each side of a cell; the box's corners if there are none."""
-    folded, occupancy = FoldedField(model, codes), shape_occupancy(model, tuple(codes.shape.tolist()))
+    folded, occupancy = FoldedField(model, codes), shape_occupancy(model, codes)
     steps = (torch.arange(parts, device=model.device) + 0.5) / parts
     within = torch.cartesian_prod(steps, steps, steps)
     points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)

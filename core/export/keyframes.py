@@ -5,7 +5,8 @@ Between objects of two models the video cuts.
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,9 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 from jaxtyping import Float64
+from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
+from core.models.latents import Latents
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
@@ -189,17 +192,30 @@ class _Run:
         """Interpolate the codes at a time, with the photo detail of the nearest knot."""
         seconds = max(self.begin, min(seconds, self.knots[-1][0]))
         nearest = min(self.knots, key=lambda knot: abs(knot[0] - seconds))[1]
-        if self._path is None:
+        if len(self.knots) == 1:
             return nearest
-        numbers, shape = torch.from_numpy(self._path(seconds)).float(), len(nearest.shape)
-        return replace(nearest, shape=numbers[:shape], texture=numbers[shape:])
+        return nearest.with_latents({name: path(seconds) for name, path in self._paths.items()})
 
     @cached_property
-    def _path(self) -> "CubicHermiteSpline | None":
-        if len(self.knots) == 1:
-            return None
-        times, rows = [knot[0] for knot in self.knots], [_codes_row(knot[1]) for knot in self.knots]
-        return _path(np.array(times), np.stack(rows))
+    def _paths(self) -> dict[str, Callable[[float], Tensor]]:
+        """Shape, texture and offsets over time, by field; without offsets that no knot has."""
+        times = np.array([time for time, _ in self.knots])
+        paths = dict[str, Callable[[float], Tensor]]()
+        for name in (field.name for field in fields(Latents)):
+            tensors = [getattr(codes, name) for _, codes in self.knots]
+            template = next((tensor for tensor in tensors if tensor is not None), None)
+            if template is not None:
+                paths[name] = _tensor_path(times, tensors, template)
+        return paths
+
+
+def _tensor_path(
+    times: Float64[np.ndarray, "knots"], tensors: Sequence[Tensor | None], template: Tensor
+) -> Callable[[float], Tensor]:
+    """Interpolate tensors over time; None stands for zeros like the template."""
+    filled = (torch.zeros_like(template) if tensor is None else tensor for tensor in tensors)
+    spline = _path(times, np.stack([tensor.double().cpu().flatten().numpy() for tensor in filled]))
+    return lambda seconds: torch.from_numpy(spline(seconds)).to(template.dtype).reshape(template.shape)
 
 
 def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots numbers"]) -> "CubicHermiteSpline":
@@ -223,7 +239,3 @@ def _camera_row(camera: Camera) -> Float64[np.ndarray, "4"]:
     """Return a camera as numbers to interpolate: angles, logarithms of distance and focal length."""
     logs = math.log(camera.distance), math.log(camera.focal / camera.height)
     return np.array((camera.azimuth, camera.elevation, *logs))
-
-
-def _codes_row(codes: Codes) -> Float64[np.ndarray, "numbers"]:
-    return np.concatenate([code.double().cpu().numpy() for code in (codes.shape, codes.texture)])

@@ -1,10 +1,11 @@
-"""Fitting (Eq. 5): from photos of an object to its codes and unknown cameras, in five steps.
+"""Fitting (Eq. 5): from photos of an object to its codes and unknown cameras, in six steps.
 
 1. Rank the cameras of the view bank.
 2. Optimise hypotheses from the best cameras, then around the best of the results; prune between stages.
 3. Refine the best hypothesis.
 4. Assess its camera: runner-up, uncertainty, confidence.
 5. Restart while the camera is in doubt.
+6. Free the biases (:mod:`core.fitting.free`).
 
 A hypothesis is a camera per photo and a pair of codes. All hypotheses are one batch of one network call. Codes enter as
 biases, so the cost of a hypothesis is that of its points. The paper's own recipe is :mod:`core.fitting.paper`.
@@ -20,6 +21,7 @@ import torch
 
 from core.fitting.category_check import category_likelihood
 from core.fitting.confidence import witness_odds
+from core.fitting.free import free_biases
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_views import with_photo_detail
@@ -48,7 +50,8 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model.soft, job, generator)
     unknown = int(problem.unknown.sum())
-    schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
+    components = replace(job.components, free_biases=job.components.free_biases and not model.white_from_network)
+    schedule = build_schedule(job.settings, components, unknown > 0, job.resume_from is not None)
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
     cameras = list(problem.cameras)
     likelihood = category_likelihood(model.category, job.photos)
@@ -68,7 +71,21 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
-    """Run the five steps; yield the state after every iteration."""
+    """Run the six steps; yield the state after every iteration."""
+    searched = yield from _search_codes(problem, schedule, job, generator)
+    if schedule.free is None or searched.result is None:
+        return
+    # 6. Free the biases.
+    freed_states = free_biases(searched.problem, searched.result.winner, schedule.free, generator)
+    for number, (origin, freed) in enumerate(freed_states, 1):
+        finished = number == schedule.free.steps
+        yield searched._replace(freed=freed, origin=origin, restart_follows=False, finished=finished)
+
+
+def _search_codes(
+    problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator
+) -> Generator[SearchState, None, SearchState]:
+    """Run the first five steps; yield the state after every iteration and return the last."""
     # 1. Rank the view bank.
     initial = yield from _initial(problem, schedule, job, generator)
     result: SearchResult | None = None
@@ -98,7 +115,7 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
         except DivergedError:
             if result is None:
                 raise
-            return  # the result of the earlier searches has been yielded
+            break  # the result of the earlier searches has been yielded
         if result:
             first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the later search
             result = better_of(problem, result._replace(winner=first), found)
@@ -106,9 +123,11 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             result = found
         # 5. Restart while in doubt, with other pixels, assuming that an occluder may hide parts of the object.
         again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
-        yield state(result.winner, result, restart_follows=again, finished=True)
+        searched = state(result.winner, result, restart_follows=again, finished=again or schedule.free is None)
+        yield searched
         if not again:
-            return
+            break
+    return searched
 
 
 def _initial(

@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from core.fitting.biases import bias_jacobians, hypothesis_biases
 from core.fitting.hypotheses import (
     CAMERA_PARAMETERS,
     HypothesisBatch,
@@ -30,9 +31,9 @@ from core.fitting.pieces import Piece, cells_of, map_rays
 from core.fitting.schedule import Stage
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
+from core.models.latents import Latents
 from core.models.model import Model
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
-from core.runtime.precision import matmul_dtype
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
 """Largest step of each camera parameter (:data:`CAMERA_PARAMETERS`): beyond it, the quadratic is unreliable."""
@@ -63,17 +64,18 @@ def gauss_newton_step(
     objective: Objective,
     free: Bool[Tensor, "views 8"],
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
+    origin: Latents | None = None,
 ) -> HypothesisBatch:
     """Return the hypotheses after one step, with the loss and squared error from before it.
 
     Args:
         jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
         free: camera parameters that may move; codes always may.
-        cells: see :func:`core.fitting.objective.evaluate_objective`.
+        cells, origin: see :func:`core.fitting.objective.evaluate_objective`.
 
     A hypothesis with a non-finite objective gets infinite loss and does not move.
     """
-    equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective, cells)
+    equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective, cells, origin)
     step = _solve_damped(equations, stage.damping, free)
     parameters = _apply_step(batch.parameters, step, free)
     loss = equations.objective.nan_to_num(math.inf, math.inf)
@@ -116,10 +118,11 @@ def normal_equations(
     stage: Stage,
     objective: Objective,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
+    origin: Latents | None = None,
 ) -> NormalEquations:
     """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`."""
     terms = [term(pixels, objective) for term in objective.terms]
-    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells)
+    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, origin)
     value, gradient, hessian = (torch.zeros(len(jacobian), *[jacobian.shape[-1]] * axes) for axes in range(3))
     for term in terms:
         value += _add_term(term, parameters, rendered, jacobian, gradient, hessian)
@@ -162,20 +165,15 @@ def _render(
     jitter: Float[Tensor, "views all_rays"] | None,
     stage: Stage,
     cells: Bool[Tensor, "hypotheses x y z"] | None,
+    origin: Latents | None,
 ) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
     """Render the pixels; return them with the jacobian of their channels with respect to all parameters."""
-    shapes, textures = model.codes.shape_space, model.codes.texture_space
-    shape, texture = shapes.code(parameters.shape), textures.code(parameters.texture)
-    dtype = matmul_dtype(model.device.type)
-    entries = BiasJacobians(
-        model.field.shape_bias_jacobian(shape, shapes.basis).to(dtype),
-        model.field.texture_bias_jacobian(texture, textures.basis).to(dtype),
-    )
-    kept = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
-    biases, cells = model.field.biases(shape, texture), known_cells(model, cells)
+    entries, biases = bias_jacobians(model, parameters, origin), hypothesis_biases(model, parameters, origin)
+    kept, cells = max(2, stage.samples // _SAMPLES_PER_JACOBIAN), known_cells(model, cells)
 
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     moves = camera_jacobian(parameters, rays)
+    rays, moves = pixels.mirrored_rays(rays), pixels.mirrored_jacobian(moves)
 
     def render(piece: Piece) -> tuple[Tensor, Tensor]:
         shape_bias, texture_bias, *along = (part[piece[0]] for part in (*biases, *entries))

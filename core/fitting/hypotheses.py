@@ -12,9 +12,8 @@ from torch import Tensor
 from core.fitting.observations import PixelBatch
 from core.geometry.camera import Camera, camera_rotation
 from core.geometry.rays import Rays, cast_rays
-from core.models.codes import Codes, CodeSpace
+from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.shape_cells import shape_cells
 
 CAMERA_PARAMETERS = 8  # of one view: azimuth, elevation, log distance, log focal length; log scale, roll, shift x and y
 _BASIN = math.radians(25)  # cameras closer than this mostly converge to the same one
@@ -173,11 +172,6 @@ def image_points(
     return upright / (scale + parameters.zoom[..., None, None]).exp()
 
 
-def hypothesis_cells(model: Model, parameters: Parameters) -> Bool[Tensor, "hypotheses x y z"] | None:
-    """Return the cells that each hypothesis' shape may occupy (:func:`core.rendering.shape_cells.shape_cells`)."""
-    return shape_cells(model, model.field.shape_bias(model.codes.shape_space.code(parameters.shape)))
-
-
 def known_cells(
     model: Model, cells: Bool[Tensor, "hypotheses x y z"] | None
 ) -> Bool[Tensor, "hypotheses_or_one x y z"] | None:
@@ -217,22 +211,21 @@ def to_cameras(model: Model, parameters: Parameters, index: int, cameras: Sequen
 
 
 def to_hypotheses(
-    model: Model, batch: HypothesisBatch, cameras: Sequence[Camera], spaces: tuple[CodeSpace, CodeSpace]
+    model: Model, batch: HypothesisBatch, cameras: Sequence[Camera], codes: Sequence[Codes]
 ) -> tuple[Hypothesis, ...]:
     """Return the hypotheses of a batch by loss, without diverged ones.
 
     Args:
         cameras: see :func:`to_cameras`.
-        spaces: of shape and texture.
+        codes: of all hypotheses (:func:`core.fitting.biases.hypothesis_codes`).
     """
     parameters, losses = batch.parameters, batch.loss.tolist()
-    shapes, textures = spaces[0].code(parameters.shape), spaces[1].code(parameters.texture)
     return tuple(
         Hypothesis(
             int(batch.origin[index]),
             losses[index],
             to_cameras(model, parameters, index, cameras),
-            Codes(shapes[index], textures[index], model=model.fingerprint),
+            codes[index],
             parameters.crop_transform[index],
         )
         for index in batch.loss.argsort(stable=True).tolist()

@@ -13,9 +13,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import direction_weights, viewpoint_nll
+from core.fitting.biases import hypothesis_biases
 from core.fitting.hypotheses import Parameters, hypothesis_rays, known_cells
 from core.fitting.observations import PixelBatch
 from core.fitting.pieces import Piece, cells_of, map_rays
+from core.models.latents import Latents
 from core.models.model import Model
 from core.rendering.importance import render_top_samples
 from core.runtime.precision import autocast
@@ -147,15 +149,17 @@ def evaluate_objective(
     samples: int,
     objective: Objective,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
+    origin: Latents | None = None,
 ) -> ObjectiveValue:
     """Evaluate the objective (Eq. 5 with robust errors, a mask and priors) on some pixels; differentiable.
 
     Args:
         samples: intervals of each ray.
         cells: cells that each shape may occupy; None: ``model.occupied_cells``.
+        origin: see :func:`core.fitting.biases.hypothesis_biases`.
     """
-    codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
-    rendered = _render(model, parameters, codes, pixels, samples, None, cells)
+    biases = hypothesis_biases(model, parameters, origin)
+    rendered = _render(model, parameters, biases, pixels, samples, None, cells)
     terms = [term(pixels, objective) for term in objective.terms]
     value = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms]).sum(0)
     return ObjectiveValue(value, image_squared_error(rendered, pixels, objective.occluder_scale).detach())
@@ -174,7 +178,8 @@ def paper_objective(
     Args:
         parameters: shape and texture are the codes themselves.
     """
-    rendered = _render(model, parameters, (parameters.shape, parameters.texture), pixels, samples, jitter)
+    biases = model.field.biases(parameters.shape, parameters.texture)
+    rendered = _render(model, parameters, biases, pixels, samples, jitter)
     error = image_squared_error(rendered, pixels)
     norms = parameters.shape.square().sum(-1) + parameters.texture.square().sum(-1)
     return ObjectiveValue(error + code_prior * norms, error.detach())
@@ -241,14 +246,13 @@ def _scales(pixels: PixelBatch, on_object: float, beside: float) -> Float[Tensor
 def _render(
     model: Model,
     parameters: Parameters,
-    codes: tuple[Tensor, Tensor],
+    biases: tuple[Tensor, Tensor],
     pixels: PixelBatch,
     samples: int,
     jitter: Float[Tensor, "views all_rays"] | None,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> RenderedPixels:
-    rays = hypothesis_rays(model, parameters, pixels, samples, jitter)
-    biases = model.field.biases(*codes)
+    rays = pixels.mirrored_rays(hypothesis_rays(model, parameters, pixels, samples, jitter))
     kept, cells = max(2, samples // 6), known_cells(model, cells)
 
     def render(piece: Piece) -> tuple[Tensor]:

@@ -10,6 +10,7 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from core.fitting import fit as search
+from core.fitting.biases import hypothesis_codes
 from core.fitting.hypotheses import HypothesisBatch, Parameters, clamp_parameters, to_hypotheses
 from core.fitting.initial import random_angles, resume_from
 from core.fitting.objective import ObjectiveValue, paper_objective
@@ -51,7 +52,8 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
                 found = paper_objective(model, one.parameters, scoring, settings.samples, settings.code_prior, None)
             best = min(best, _with_loss(one, found), key=lambda one: float(one.loss))
         shown = one if step < settings.steps and bool(one.loss.isfinite().all()) else best
-        (first,) = to_hypotheses(model, shown.best, cameras, spaces)
+        codes = hypothesis_codes(model, shown.best.parameters, spaces)
+        (first,) = to_hypotheses(model, shown.best, cameras, codes)
         yield FitStep(
             step,
             settings.steps,

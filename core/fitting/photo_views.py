@@ -35,8 +35,7 @@ def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> F
     codes = replace(step.codes, detail=None)
     some = zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False)
     views = tuple(photo_view(model, *one, codes) for one in some)
-    shape, texture = (code.detach().cpu().clone() for code in (codes.shape, codes.texture))
-    return replace(step, codes=replace(step.codes, detail=PhotoDetail(views, shape, texture)))
+    return replace(step, codes=replace(codes, detail=PhotoDetail.of(views, codes)))
 
 
 def photo_view(

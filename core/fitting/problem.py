@@ -23,6 +23,7 @@ from core.fitting.observations import Observation, PixelBatch, sample_pixels
 from core.fitting.settings import ALL_COMPONENTS, Components, FitSettings
 from core.geometry.camera import Camera
 from core.models.codes import CodeSpace
+from core.models.latents import Latents
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.ranking import ObjectMask, expected_scales
@@ -66,6 +67,7 @@ class Problem:
     scoring: PixelBatch  # pixels to compare hypotheses on
     validation: PixelBatch
     occluded: bool = False  # an occluder may hide parts of the object
+    origin: Latents | None = None  # see hypothesis_biases
 
     @classmethod
     def of(cls, model: Model, job: FitJob, generator: torch.Generator) -> "Problem":

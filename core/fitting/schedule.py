@@ -24,16 +24,17 @@ class Schedule(NamedTuple):
     coarse: tuple[Stage, ...]  # from cameras on all sides; empty if all cameras are known
     local: tuple[Stage, ...]  # around the best cameras of the coarse stages
     final: Stage  # refines the best hypothesis
+    free: Stage | None = None  # frees its biases (:mod:`core.fitting.free`)
 
     @property
     def stages(self) -> tuple[Stage, ...]:
-        """All stages."""
+        """All stages of the codes."""
         return *self.coarse, *self.local, self.final
 
     @property
     def steps(self) -> int:
         """Number of steps in all stages."""
-        return sum(stage.steps for stage in self.stages)
+        return sum(stage.steps for stage in self.stages) + (self.free.steps if self.free else 0)
 
 
 class _Row(NamedTuple):
@@ -63,6 +64,7 @@ _LOCAL = (
     _Row(1.0, 2, 4, 1 / 2, 3 / 4, 0.2, 0.3),
 )
 _FINAL = _Row(1.0, 1, 24, 1, 1, 0.2, 0.03)
+_FREE_DAMPING = 1e-3  # the prior steadies steps of free biases already
 _ALL_STEPS = sum(row.steps for row in (*_LOCAL, _FINAL))
 LOCAL_OFFSETS = (
     ((0.0, 0.0, 4), (1.5, 0.0, 1), (-1.5, 0.0, 1), (0.0, 1.5, 1), (0.0, -1.5, 1), (13.0, 0.0, 2), (-13.0, 0.0, 2)),
@@ -92,7 +94,12 @@ def build_schedule(settings: FitSettings, components: Components, unknown: bool,
         starts = settings.hypotheses * 3 // 2 if settings.estimate_focal else settings.hypotheses
         coarse = _stages(_COARSE, starts, settings, components)
     *local, final = _stages((*_LOCAL, _FINAL), count, settings, components)
-    return Schedule((), (), final._replace(steps=settings.steps)) if resumed else Schedule(coarse, tuple(local), final)
+    free = None
+    if settings.free_steps and components.free_biases:
+        free = final._replace(steps=settings.free_steps, damping=_FREE_DAMPING)
+    if resumed:
+        return Schedule((), (), final._replace(steps=settings.steps), free)
+    return Schedule(coarse, tuple(local), final, free)
 
 
 def _stages(rows: Sequence[_Row], count: int, settings: FitSettings, components: Components) -> tuple[Stage, ...]:

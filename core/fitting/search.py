@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import torch
 
+from core.fitting.biases import hypothesis_cells
 from core.fitting.confidence import confidence
 from core.fitting.gauss_newton import camera_uncertainty, gauss_newton_step
 from core.fitting.hypotheses import (
@@ -19,7 +20,6 @@ from core.fitting.hypotheses import (
     best_other_basin,
     concatenate,
     flip_azimuth,
-    hypothesis_cells,
     mean_parameters,
     opposite_views,
 )
@@ -57,10 +57,12 @@ def optimise(
         use_cells = stage.steps * samples_per_step > _MIN_SAMPLES_FOR_CELLS
         for step in range(stage.steps):
             if step % update_every == 0 and use_cells:
-                cells = hypothesis_cells(problem.model, batch.parameters)
-            pixels = sample_pixels(problem.observations, stage.rays, generator)
+                cells = hypothesis_cells(problem.model, batch.parameters, problem.origin)
+            pixels = sample_pixels(problem.observations, stage.rays, generator, problem.origin is not None)
             jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
-            after = gauss_newton_step(problem.model, batch, pixels, jitter, stage, objective, problem.free, cells)
+            after = gauss_newton_step(
+                problem.model, batch, pixels, jitter, stage, objective, problem.free, cells, problem.origin
+            )
             loss = after.loss * viewpoint_weights(after.parameters, problem.viewpoints)
             loss = torch.lerp(batch.loss, loss, _EMA if step else 1.0).nan_to_num(math.inf, math.inf)
             batch = replace(after, loss=loss)
@@ -82,9 +84,15 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
     """Return the hypotheses with their losses on the common scoring pixels."""
     objective = problem.objective(robust_scale)
     with torch.no_grad():
-        cells = hypothesis_cells(problem.model, batch.parameters)
+        cells = hypothesis_cells(problem.model, batch.parameters, problem.origin)
         found = evaluate_objective(
-            problem.model, batch.parameters, problem.scoring, problem.settings.samples, objective, cells=cells
+            problem.model,
+            batch.parameters,
+            problem.scoring,
+            problem.settings.samples,
+            objective,
+            cells=cells,
+            origin=problem.origin,
         )
     loss = found.objective.nan_to_num(math.inf, math.inf) * viewpoint_weights(batch.parameters, problem.viewpoints)
     return replace(batch, loss=loss, squared_error=found.squared_error)

@@ -18,13 +18,14 @@ class FitSettings:
     have fewer."""
     code_prior: float = 1e-5
     """weight of a code's squared standard deviations, relative to a pixel's squared error (Eq. 5's 1 / nu^2)"""
+    free_steps: int = 20  # with free biases, after the search (:mod:`core.fitting.free`); 0: codes alone
     max_restarts: int = 1  # further searches while the single unknown camera is in doubt; the best result is kept
     estimate_focal: bool = False
     """search the focal length of unknown cameras too, with 1.5 times the hypotheses; else use the model's"""
 
     def __post_init__(self) -> None:
         counts = min(self.hypotheses, self.steps, self.rays, self.samples - 1, self.max_restarts + 1)
-        if counts < 1 or not 0 <= self.code_prior < math.inf:
+        if counts < 1 or self.free_steps < 0 or not 0 <= self.code_prior < math.inf:
             raise ValueError(f"no fit has these settings: {self}")
 
     def for_box(self, extent: tuple[float, float, float]) -> "FitSettings":
@@ -46,16 +47,17 @@ class PaperSettings(FitSettings):
     steps: int = 299
     rays: int = 512
     code_prior: float = 1e-4  # of the squared norm of a code
+    free_steps: int = 0
     max_restarts: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.hypotheses != 1 or self.estimate_focal:
-            raise ValueError("the paper's recipe has one hypothesis, and the focal length of the training images")
+        if self.hypotheses != 1 or self.estimate_focal or self.free_steps:
+            raise ValueError("the paper's recipe has one hypothesis, codes alone, and the focal length of the training")
 
 
 PRESETS: dict[str, FitSettings] = {
-    "draft": FitSettings(hypotheses=12, steps=26, rays=512, max_restarts=0),
+    "draft": FitSettings(hypotheses=12, steps=26, rays=512, free_steps=8, max_restarts=0),
     "normal": FitSettings(),
     "fine": FitSettings(hypotheses=40, steps=84, rays=1536),
     "paper": PaperSettings(),
@@ -75,6 +77,7 @@ class Components:
     robust_loss: bool = True  # Cauchy's loss in the last stages, else squared errors throughout
     mask_loss: bool = True  # include the term of opacity errors
     camera_prior: bool = True  # include the camera prior
+    free_biases: bool = True  # end with the free stage
 
 
 ALL_COMPONENTS = Components()

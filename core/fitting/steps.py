@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from core.fitting.biases import hypothesis_codes
 from core.fitting.confidence import confidence, plausible
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras, to_hypotheses
 from core.fitting.problem import Problem
@@ -12,6 +13,7 @@ from core.fitting.search import SearchResult
 from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
 from core.models.codes import Codes
+from core.models.latents import Latents
 
 
 class RunnerUp(NamedTuple):
@@ -36,6 +38,8 @@ class FitStep:
     codes: Codes
     active: int = 1  # number of optimised hypotheses
     restart: bool = False  # part of a later search, after an earlier one left its camera in doubt
+    search_psnr: float | None = None
+    """dB of the codes alone, in the free stage: by these, as free biases explain photos from any camera"""
     runner_up: RunnerUp | None = None
     """if a single camera is unknown, from the refinement on; never in the paper's recipe"""
     margin: float | None = None
@@ -51,11 +55,17 @@ class FitStep:
     witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box (:func:`witness_odds`)
 
     @property
+    def is_free(self) -> bool:
+        """True in the free stage (:mod:`core.fitting.free`)."""
+        return self.search_psnr is not None
+
+    @property
     def confidence(self) -> float | None:
         """Probability that the camera is right, 0..1; None without margin or uncertainty."""
         if self.margin is None or self.uncertainty is None:
             return None
-        at_all = plausible(self.category_likelihood, self.mask_confidence, self.psnr)
+        psnr = self.psnr if self.search_psnr is None else self.search_psnr
+        at_all = plausible(self.category_likelihood, self.mask_confidence, psnr)
         return at_all * confidence(self.margin, self.uncertainty, witness=self.witness)
 
 
@@ -68,7 +78,9 @@ class SearchState(NamedTuple):
     result: SearchResult | None = None  # its winner leads, once it exists
     restart: bool = False  # see FitStep
     restart_follows: bool = False
-    finished: bool = False  # the search has ended; another one may follow
+    finished: bool = False  # the result is complete; another search may follow
+    freed: HypothesisBatch | None = None  # the result with free biases, in the free stage
+    origin: Latents | None = None  # the codes whose biases are free
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
         """Return this state as a step of the stream.
@@ -76,7 +88,8 @@ class SearchState(NamedTuple):
         Args:
             step, steps, seconds: see :class:`FitStep`.
         """
-        leading = self.result.winner if self.result else self.batch.best
+        searched = self.result.winner if self.result else self.batch.best
+        leading = searched if self.freed is None else self.freed
         hypotheses = self._ranked()
         first, runner_up = hypotheses[0], self.result and self.result.runner_up
         shown = FitStep(
@@ -92,6 +105,8 @@ class SearchState(NamedTuple):
             self.restart,
             hypotheses=hypotheses,
         )
+        if self.freed is not None:
+            shown = replace(shown, search_psnr=psnr_from_mse(float(searched.squared_error)))
         if not (self.result and runner_up and math.isfinite(self.result.margin) and self.problem.unknown.sum() == 1):
             return shown
         cameras = to_cameras(self.problem.model, runner_up.parameters, 0, self.problem.cameras)
@@ -100,13 +115,17 @@ class SearchState(NamedTuple):
 
     def _ranked(self) -> tuple[Hypothesis, ...]:
         """Return the leader, then the others, as :attr:`FitStep.hypotheses`."""
-        result, batch = self.result, self.batch
+        result, batch, problem = self.result, self.batch, self.problem
+
+        def to_all(ranked: HypothesisBatch, origin: Latents | None = None) -> tuple[Hypothesis, ...]:
+            codes = hypothesis_codes(problem.model, ranked.parameters, problem.spaces, origin)
+            return to_hypotheses(problem.model, ranked, problem.cameras, codes)
+
+        freed = () if self.freed is None else to_all(self.freed, self.origin)
         batches = [batch]
         if result and batch is result.winner:
-            batches = [batch] if result.runner_up is None else [batch, result.runner_up]
+            batches = [] if freed else [batch]
+            batches += [] if result.runner_up is None else [result.runner_up]
         elif result:
             batches = [result.winner, batch]
-        problem = self.problem
-        return tuple(
-            one for some in batches for one in to_hypotheses(problem.model, some, problem.cameras, problem.spaces)
-        )
+        return *freed, *(hypothesis for ranked in batches for hypothesis in to_all(ranked))

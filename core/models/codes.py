@@ -1,66 +1,71 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
 from core.models.photo_detail import PhotoDetail
 
-CodeKind = Literal["shape", "texture"]
-CODE_KINDS: tuple[CodeKind, CodeKind] = ("shape", "texture")
+__all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", "farthest_first"]
 
 
 @dataclass(frozen=True, eq=False)
-class Codes:
-    """A shape code and a texture code, or a batch of pairs. Raises ``ValueError`` for numbers that are not finite."""
+class Codes(Latents):
+    """The latent numbers of an object of a model, with the photos of a fitted object."""
 
-    shape: Float[Tensor, "*batch shape_latent"]
-    texture: Float[Tensor, "*batch texture_latent"]
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
     model: str = ""  # fingerprint of the model the codes belong to; empty for a batch, which is no single object
 
-    def __post_init__(self) -> None:
-        if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
-            raise ValueError("codes must be finite")
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Codes):
             return NotImplemented
-        same = (
-            self.model == other.model
-            and torch.equal(self.shape, other.shape)
-            and torch.equal(self.texture, other.texture)
-        )
+        same = self.model == other.model and super().__eq__(other)
         return same and (self.detail is other.detail or self.detail == other.detail)
 
-    def __hash__(self) -> int:
-        return hash((*self.shape.tolist(), *self.texture.tolist()))
+    __hash__ = Latents.__hash__
+
+    def with_latents(self, tensors: Mapping[str, Tensor]) -> "Codes":
+        """Return these codes with other numbers, by field of :class:`core.models.latents.Latents`."""
+        return replace(self, **tensors)  # type: ignore[arg-type]
+
+    @classmethod
+    def of(cls, latents: Latents) -> "Codes":
+        """Return latents as codes without photo detail."""
+        return cls(latents.shape, latents.texture, latents.shape_offsets, latents.texture_offsets)
 
     def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
-        """Interpolate linearly between two objects' codes.
+        """Interpolate linearly between two objects' codes and offsets.
 
         ``shape`` and ``texture`` are positions from 0 (these codes) to 1 (the other's). The photo detail is that of the
         nearer shape. Raises ``ValueError`` for codes of another model.
         """
         self._require_same_model(other)
         detail = self.detail if shape <= 0.5 else other.detail
-        codes = torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture)
-        return Codes(*codes, detail, self.model)
+        return Codes(
+            torch.lerp(self.shape, other.shape, shape),
+            torch.lerp(self.texture, other.texture, texture),
+            mixed_offsets(self.shape_offsets, other.shape_offsets, shape),
+            mixed_offsets(self.texture_offsets, other.texture_offsets, texture),
+            detail,
+            self.model,
+        )
 
     def taking(self, kind: CodeKind, other: "Codes") -> "Codes":
-        """Return these codes with the shape or the texture of another object.
+        """Return these codes with the shape or the texture of another object, offsets included.
 
         A shape comes with its photo detail. Raises ``ValueError`` for codes of another model.
         """
         self._require_same_model(other)
         if kind == "shape":
-            return replace(self, shape=other.shape, detail=other.detail)
-        return replace(self, texture=other.texture)
+            return replace(self, shape=other.shape, shape_offsets=other.shape_offsets, detail=other.detail)
+        return replace(self, texture=other.texture, texture_offsets=other.texture_offsets)
 
     def _require_same_model(self, other: "Codes") -> None:
         if self.model and other.model and self.model != other.model:

@@ -20,12 +20,14 @@ from core.models.architecture_variants import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
+from core.models.latents import Latents
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
 from core.models.part_head import PartHead
 from core.runtime.files import atomic_file
 from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
 
 FORMAT = "codenerf-1"
+_MIN_BIAS_STD = 1e-3  # of a bias that hardly differs between training objects
 _LARGEST = 1e6  # upper bound of lengths in scene units and px
 _CELLS = "occupied_cells"
 _CLASSIFIER = "viewpoint."  # prefix of the viewpoint classifier's tensors
@@ -147,6 +149,40 @@ class Model:
     def shares_codes_with(self, fingerprint: str) -> bool:
         """Return True if this model can show codes of the model with this fingerprint: it is or extends that model."""
         return fingerprint in (self.fingerprint, *self.extends)
+
+    @cached_property
+    def bias_std(self) -> tuple[Float[Tensor, "blocks width"], Float[Tensor, "more_blocks width"]]:
+        """Standard deviations of shape and texture biases over the training codes, the unit of offsets.
+
+        Contrast does not change them.
+        """
+        with torch.inference_mode(False), torch.no_grad():  # cached
+            biases = self.field.biases(self.codes.shapes, self.codes.textures)
+            shape, texture = (bias.std(0, unbiased=False).clamp_min(_MIN_BIAS_STD) for bias in biases)
+            return shape, texture
+
+    def fits(self, latents: Latents) -> bool:
+        """Return whether codes and offsets have the sizes of this model's field."""
+        config = self.field.config
+        wanted = {
+            "shape": (config.shape_latent,),
+            "texture": (config.texture_latent,),
+            "shape_offsets": (config.shape_blocks, config.width),
+            "texture_offsets": (config.texture_blocks, config.width),
+        }
+        tensors = {name: getattr(latents, name) for name in wanted}
+        return all(tensor is None or tensor.shape == wanted[name] for name, tensor in tensors.items())
+
+    def biases(
+        self, latents: Latents
+    ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
+        """Return the biases of the shape blocks and of the texture blocks: those of the codes, plus offsets."""
+        shape, texture = self.field.biases(latents.shape, latents.texture)
+        if latents.shape_offsets is not None:
+            shape = shape + latents.shape_offsets.to(shape) * self.bias_std[0]
+        if latents.texture_offsets is not None:
+            texture = texture + latents.texture_offsets.to(texture) * self.bias_std[1]
+        return shape, texture
 
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
         """Return a camera (rad, rad, scene units) with the training images' size and focal length.

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Float16, UInt8
 from PIL import Image, ImageDraw
 from torch import Tensor
 
 from core.geometry.camera import Camera
+from core.models.latents import Latents
 from core.runtime.reading import open_image, reading
 
 SIDE = 1024  # px of the longer side at most; keeps lettering on a door legible
@@ -84,13 +84,15 @@ class PhotoView:
 
 @dataclass(frozen=True, eq=False)
 class PhotoDetail:
-    """Photos of an object and the codes fitted to them. Raises ``ValueError`` for inconsistent values."""
+    """Photos of an object and the latents fitted to them. Raises ``ValueError`` for inconsistent values."""
 
     views: tuple[PhotoView, ...]  # one to MAX_PHOTOS
     shape: Float[Tensor, "shape_latent"] = field(repr=False)
     texture: Float[Tensor, "texture_latent"] = field(repr=False)
     strength: float = 1.0  # how strongly the detail is shown, 0..1
     other_side: OtherSide = "mirrored"
+    shape_offsets: Float16[Tensor, "blocks width"] | None = field(default=None, repr=False)  # as those of Latents
+    texture_offsets: Float16[Tensor, "more_blocks width"] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength <= 1:
@@ -99,8 +101,24 @@ class PhotoDetail:
             raise ValueError(f"the other side is one of {', '.join(OTHER_SIDES)}, got {self.other_side!r}")
         if not 1 <= len(self.views) <= MAX_PHOTOS:
             raise ValueError(f"detail is of 1 to {MAX_PHOTOS} photos, got {len(self.views)}")
-        if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
-            raise ValueError("codes must be finite")
+        _ = self.fitted  # raises for numbers that are not finite
+
+    @classmethod
+    def of(cls, views: tuple[PhotoView, ...], fitted: Latents) -> "PhotoDetail":
+        """Return photos with the latents fitted to them, kept on the processor."""
+        kept = fitted.detached()
+        return cls(
+            views,
+            kept.shape,
+            kept.texture,
+            shape_offsets=kept.shape_offsets,
+            texture_offsets=kept.texture_offsets,
+        )
+
+    @property
+    def fitted(self) -> Latents:
+        """The latents fitted to the photos."""
+        return Latents(self.shape, self.texture, self.shape_offsets, self.texture_offsets)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PhotoDetail):
@@ -111,14 +129,9 @@ class PhotoDetail:
         return hash(self.key)
 
     @property
-    def codes_key(self) -> tuple[float, ...]:
-        """The codes as a comparable key."""
-        return (*self.shape.tolist(), *self.texture.tolist())
-
-    @property
     def key(self) -> tuple:
         """Everything but the strength, as a comparable key."""
-        return (*self.views, self.other_side, *self.codes_key)
+        return *self.views, self.other_side, self.fitted
 
     def erasing(self, number: int, erased: tuple[Erasure, ...]) -> "PhotoDetail":
         """Return a copy in which the erasures of photo ``number`` are replaced."""
@@ -142,7 +155,7 @@ class PhotoDetail:
             "texture": self.texture.tolist(),
             "strength": self.strength,
             "other_side": self.other_side,
-        }
+        } | self.fitted.offsets_json()
 
 
 def compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:

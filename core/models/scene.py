@@ -16,6 +16,7 @@ from PIL import Image, PngImagePlugin
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
+from core.models.latents import read_offsets
 from core.models.model import Model
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
@@ -46,7 +47,7 @@ class Scene:
             "camera": camera,
             "shape": self.codes.shape.tolist(),
             "texture": self.codes.texture.tolist(),
-        }
+        } | self.codes.offsets_json()
         if self.codes.detail:
             about["detail"] = self.codes.detail.to_json()
         return json.dumps(about, indent=1)
@@ -67,12 +68,18 @@ class Scene:
         A scene of a model that ``model`` extends becomes a scene of ``model`` and looks nearly the same.
         """
         about = typed(_About, parse_json(text), name="scene")
-        detail = about.detail and about.detail.read()
-        codes = Codes(torch.tensor(about.shape), torch.tensor(about.texture), detail, model.fingerprint)
-        config = model.field.config
-        sizes = (config.shape_latent,), (config.texture_latent,)
-        pairs = [(one.shape.shape, one.texture.shape) for one in (codes, codes.detail) if one]
-        if not model.shares_codes_with(about.model) or any(pair != sizes for pair in pairs):
+        width = model.field.config.width
+        detail = about.detail and about.detail.read(width)
+        codes = Codes(
+            torch.tensor(about.shape),
+            torch.tensor(about.texture),
+            read_offsets(about.shape_offsets, width),
+            read_offsets(about.texture_offsets, width),
+            detail,
+            model.fingerprint,
+        )
+        latents = [codes] if detail is None else [codes, detail.fitted]
+        if not model.shares_codes_with(about.model) or not all(map(model.fits, latents)):
             raise ValueError(
                 f"the scene belongs to another model, not to this one of {model.category or 'unnamed objects'}"
             )
@@ -103,12 +110,21 @@ class _Detail(NamedTuple):
     strength: float = 1.0
     other_side: OtherSide | None = None
     both_sides: bool = False  # in older scenes, instead of other_side
+    shape_offsets: str | None = None
+    texture_offsets: str | None = None
 
-    def read(self) -> PhotoDetail:
+    def read(self, width: int) -> PhotoDetail:
         views = tuple(view.read() for view in self.views)
         side = self.other_side or ("mirrored" if self.both_sides else "soft")
-        codes = torch.tensor(self.shape), torch.tensor(self.texture)
-        return PhotoDetail(views, *codes, self.strength, side)
+        return PhotoDetail(
+            views,
+            torch.tensor(self.shape),
+            torch.tensor(self.texture),
+            self.strength,
+            side,
+            read_offsets(self.shape_offsets, width),
+            read_offsets(self.texture_offsets, width),
+        )
 
 
 class _About(NamedTuple):
@@ -119,6 +135,8 @@ class _About(NamedTuple):
     shape: tuple[float, ...]
     texture: tuple[float, ...]
     detail: _Detail | None = None
+    shape_offsets: str | None = None
+    texture_offsets: str | None = None
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

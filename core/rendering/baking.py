@@ -161,8 +161,8 @@ def bake_views(model: Model, codes: Codes, cameras: Sequence[Camera], cells: int
         cells: of the grid, along each axis of the scene's box; a multiple of :data:`~core.rendering.occupancy.CELLS`.
     """
     with torch.inference_mode():
-        folded, occupancy = FoldedField(model, codes), shape_occupancy(model, tuple(codes.shape.tolist()))
-    key = model, tuple(codes.shape.tolist()), outline(model, codes), cells
+        folded, occupancy = FoldedField(model, codes), shape_occupancy(model, codes)
+    key = model, codes.shape_key, outline(model, codes), cells
     shape: BakedShape | None = CACHE.get(CacheKind.VIEW, key)
     if shape is None:
         shape = yield from _bake_shape(model, folded, occupancy, cells)

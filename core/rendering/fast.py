@@ -57,7 +57,7 @@ def render_steps(
     keep, size, done = known is None, 0, 0.0
     seen, image = list[Chunk](), _blank(camera, model.device)
     if known is None:
-        visible, pixels = _visibility(folded, key)
+        visible, pixels = _visibility(folded, codes, key)
         shaded = map_pieces(lambda some: shade(visible(some)), pixels)
     else:
         shaded = map_pieces(shade, known)
@@ -106,7 +106,7 @@ class VisibilityKey(NamedTuple):
     """The cache key of a view's visible intervals: everything that they depend on."""
 
     model: Model
-    shape: tuple[float, ...]
+    shape: tuple[float, ...]  # :attr:`core.models.latents.Latents.shape_key`
     camera: Camera
     samples: int
     complete: bool
@@ -118,7 +118,7 @@ class VisibilityKey(NamedTuple):
         cls, model: Model, codes: Codes, camera: Camera, samples: int, complete: bool, cutoff: Tolerances | None = None
     ) -> "VisibilityKey":
         """Return the key of an object seen from a camera."""
-        return cls(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff, outline(model, codes))
+        return cls(model, codes.shape_key, camera, samples, complete, cutoff, outline(model, codes))
 
 
 def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
@@ -143,10 +143,10 @@ def clear_cache() -> None:
     _folded_field.cache_clear()
 
 
-def _visibility(folded: FoldedField, view: VisibilityKey) -> tuple[Callable[[slice], Chunk], list[slice]]:
+def _visibility(folded: FoldedField, codes: Codes, view: VisibilityKey) -> tuple[Callable[[slice], Chunk], list[slice]]:
     """Return a function that finds the visible intervals of some rays, and the slices of rays to call it with."""
     with torch.inference_mode():
-        occupancy = shape_occupancy(view.model, view.shape, view.complete)
+        occupancy = shape_occupancy(view.model, codes, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
         pixel = (first < last).flatten().nonzero()[:, 0]
         first, last = (part.flatten().index_select(0, pixel) for part in (first, last))

@@ -22,8 +22,9 @@ class FoldedField:
         self.field, self.device, self.dtype = model.field, model.device, matmul_dtype(model.device.type)
         self._weights, self._outline = field_weights(model, self.dtype), outline(model, codes)
         with torch.no_grad():
-            self._shape = tuple(model.field.shape_bias(codes.shape).to(self.dtype).unbind(-2))
-            self._texture = tuple(model.field.texture_bias(codes.texture).to(self.dtype).unbind(-2))
+            shape, texture = model.biases(codes)
+            self._shape = tuple(shape.to(self.dtype).unbind(-2))
+            self._texture = tuple(texture.to(self.dtype).unbind(-2))
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """Return the activations of the first layer, which depend on no code."""

@@ -63,12 +63,13 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
     pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
     rays = rays_at_pixels(pixels - model.pixel_offset, camera, model.extent_tensor)[None, None]
     shape, texture = (code.to(model.device)[None] for code in (codes.shape, codes.texture))
+    shape_bias, texture_bias = model.biases(codes)
     dtype = model.field.density_layer.weight.dtype
     moves = BiasJacobians(
         model.field.shape_bias_jacobian(shape, basis).to(dtype),
         model.field.texture_bias_jacobian(texture, torch.zeros(0, texture.shape[1], device=model.device)).to(dtype),
     )
-    found = render_with_jacobian(model, rays, _SAMPLES, _KEPT, *model.field.biases(shape, texture), moves)
+    found = render_with_jacobian(model, rays, _SAMPLES, _KEPT, shape_bias[None], texture_bias[None], moves)
     if float(found.channels[..., 3].max()) < 0.5:
         return []
     changes = found.codes[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS))

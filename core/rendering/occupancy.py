@@ -19,6 +19,7 @@ from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
 from core.models.codes import Codes
+from core.models.latents import Latents
 from core.models.model import Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
@@ -156,29 +157,32 @@ class Occupancy:
         return near, far
 
 
-def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = True) -> Occupancy:
+def shape_occupancy(model: Model, codes: Latents, complete: bool = True) -> Occupancy:
     """Return a shape's occupied cells, cached because they depend on neither view nor texture.
 
     Args:
         complete: False: if the shape is similar to the last one, evaluate mainly the corners around that; for
             continuously changing shapes.
     """
-    key = model, shape
+    key = model, codes.shape_key
     known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if known is None or (complete and not known.complete):
-        code = torch.tensor(shape, device=model.codes.shapes.device)
-        folded = FoldedField(model, Codes(code, model.codes.mean.texture))
-        known = Occupancy(model, folded, None if complete else _similar_occupancy(model, code))
+        folded = FoldedField(model, Codes(codes.shape, model.codes.mean.texture, codes.shape_offsets))
+        known = Occupancy(model, folded, None if complete else _similar_occupancy(model, codes))
         CACHE.put(CacheKind.SHAPE, key, known, known.size)
     return known
 
 
-def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
-    """Return the occupied cells of the model's last rendered shape if ``code`` is similar to it."""
+def _similar_occupancy(model: Model, codes: Latents) -> Occupancy | None:
+    """Return the occupied cells of the model's last rendered shape if this one is similar to it."""
+    latent = codes.shape.shape[-1]
     for (other, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
         if other is model:
-            away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
-            return occupancy if float(away) < _SIMILAR_DISTANCE else None
+            last = codes.shape.new_tensor(shape)
+            away = model.codes.shape_space.distance(codes.shape, last[:latent])
+            offset = torch.zeros(()) if codes.shape_offsets is None else codes.shape_offsets.flatten().to(last)
+            offset_away = (offset - last[latent:] if len(last) > latent else offset).square().mean().sqrt()
+            return occupancy if max(float(away), float(offset_away)) < _SIMILAR_DISTANCE else None
     return None
 
 

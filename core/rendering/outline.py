@@ -20,6 +20,7 @@ from torch.nn import functional
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.models.codes import Codes
+from core.models.latents import Latents
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, PhotoView
 from core.rendering.folded_layers import batch_density
@@ -48,12 +49,12 @@ def shown_share(model: Model, codes: Codes) -> float:
 
 
 class Silhouette(NamedTuple):
-    """A photo's mask with its margin, and the object fitted to the photo; equal for equal ones."""
+    """A photo's mask with its margin, and the object fitted to it. Compared by value: it is a cache key."""
 
     view: PhotoView
     margin: float  # focal lengths
     model: Model
-    shape: tuple[float, ...]  # code of the fitted object
+    fitted: Latents
 
     def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return 1 for points that project within half the margin of the mask, 0 beyond the margin, linear between."""
@@ -65,7 +66,7 @@ class Silhouette(NamedTuple):
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
         """Return :meth:`share`, and the factor, at least 1, that makes the fitted object opaque along a point's ray."""
         distance, gain = _look_up(
-            _distances_and_gains(self.model, self.shape, self.view), _distances(self.view)[0], points
+            _distances_and_gains(self.model, self.fitted, self.view), _distances(self.view)[0], points
         )
         return self._share(distance), gain
 
@@ -98,8 +99,9 @@ def outline(model: Model, codes: Codes) -> Outline | None:
     strength, detail = shown_share(model, codes), codes.detail
     if not strength or detail is None:
         return None
-    shape = tuple(detail.shape.tolist())
-    bounding = [Silhouette(view, view.outline_margin, model, shape) for view in detail.views if view.outline_margin]
+    bounding = [
+        Silhouette(view, view.outline_margin, model, detail.fitted) for view in detail.views if view.outline_margin
+    ]
     mirrored = tuple(detail.other_side != "model" and _is_symmetric(one, model.extent) for one in bounding)
     widened = tuple(one._replace(margin=one.margin / strength) for one in bounding)
     return Outline(widened, mirrored, strength) if bounding else None
@@ -142,26 +144,24 @@ def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns
 
 @lru_cache(maxsize=16)
 @torch.no_grad()
-def _distances_and_gains(
-    model: Model, shape: tuple[float, ...], view: PhotoView
-) -> Float[Tensor, "1 channels rows columns"]:
+def _distances_and_gains(model: Model, fitted: Latents, view: PhotoView) -> Float[Tensor, "1 channels rows columns"]:
     """Return the map of distances, and beside it the gain at each pixel: 1 off the mask."""
     camera, distances = _distances(view)
     small = camera.resized(max(1, round(_GAIN_HEIGHT * camera.width / camera.height)), _GAIN_HEIGHT)
     on_mask = functional.adaptive_avg_pool2d((distances == 0).float(), (small.height, small.width))[0, 0] > 0.5
     gains = torch.ones(1, 1, *on_mask.shape)
-    gains[0, 0, on_mask] = (_OPAQUE / _optical_depth(model, shape, small, on_mask)).clamp(1, _MAX_GAIN)
+    gains[0, 0, on_mask] = (_OPAQUE / _optical_depth(model, fitted, small, on_mask)).clamp(1, _MAX_GAIN)
     with torch.inference_mode(False):  # cached
         return torch.cat((distances, functional.interpolate(gains, distances.shape[2:], mode="bilinear")), 1)
 
 
 def _optical_depth(
-    model: Model, shape: tuple[float, ...], camera: Camera, pixels: Bool[Tensor, "rows columns"]
+    model: Model, fitted: Latents, camera: Camera, pixels: Bool[Tensor, "rows columns"]
 ) -> Float[Tensor, "some"]:
     """Return the optical depth of a shape along the rays of some pixels, above 0."""
     rays = camera_rays(camera, model.extent_tensor)[pixels.to(model.device)]
     edges = uniform_edges(rays, _GAIN_SAMPLES)
-    bias = model.field.shape_bias(torch.tensor(shape, device=model.device))[None]
+    bias = model.biases(fitted)[0][None]
     points = ray_points(rays, midpoints(edges)).flatten(0, 1)
     density = batch_density(model, points[None], bias, shape_cells(model, bias)).reshape(-1, _GAIN_SAMPLES)
     return (density * edges.diff()).sum(-1).cpu().clamp_min(1e-6)

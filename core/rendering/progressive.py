@@ -91,8 +91,7 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
-        shape = tuple(job.codes.shape.tolist())
-        shadow = shape_occupancy(model, shape, complete).shadow if job.shadow else None
+        shadow = shape_occupancy(model, job.codes, complete).shadow if job.shadow else None
         yield Frame(image, depth, opacity, at, len(stages), samples, seconds, evaluations, sources, shadow)
 
 

@@ -86,7 +86,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256) -> Rendered:
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     rays = exact_rays(model, camera)
-    given = *model.field.biases(codes.shape, codes.texture), outline(model, codes)
+    given = *model.biases(codes), outline(model, codes)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
     parts = list(map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *given), starts))

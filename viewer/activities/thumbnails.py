@@ -31,8 +31,8 @@ class _Key(NamedTuple):
     """The inputs of a thumbnail; codes by their numbers, so that equal codes share a thumbnail."""
 
     model: str
-    shape: bytes
-    texture: bytes
+    shape: tuple[float, ...]
+    texture: tuple[float, ...]
     camera: Camera
     samples: int
     detail: PhotoDetail | None
@@ -40,20 +40,20 @@ class _Key(NamedTuple):
     @property
     def digest(self) -> str:
         """A hash of all inputs, for the names of stored images."""
-        text = f"{self.model} {self.camera} {self.samples}".encode()
+        text = f"{self.model} {self.camera} {self.samples} {self.shape} {self.texture}".encode()
         detail = _detail_digest(self.detail) if self.detail else b""
-        return hashlib.blake2b(self.shape + self.texture + text + detail, digest_size=16).hexdigest()
+        return hashlib.blake2b(text + detail, digest_size=16).hexdigest()
 
 
 def _key(codes: Codes, camera: Camera, samples: int) -> _Key:
-    shape, texture = codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes()
-    return _Key(codes.model, shape, texture, camera, samples, codes.detail)
+    return _Key(codes.model, codes.shape_key, codes.texture_key, camera, samples, codes.detail)
 
 
 @lru_cache(maxsize=256)
 def _detail_digest(detail: PhotoDetail) -> bytes:
     views = "".join(f"{hashlib.blake2b(view.image).hexdigest()} {view.camera} {view.erased}" for view in detail.views)
-    about = f"{views} {detail.codes_key} {detail.strength} {detail.other_side}"
+    fitted = f"{detail.fitted.shape_key} {detail.fitted.texture_key}"
+    about = f"{views} {fitted} {detail.strength} {detail.other_side}"
     return hashlib.blake2b(about.encode(), digest_size=16).digest()
 
 

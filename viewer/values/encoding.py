@@ -145,8 +145,7 @@ def _decode_codes(about: Any, store: BlobStore) -> Codes:
     codes: Codes = _decode_in_place(Codes, about, store)
     assert store.models is not None, "no models"
     model = store.models[codes.model or store.model]
-    sizes = model.field.config.shape_latent, model.field.config.texture_latent
-    if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
+    if not all(map(model.fits, [codes] if codes.detail is None else [codes, codes.detail.fitted])):
         raise ValueError(f"it does not match its model of {model.category or 'unnamed objects'}")
     return replace(codes, model=model.fingerprint)
 

@@ -158,7 +158,7 @@ def _exact(model: Model, view: _View, samples: int) -> Tensor:
     every = _every(view.camera)
     if every == 1:
         return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
-    biases, rows = model.field.biases(view.codes.shape, view.codes.texture), exact_rays(model, view.camera)
+    biases, rows = model.biases(view.codes), exact_rays(model, view.camera)
     with torch.no_grad():
         parts = [
             render_rays(model, rows[row, ::every], samples, *biases).colour for row in range(0, len(rows.near), every)

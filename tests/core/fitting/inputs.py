@@ -13,7 +13,7 @@ from core.streams import run_to_end
 from tests.core.tiny import photo_of
 
 QUICK = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
-SHORT = FitSettings(hypotheses=4, steps=8, rays=48, samples=12, max_restarts=0)
+SHORT = FitSettings(hypotheses=4, steps=8, rays=48, samples=12, free_steps=0, max_restarts=0)
 
 
 def seeded(seed: int = 0) -> torch.Generator:

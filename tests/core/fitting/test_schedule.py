@@ -8,12 +8,14 @@ from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettin
 
 def test_hypotheses_become_fewer_and_one_is_refined():
     settings = PRESETS["normal"]
-    coarse, local, final = build_schedule(settings, ALL_COMPONENTS, unknown=True)
+    coarse, local, final, free = build_schedule(settings, ALL_COMPONENTS, unknown=True)
     for stages in (coarse, (*local, final)):
         counts = [stage.hypotheses for stage in stages]
         assert counts == sorted(counts, reverse=True)
     assert (coarse[0].hypotheses, local[0].hypotheses, final.hypotheses) == (28, LOCAL_HYPOTHESES, 1)
     assert sum(stage.steps for stage in (*local, final)) == settings.steps
+    assert free is not None
+    assert (free.hypotheses, free.steps, free.rays) == (1, settings.free_steps, settings.rays)
     assert sum(stage.steps for stage in coarse) == pytest.approx(settings.steps / 2, abs=4)
 
 

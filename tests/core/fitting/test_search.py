@@ -206,7 +206,7 @@ def ends_well(model: Model, seed: int) -> None:
     photo = Photo(pixels, mask, cropped=seed % 2 == 0)
     settings = FitSettings(hypotheses=4, steps=9, rays=48, samples=12)
     problem, dice = problem_of(model, photo, settings=settings, seed=seed), seeded(seed)
-    coarse, local, final = build_schedule(settings, ALL_COMPONENTS, unknown=True)
+    coarse, local, final, _ = build_schedule(settings, ALL_COMPONENTS, unknown=True)
     batch = first = HypothesisBatch.of(
         Parameters(
             (random(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),

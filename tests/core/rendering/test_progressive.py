@@ -43,9 +43,9 @@ def test_only_the_last_stage_looks_for_all_of_a_new_shape():
     for codes in (near, far):
         stream = render_progressively(model, RenderJob(codes, model.camera(0.3, 0.2), RenderSettings(divisors=(1, 1))))
         frames = [next(frame for frame in stream if frame)]
-        before = shape_occupancy(model, tuple(codes.shape.tolist()), complete=False)
+        before = shape_occupancy(model, codes, complete=False)
         frames += [frame for frame in stream if frame]
-        after = shape_occupancy(model, tuple(codes.shape.tolist()), complete=False)
+        after = shape_occupancy(model, codes, complete=False)
         assert [frame.resolution for frame in frames] == [(32, 32), (32, 32)]
         assert (before.complete, after.complete) == (codes is near, True)
 

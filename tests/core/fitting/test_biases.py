@@ -1,0 +1,85 @@
+import pytest
+import torch
+
+from core.fitting.biases import bias_jacobians, hypothesis_biases, hypothesis_cells
+from core.fitting.gauss_newton import normal_equations
+from core.fitting.hypotheses import Parameters, hypothesis_rays
+from core.fitting.objective import evaluate_objective
+from core.fitting.observations import Observation, sample_pixels
+from core.models.latents import Latents
+from core.models.model import Model
+from core.runtime.precision import use_dtype
+from tests.core.fitting.inputs import pixels_of, random_parameters, seeded
+from tests.core.fitting.test_gauss_newton import OBJECTIVE, STAGE
+from tests.core.tiny import photo_of
+
+
+def origin_of(model: Model) -> Latents:
+    return Latents(model.codes[1].shape, model.codes[1].texture)
+
+
+def free_parameters(model: Model, count: int = 2, scale: float = 0.3) -> Parameters:
+    generator, at = seeded(3), random_parameters(count)
+    shape, texture = (scale * torch.randn(count, std.numel(), generator=generator) for std in model.bias_std)
+    return at._replace(shape=shape, texture=texture)
+
+
+def test_offsets_of_zero_are_the_codes_themselves(tiny: Model):
+    parameters, origin = free_parameters(tiny, scale=0.0), origin_of(tiny)
+    for free, folded in zip(hypothesis_biases(tiny, parameters, origin), tiny.biases(origin), strict=True):
+        assert torch.equal(free, folded.expand_as(free))
+    coordinates = tiny.codes.shape_space.coordinates(origin.shape), tiny.codes.texture_space.coordinates(origin.texture)
+    of_codes = parameters._replace(shape=coordinates[0].expand(2, -1), texture=coordinates[1].expand(2, -1))
+    for one, other in zip(hypothesis_biases(tiny, parameters, origin), hypothesis_biases(tiny, of_codes), strict=True):
+        torch.testing.assert_close(one, other, atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_jacobians_of_biases_are_those_of_autograd(tiny: Model, free: bool):
+    origin = origin_of(tiny) if free else None
+    parameters = free_parameters(tiny) if free else random_parameters(2)
+    with use_dtype(torch.float32):
+        by_hand = bias_jacobians(tiny, parameters, origin)
+    for number, jacobian in enumerate(by_hand):
+        code = parameters[4 + number][:1]
+
+        def biases(code: torch.Tensor, number: int = number) -> torch.Tensor:
+            moved = Parameters(*(part[:1] for part in parameters))._replace(**{("shape", "texture")[number]: code})
+            return hypothesis_biases(tiny, moved, origin)[number][0]
+
+        expected = torch.autograd.functional.jacobian(biases, code)[:, :, 0]
+        torch.testing.assert_close(jacobian[0], expected, atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_free_gradients_are_those_of_small_steps_also_along_mirrored_rays(tiny: Model, mirrored: bool):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.5))
+    pixels = sample_pixels([Observation.of(photo, tiny)], 96, seeded(), mirrored)
+    parameters, origin, stage = free_parameters(tiny, 1), origin_of(tiny), STAGE._replace(samples=12)
+    with use_dtype(torch.float32):
+        equations = normal_equations(tiny, parameters, pixels, None, stage, OBJECTIVE, None, origin)
+        free = Parameters(*(part.clone().requires_grad_() for part in parameters))
+        value = evaluate_objective(tiny, free, pixels, stage.samples, OBJECTIVE, origin=origin).objective
+        value.sum().backward()
+    by_autograd = torch.cat((free.shape.grad, free.texture.grad), 1) / 2
+    by_hand = equations.gradient[:, 8:]
+    cosine = torch.nn.functional.cosine_similarity(by_autograd, by_hand)
+    assert float(cosine) > 0.97  # few samples of a ray are differentiated
+
+
+def test_mirrored_rays_are_rays_of_the_mirror_image(tiny: Model):
+    pixels, parameters = pixels_of(tiny), random_parameters(1)
+    rays = hypothesis_rays(tiny, parameters, pixels)
+    assert pixels.mirrored_rays(rays) is rays
+    mirrored = pixels._replace(mirrored=True).mirrored_rays(rays)
+    for part in ("origins", "directions"):
+        plain, turned = getattr(rays, part), getattr(mirrored, part)
+        assert torch.equal(turned[:, :, ::2], plain[:, :, ::2])
+        assert torch.equal(turned[:, :, 1::2], plain[:, :, 1::2] * torch.tensor([-1.0, 1.0, 1.0]))
+
+
+def test_cells_are_those_of_the_free_shape(tiny: Model):
+    origin = origin_of(tiny)
+    still, moved = (hypothesis_cells(tiny, free_parameters(tiny, 1, scale), origin) for scale in (0.0, 2.0))
+    assert still is not None and moved is not None
+    assert not torch.equal(still, moved)

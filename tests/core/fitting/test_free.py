@@ -1,0 +1,85 @@
+"""The free stage: an object that no code can say comes nearer to its photo, and nothing about its camera changes."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from core.fitting.fit import FitJob, fit
+from core.fitting.settings import Components
+from core.metrics import psnr
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.images import render_image
+from tests.core.fitting.inputs import QUICK, SHORT
+from tests.core.models.test_latents import freed
+from tests.core.tiny import photo_of, tiny_bank
+
+FREE = replace(SHORT, steps=20, rays=192, samples=24, free_steps=12)
+
+
+def unlike(model: Model) -> Codes:
+    """An object off the surface that codes reach."""
+    return freed(model, 0, scale=0.6)
+
+
+def test_an_object_that_no_code_can_say_is_explained_better(tiny: Model):
+    camera = tiny.camera(0.5, 0.4)
+    photo = replace(photo_of(tiny, unlike(tiny), camera), camera=camera)
+    *_, codes = fit(tiny, FitJob((photo,), tiny_bank(), replace(FREE, free_steps=0)))
+    *_, free = fit(tiny, FitJob((photo,), tiny_bank(), FREE))
+    assert codes.codes.shape_offsets is None
+    assert free.codes.shape_offsets is not None and free.codes.texture_offsets is not None
+    plain, better = (
+        psnr(render_image(tiny, replace(step.codes, detail=None), camera).colour, photo.pixels)
+        for step in (codes, free)
+    )
+    assert better > plain + 1.0
+
+
+def test_the_stage_ends_a_search_and_leaves_its_confidence(tiny: Model):
+    photo = photo_of(tiny, unlike(tiny), tiny.camera(0.5, 0.4))
+    steps = list(fit(tiny, FitJob((photo,), tiny_bank(), FREE)))
+    searched = [step for step in steps if not step.is_free]
+    assert [step.is_free for step in steps] == [False] * len(searched) + [True] * FREE.free_steps
+    assert steps[-1].step == steps[-1].steps
+    before, after = searched[-1], steps[-1]
+    assert before.codes.detail is None and after.codes.detail is not None
+    assert (after.confidence, after.margin, after.uncertainty) == (before.confidence, before.margin, before.uncertainty)
+    assert after.runner_up is not None and before.runner_up is not None
+    assert after.runner_up.cameras == before.runner_up.cameras
+    losses = [step.loss for step in steps if step.is_free]
+    assert losses == sorted(losses, reverse=True)
+    assert after.codes.detail.fitted.shape_key == after.codes.shape_key
+
+
+def test_offsets_are_left_out_where_they_are_not_wanted_or_mean_nothing(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.4))
+    job = FitJob((photo,), tiny_bank(), FREE)
+    for model, without in (
+        (tiny, replace(job, settings=replace(FREE, free_steps=0))),
+        (tiny, replace(job, components=Components(free_biases=False))),
+    ):
+        *_, last = fit(model, without)
+        assert last.codes.shape_offsets is None and not last.is_free
+
+
+def test_an_object_like_the_training_objects_stays_as_it_is(tiny: Model):
+    camera = tiny.camera(0.5, 0.4)
+    photo = replace(photo_of(tiny, tiny.codes[0], camera), camera=camera)
+    *_, last = fit(tiny, FitJob((photo,), tiny_bank(), QUICK))
+    assert last.codes.shape_offsets is not None
+    assert float(last.codes.shape_offsets.float().square().mean().sqrt()) < 0.3
+    behind = tiny.camera(2.6, 0.4)
+    seen, truth = (
+        render_image(tiny, codes, behind).colour for codes in (replace(last.codes, detail=None), tiny.codes[0])
+    )
+    assert psnr(seen, truth) > 25
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_same_seed_gives_the_same_offsets(tiny: Model, known: bool):
+    camera = tiny.camera(0.5, 0.4)
+    photo = replace(photo_of(tiny, unlike(tiny), camera), camera=camera if known else None)
+    (*_, first), (*_, second) = (fit(tiny, FitJob((photo,), tiny_bank(), FREE)) for _ in range(2))
+    assert torch.equal(first.codes.shape_offsets, second.codes.shape_offsets)

@@ -1,0 +1,112 @@
+"""Offsets are part of an object: mixed, taken and stored with the codes, and rendered by every renderer."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.export.keyframes import Keyframe, Timeline, View
+from core.models.codes import Codes
+from core.models.latents import Latents, mixed_offsets, read_offsets
+from core.models.model import Model
+from core.models.scene import Scene
+from core.rendering.images import render_image
+from core.rendering.reference import render_exact
+
+BLOCKS, WIDTH = 2, 32  # of the tiny model
+
+
+def offsets(seed: int, blocks: int = BLOCKS, scale: float = 1.0) -> torch.Tensor:
+    return (scale * torch.randn(blocks, WIDTH, generator=torch.Generator().manual_seed(seed))).half()
+
+
+def freed(model: Model, index: int, scale: float = 1.0) -> Codes:
+    return replace(model.codes[index], shape_offsets=offsets(index, 2, scale), texture_offsets=offsets(9, 1, scale))
+
+
+def test_offsets_are_counted_in_standard_deviations_of_the_training_biases(tiny: Model):
+    codes, plain = freed(tiny, 0), tiny.codes[0]
+    for bias, base, std, offset in zip(
+        tiny.biases(codes), tiny.biases(plain), tiny.bias_std, (codes.shape_offsets, codes.texture_offsets), strict=True
+    ):
+        torch.testing.assert_close(bias, base + offset.float() * std)
+    training_biases = tiny.field.shape_bias(tiny.codes.shapes)
+    torch.testing.assert_close(tiny.bias_std[0], training_biases.std(0, unbiased=False).clamp_min(1e-3))
+    assert torch.equal(tiny.bias_std[0], tiny.soft.bias_std[0])
+
+
+def test_every_renderer_shows_offsets_and_zeros_change_nothing(tiny: Model):
+    camera, plain = tiny.camera(0.4, 0.5), tiny.codes[0]
+    codes, zeros = freed(tiny, 0), freed(tiny, 0, scale=0.0)
+    exact, fast = render_exact(tiny, codes, camera), render_image(tiny, codes, camera)
+    assert float((exact.colour - fast.colour).abs().mean()) < 0.01
+    assert float((exact.colour - render_exact(tiny, plain, camera).colour).abs().mean()) > 0.01
+    assert torch.equal(render_image(tiny, zeros, camera).colour, render_image(tiny, plain, camera).colour)
+
+
+def test_texture_offsets_do_not_change_the_opacity(tiny: Model):
+    camera, codes = tiny.camera(0.4, 0.5), freed(tiny, 0)
+    other = replace(codes, texture_offsets=offsets(5, 1))
+    first, second = render_exact(tiny, codes, camera), render_exact(tiny, other, camera)
+    assert torch.equal(first.opacity, second.opacity)
+    assert not torch.equal(first.colour, second.colour)
+
+
+@given(st.floats(0, 1), st.integers(0, 100))
+def test_offsets_are_mixed_as_codes_are(amount: float, seed: int):
+    first, second = offsets(seed), offsets(seed + 1)
+    expected = torch.lerp(first.float(), second.float(), amount)
+    torch.testing.assert_close(mixed_offsets(first, second, amount).float(), expected, atol=2e-3, rtol=2e-3)
+    torch.testing.assert_close(
+        mixed_offsets(first, None, amount).float(), first.float() * (1 - amount), atol=2e-3, rtol=0
+    )
+    assert torch.equal(mixed_offsets(first, second, 0.0), first)
+    assert torch.equal(mixed_offsets(None, second, 1.0), second)
+    assert mixed_offsets(None, None, amount) is None
+
+
+def test_shape_and_texture_take_their_own_offsets(tiny: Model):
+    codes, other = freed(tiny, 0), tiny.codes[1]
+    mixed = codes.mixed(other, shape=1.0, texture=0.0)
+    assert not mixed.shape_offsets.any() and torch.equal(mixed.texture_offsets, codes.texture_offsets)
+    assert torch.equal(other.taking("texture", codes).texture_offsets, codes.texture_offsets)
+    assert other.taking("texture", codes).shape_offsets is None
+    assert codes.taking("shape", other).shape_offsets is None
+    assert torch.equal(codes.taking("shape", other).texture_offsets, codes.texture_offsets)
+
+
+def test_objects_with_other_offsets_are_other_objects(tiny: Model):
+    codes = freed(tiny, 0)
+    same = replace(codes, shape_offsets=codes.shape_offsets.clone())
+    assert codes == same and hash(codes) == hash(same)
+    for other in (tiny.codes[0], replace(codes, shape_offsets=offsets(7)), replace(codes, texture_offsets=None)):
+        assert codes != other
+    assert codes.texture_key == replace(codes, shape_offsets=None).texture_key
+    with pytest.raises(ValueError, match="finite"):
+        Latents(torch.zeros(2), torch.zeros(2), torch.full((2, 3), torch.inf).half())
+
+
+def test_a_video_moves_offsets_and_begins_and_ends_at_its_keys(tiny: Model):
+    codes, other, camera = freed(tiny, 0), tiny.codes[1], tiny.camera(0.0, 0.3)
+    keys = (Keyframe(0.0, View(codes, camera)), Keyframe(2.0, View(other, camera)))
+    timeline = Timeline(keys, length=2.0, loop=False)
+    assert torch.equal(timeline.at(0.0).codes.shape_offsets, codes.shape_offsets)
+    middle = timeline.at(1.0).codes
+    torch.testing.assert_close(middle.shape_offsets.float(), codes.shape_offsets.float() / 2, atol=2e-3, rtol=1e-2)
+    assert not timeline.at(2.0).codes.shape_offsets.any()
+
+
+def test_a_scene_keeps_offsets_exactly_and_refuses_those_of_another_network(tiny: Model, tmp_path: Path):
+    scene = Scene(freed(tiny, 0), tiny.camera(0.4, 0.5))
+    scene.save(tmp_path / "scene.json")
+    assert Scene.load(tmp_path / "scene.json", tiny) == scene
+    assert "offsets" not in Scene(tiny.codes[0], scene.camera).to_json()
+    wrong = replace(scene.codes, shape_offsets=offsets(0, 3))
+    with pytest.raises(ValueError, match="another model"):
+        Scene.from_json(Scene(wrong, scene.camera).to_json(), tiny)
+    for text in ("?", "AAA=", "AAAA"):
+        with pytest.raises(ValueError):
+            read_offsets(text, WIDTH)
