@@ -166,9 +166,10 @@ def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, phot
     for path in (photo, block(photo, "b"), bad_files["text.png"], block(photo, "c")):
         fitting.start(path)
     assert [request.history.name for request in fitting.queue] == ["block b", "text", "block c"]
-    finish(session, lambda: not fitting.pending)
+    finish(session, lambda: not fitting.running)
     assert {one.name for one in editor.objects.added} == {"block", "block b", "block c"}
     assert len(session.messages.errors) == 1
+    assert [(request.history.name, bool(request.problem)) for request in fitting.pending] == [("text", True)]
     assert editor.state.mix.a.shape == "block"  # what is being edited stays
     assert set(fitting.results.unseen) == {"block b", "block c"}
     fitting.results.show("block c")
