@@ -280,6 +280,7 @@ class Fitting:
         self.view.show(history)
         self.request = request
         if follow:
+            self._chosen = None
             self._viewport.follow()
         settings = self.options.settings(resume_from is not None)
         stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self._confirmed)

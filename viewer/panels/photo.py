@@ -8,15 +8,14 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.fitting.category_check import describe_difference
 from core.fitting.confidence import RIGHT_DEGREES, explained, in_words
-from core.models.model import Model
 from core.models.photo_detail import OtherSide, PhotoDetail
 from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.fitting import Fitting
 from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import packed
-from viewer.values.fit_history import FitHistory, Question
-from viewer.widgets import object_tiles, user_objects, waiting_tiles
+from viewer.values.fit_history import FitHistory
+from viewer.widgets import user_objects, waiting_tiles
 from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
     action_button,
@@ -24,21 +23,19 @@ from viewer.widgets.controls import (
     choose,
     draw_choice,
     end_gesture,
-    flow,
     labelled_slider,
     tooltip,
 )
 from viewer.widgets.cut_out import draw_cut_out
 from viewer.widgets.paint import draw_paint
-from viewer.widgets.text import heading, paint_caption, small_height
+from viewer.widgets.question import POINT_HELP, draw_question
+from viewer.widgets.text import heading
 from viewer.widgets.welcome import draw_samples, nouns
 
 _SHARE = icons_fontawesome_4.ICON_FA_SHARE_ALT
 _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
-_PICTURE = 7.0  # em, largest side of an object that stands for its category
 _TOOLS = {"turn": "Turn", "wipe": "Wipe", "erase": "Erase"}
 _SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "soft": "Soft", "model": "The model's"}
-_POINT_HELP = "Show where the object is, by a click, a box, or strokes, and fit it"
 _LOST_HELP = "Open the photo again to fit it anew"
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
 and from the first one again"""
@@ -59,16 +56,13 @@ class PhotoPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """Draw the question, the photo with its controls or, without a photo, an invitation."""
-        fitting, shown, question = (
-            context.session.fitting,
-            context.session.fitting.shown,
-            context.session.fitting.question,
-        )
+        fitting = context.session.fitting
+        shown, question = fitting.shown, fitting.question
         sources = question.request.history.sources if question else shown.sources
         if any(request.history.sources is not sources for request in fitting.pending):
             waiting_tiles.draw_row(context)
         if question:
-            _draw_question(context, question)
+            draw_question(context, question)
         elif shown.sources or context.session.photo_view:
             _draw_object(context, shown)
         else:
@@ -79,77 +73,6 @@ class PhotoPanel(Panel):
             )
             draw_samples(context)
             draw_paint(context)
-
-
-def _draw_question(context: PanelContext, question: Question) -> None:
-    """Draw a photo in question, and its answers."""
-    fitting, history = context.session.fitting, question.request.history
-    heading(context, question.source.name)
-    imgui.push_style_color(imgui.Col_.text, (*context.palette.warm, 1.0))
-    imgui.text_wrapped(question.words)
-    imgui.pop_style_color()
-    seen, boxes = question.seen, question.seen.boxes if question.seen else ()
-    photo = history.photo.pixels if history.photo else context.session.photo_thumbnails.get(question.source.path)
-    pixels = seen.pixels if seen else photo
-    if pixels is not None:
-        choose_object = partial(fitting.choose, history.sources, question.number, model=history.model)
-        draw_cut_out(context, pixels, boxes, choose_object)
-    doubtful = bool(question.cut) and not question.model
-    if doubtful and not question.neither:
-        _draw_categories(context, question)
-    for number, (label, text, act) in enumerate(_answers(context, question)):
-        if number:
-            flow(label.partition("###")[0])
-        if button(label, text, colour=context.palette.accent if not (number or doubtful) or question.neither else None):
-            act()
-    if doubtful and question.neither:
-        _draw_categories(context, question)
-
-
-def _answers(context: PanelContext, question: Question) -> list[tuple[str, str, Callable[[], None]]]:
-    """Return label, tooltip and action of a question's buttons, the likeliest answer first."""
-    fitting, history = context.session.fitting, question.request.history
-    point = partial(context.session.segmenting.open, history.sources, question.number, history.model)
-    answers: list[tuple[str, str, Callable[[], None]]] = [("Point at it###point at it", _POINT_HELP, point)]
-    if question.is_failed:
-        again = partial(fitting.try_again, question.request)
-        answers.insert(0, ("Try again###try again", "Fit this photo once more", again))
-    elif question.cut and question.model:
-        for model in reversed(_categories(context, question)):
-            likely = model.fingerprint == question.model and not question.neither
-            label = "This one###this one" if likely else f"As a {model.noun}###as {model.category}"
-            text, act = f"Fit what is outlined, as a {model.noun}", partial(fitting.answer, question, model.fingerprint)
-            answers.insert(0, (label, text, act))
-    several = question.seen is not None and len(question.seen.boxes) > 1
-    words = "None of these" if question.neither or several else "Leave it"
-    leave = f"{words}###leave photo", "Do not fit this photo", partial(fitting.leave, question)
-    return [leave, *answers] if question.neither else [*answers, leave]
-
-
-def _categories(context: PanelContext, question: Question) -> list[Model]:
-    """Return a listed model per category, the likely one first."""
-    models = dict[str, Model]()
-    for model in sorted(context.session.listed_models, key=lambda one: one.fingerprint != question.model):
-        models.setdefault(model.category, model)
-    return [*models.values()]
-
-
-def _draw_categories(context: PanelContext, question: Question) -> None:
-    """Draw an object per category; a click fits the photo as one of them."""
-    models, objects, em = _categories(context, question), context.session.editor.objects, hello_imgui.em_size()
-    gap, room = 0.4 * em, imgui.get_content_region_avail().x
-    side = min(_PICTURE * em, (room - gap * (len(models) - 1)) / len(models))
-    for number, model in enumerate(models):
-        if number:
-            imgui.same_line(0, gap)
-        corner, height = imgui.get_cursor_screen_pos(), side + small_height()
-        if object_tiles.tile_button(f"as {model.category}", (side, height)):
-            context.session.fitting.answer(question, model.fingerprint)
-        hovered = imgui.is_item_hovered()
-        tooltip(f"Fit what is outlined, as a {model.noun}")
-        object_tiles.paint(context, next(iter(objects.families[model.fingerprint])), corner, side)
-        object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)
-        paint_caption(context, f"A {model.noun}", corner + ImVec2(0, side), side)
 
 
 def _draw_object(context: PanelContext, shown: FitHistory) -> None:
@@ -164,7 +87,7 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     if pixels is not None:
         boxes = seen.boxes if seen else ()
         draw_cut_out(context, pixels, boxes, partial(fitting.choose, shown.sources, shown.photo_index))
-    if button("Point at it###point at it", _POINT_HELP if shown.sources else _LOST_HELP, enabled=photo is not None):
+    if button("Point at it###point at it", POINT_HELP if shown.sources else _LOST_HELP, enabled=photo is not None):
         session.segmenting.open(shown.sources, shown.photo_index, shown.model)
     if fits:
         _draw_progress(context)

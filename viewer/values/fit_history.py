@@ -111,6 +111,11 @@ class Question(NamedTuple):
         return min(len(self.request.history.photos), len(self.request.history.sources) - 1)
 
     @property
+    def is_about_category(self) -> bool:
+        """True if the category is in doubt."""
+        return bool(self.cut) and not self.model
+
+    @property
     def is_failed(self) -> bool:
         """True after a failed fit."""
         return bool(self.request.problem)
