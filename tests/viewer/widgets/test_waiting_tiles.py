@@ -138,7 +138,7 @@ def test_photos_dropped_beside_a_question_show_their_state_at_once(drive: Drive,
         window.context.drop([str(photo)])
         window.wait(lambda: bool(fitting.questions))
         assert window.exists("Photo/###this one")
-        window.click("Library/**/###cars" if window.exists("Library/**/###cars") else "Library/**/Cars")
+        window.click(f"Library/###{window.session.models.of_category('cars').fingerprint}")
         try:
             for path in blocks(photo, "bc"):
                 window.context.drop([str(path)])
