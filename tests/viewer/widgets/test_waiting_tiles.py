@@ -11,7 +11,6 @@ from core.models.model import Model
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import ViewBank
-from core.runtime.caches import CACHE, CacheKind
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import doubted, quick_fit, quick_photo
 from tests.viewer.test_editor import fitted
@@ -19,12 +18,19 @@ from viewer.services.backend import Backend
 from viewer.values.fit_history import PhotoSource
 
 
-def learning_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Every step differentiates, as a real one does."""
-    for step in quick_fit(model, job):
-        weight = torch.ones(2, requires_grad=True)
-        (weight * weight).sum().backward()
-        yield step
+class LearningFit:
+    """Differentiates in every step, as a real fit does; goes on until it is told to end."""
+
+    def __init__(self) -> None:
+        self.may_end = threading.Event()
+
+    def __call__(self, model: Model, job: FitJob) -> Iterator[FitStep]:
+        steps = list(quick_fit(model, job))
+        while not self.may_end.is_set():
+            weight = torch.ones(2, requires_grad=True)
+            (weight * weight).sum().backward()
+            yield steps[0]
+        yield from steps
 
 
 def blocks(photo: Path, names: str) -> list[Path]:
@@ -35,25 +41,28 @@ def blocks(photo: Path, names: str) -> list[Path]:
     return paths
 
 
-@pytest.mark.parametrize("times", [3, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("times", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_photos_dropped_beside_an_object_with_photo_detail_are_all_fitted(
     drive: Drive, real_backend: Backend, model: Model, photo: Path, times: int
 ) -> None:
+    fit = LearningFit()
+
     def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
-        for _ in range(times):
-            CACHE.clear(CacheKind.DETAIL)  # the photo is compared with its render again
-            before = len(editor.objects.added)
+        session, objects = window.session, window.session.editor.objects
+        for number in range(times):
+            fit.may_end.clear()
             for path in blocks(photo, "abcd"):
                 window.context.drop([str(path)])
-            editor.add_and_show(fitted(model), editor.scene.camera)
-            window.wait(lambda: not session.fitting.running and not session.fitting.queue)
+            detailed = objects[objects.add(fitted(model))].codes
+            # The object's tile compares its photo with a render between steps of the fit.
+            window.wait(lambda: session.thumbnails.of_object(detailed) is not None or not session.fitting.running)  # noqa: B023
+            fit.may_end.set()
+            window.wait(lambda: not session.fitting.running)
             assert session.messages.errors == []
             assert not session.fitting.pending
-            assert len(editor.objects.added) == before + 5
-            window.wait_for_view()
+            assert len(objects.added) == 5 * (number + 1)
 
-    drive(act, replace(real_backend, fit=learning_fit, frame_photo=quick_photo))
+    drive(act, replace(real_backend, fit=fit, frame_photo=quick_photo))
 
 
 def failing_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
