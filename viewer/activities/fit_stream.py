@@ -68,30 +68,28 @@ def fit_stream(
         try:
             cut, seen = confirmed.get(source, partial(_cut_out, backend, source))()
         except NoBackgroundError:
-            bare = SeenCutOut(pixels_on_white(read_rgba(source.path)), ())
-            yield Doubt("The object was not found: point at it", model or here, None, bare)
+            yield _not_found(source, model or here)
             return
         guess = _guess(backend, cut)
         chosen = model or _choose(models, here, guess)
-        about = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
-        categories = "" if model or is_sure(guess) else _categories(models, here)
-        neither = source.hints is None and bool(guess) and likeliest_category(guess) is None
-        if len(photos) >= request.answered and (words := _doubt(source, cut, about, categories, neither)):
-            yield Doubt(words, None if categories else chosen, cut, seen, neither)
-            return
+        if len(photos) >= request.answered:
+            about = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
+            categories = "" if model or is_sure(guess) else _categories(models, here)
+            neither = source.hints is None and bool(guess) and likeliest_category(guess) is None
+            if words := _doubt(source, cut, about, categories, neither):
+                yield Doubt(words, None if categories else chosen, cut, seen, neither)
+                return
         first = first or guess
         yield seen
         if model is None:
             model = chosen
             yield model
-        bank = yield from jobs.banks.wait(model)  # crops photos and ranks cameras
-        photos.append(backend.frame_photo(cut, model, bank, source))
+        photos.append(backend.frame_photo(cut, model, (yield from jobs.banks.wait(model)), source))
         yield FittedPhoto.of(source, photos[-1], seen)
     assert model is not None, "no photo"
     job = FitJob(tuple(photos), (yield from jobs.banks.wait(model)), settings, resume_from=request.resume_from)
-    past = history.steps[-1].seconds if history.steps else 0.0
-    for step in backend.fit(model, job):
-        yield replace(step, seconds=past + step.seconds)
+    past = history.last.seconds if history.last else 0.0
+    yield from (replace(step, seconds=past + step.seconds) for step in backend.fit(model, job))
 
 
 def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
@@ -104,6 +102,11 @@ def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
 def _cut_out(backend: Backend, source: PhotoSource) -> tuple[CutOut, SeenCutOut]:
     cut = backend.cut_out(source.path, source.hints)
     return cut, SeenCutOut.of(read_rgba(source.path), cut)
+
+
+def _not_found(source: PhotoSource, model: Model) -> Doubt:
+    bare = SeenCutOut(pixels_on_white(read_rgba(source.path)), ())
+    return Doubt("The object was not found: point at it", model, None, bare)
 
 
 def _doubt(source: PhotoSource, cut: CutOut, about: str, categories: str, neither: bool) -> str:
