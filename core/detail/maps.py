@@ -181,7 +181,8 @@ def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generat
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
         surface = _continued(surface, source.opacity > 0.5)
         texels, parts = _surface_texels(model, codes, rays, source)
-        yield None
+    yield None
+    with torch.inference_mode():
         small = _resized(photo, source.opacity)
         weight = kept * paint_weight(mask, source)
         near = kept * smooth_step(_distance(mask < 0.5), _REACH, 0.5)

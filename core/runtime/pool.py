@@ -14,6 +14,7 @@ from typing import TypeVar
 
 import torch
 
+from core.runtime.modes import TorchModes
 from core.runtime.threads import thread_count
 
 _Piece = TypeVar("_Piece")
@@ -90,15 +91,10 @@ def _begin() -> None:
 
 def _in_modes(function: Callable[[_Piece], _Result]) -> Callable[[_Piece], _Result]:
     """Wrap a function to run in the caller's modes, which torch keeps per thread."""
-    inference, grad = torch.is_inference_mode_enabled(), torch.is_grad_enabled()
-    autocast, dtype = torch.is_autocast_enabled("cpu"), torch.get_autocast_dtype("cpu")
+    modes = TorchModes.current()
 
     def run(piece: _Piece) -> _Result:
-        with (
-            torch.inference_mode(inference),
-            torch.set_grad_enabled(grad),
-            torch.autocast("cpu", enabled=autocast, dtype=dtype),
-        ):
+        with modes.applied():
             return function(piece)
 
     return run

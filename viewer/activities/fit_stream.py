@@ -1,10 +1,17 @@
 """The options of a fit, and the stream of its photos and steps for the worker."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
-from core.fitting.category_check import describe_category, describe_difference, likeliest_model
+from core.fitting.category_check import (
+    describe_category,
+    describe_difference,
+    is_sure,
+    likeliest_category,
+    likeliest_model,
+)
 from core.fitting.fit import FitJob, FitSettings, FitStep
 from core.models.model import Model
 from core.models.open_models import OpenModels
@@ -16,6 +23,8 @@ from viewer.services.jobs import Jobs
 from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
 from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, pixels_on_white
 
+Confirmed = Mapping[PhotoSource, Callable[[], tuple[CutOut, SeenCutOut]]]
+"""Cut-outs that a person has confirmed; their photos are not read again."""
 _RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
 
 
@@ -23,9 +32,10 @@ class Doubt(NamedTuple):
     """A question about the next photo, which ends the stream until a person answers."""
 
     words: str
-    model: Model  # model that would fit the photo
+    model: Model | None  # model that would fit the photo; None if the category is in doubt
     cut: CutOut | None  # None if no object was found
     seen: SeenCutOut
+    neither: bool = False  # the photo looks like none of the categories
 
 
 @dataclass(eq=False)
@@ -41,7 +51,7 @@ class FitOptions:
 
 
 def fit_stream(
-    jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, known: Mapping[PhotoSource, CutOut]
+    jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, confirmed: Confirmed
 ) -> Iterator[Model | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
     """Yield each new photo's cut-out and photo, the model unless the request names one, then the steps.
 
@@ -49,7 +59,6 @@ def fit_stream(
 
     Args:
         here: the model on screen, taken if the photo's category is unknown.
-        known: cut-outs that a person has confirmed, by source.
     """
     backend, models, history = jobs.backend, jobs.models, request.history
     model = models[history.model] if history.model else None
@@ -57,31 +66,30 @@ def fit_stream(
     first = photos[0].categories if photos else {}
     for source in history.sources[len(photos) :]:
         try:
-            cut = known.get(source) or backend.cut_out(source.path, source.hints)
+            cut, seen = confirmed.get(source, partial(_cut_out, backend, source))()
         except NoBackgroundError:
-            bare = SeenCutOut(pixels_on_white(read_rgba(source.path)), ())
-            yield Doubt("The object was not found: point at it", model or here, None, bare)
+            yield _not_found(source, model or here)
             return
         guess = _guess(backend, cut)
-        seen, chosen = SeenCutOut.of(read_rgba(source.path), cut), model or _choose(models, here, guess)
-        asked = len(photos) < request.answered or source.hints is not None
-        about = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
-        if not asked and (words := _doubt(cut, about)):
-            yield Doubt(words, chosen, cut, seen)
-            return
+        chosen = model or _choose(models, here, guess)
+        if len(photos) >= request.answered:
+            about = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
+            categories = "" if model or is_sure(guess) else _categories(models, here)
+            neither = source.hints is None and bool(guess) and likeliest_category(guess) is None
+            if words := _doubt(source, cut, about, categories, neither):
+                yield Doubt(words, None if categories else chosen, cut, seen, neither)
+                return
         first = first or guess
         yield seen
         if model is None:
             model = chosen
             yield model
-        bank = yield from jobs.banks.wait(model)  # crops photos and ranks cameras
-        photos.append(backend.frame_photo(cut, model, bank, source))
+        photos.append(backend.frame_photo(cut, model, (yield from jobs.banks.wait(model)), source))
         yield FittedPhoto.of(source, photos[-1], seen)
     assert model is not None, "no photo"
     job = FitJob(tuple(photos), (yield from jobs.banks.wait(model)), settings, resume_from=request.resume_from)
-    past = history.steps[-1].seconds if history.steps else 0.0
-    for step in backend.fit(model, job):
-        yield replace(step, seconds=past + step.seconds)
+    past = history.last.seconds if history.last else 0.0
+    yield from (replace(step, seconds=past + step.seconds) for step in backend.fit(model, job))
 
 
 def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
@@ -91,13 +99,43 @@ def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
     return backend.guess_category(cut)
 
 
-def _doubt(cut: CutOut, about_category: str) -> str:
-    """Return the question about a cut-out; "" if it can be fitted at once."""
-    if has_rival(cut):
+def _cut_out(backend: Backend, source: PhotoSource) -> tuple[CutOut, SeenCutOut]:
+    cut = backend.cut_out(source.path, source.hints)
+    return cut, SeenCutOut.of(read_rgba(source.path), cut)
+
+
+def _not_found(source: PhotoSource, model: Model) -> Doubt:
+    bare = SeenCutOut(pixels_on_white(read_rgba(source.path)), ())
+    return Doubt("The object was not found: point at it", model, None, bare)
+
+
+def _doubt(source: PhotoSource, cut: CutOut, about: str, categories: str, neither: bool) -> str:
+    """Return the question about a cut-out; "" if it can be fitted at once.
+
+    Args:
+        about: the warning about the category, if any.
+        categories: the categories to choose from, if the photo's is in doubt.
+        neither: the photo looks like none of them.
+    """
+    pointed_out = source.hints is not None
+    if has_rival(cut) and not pointed_out:
         return "Which one? Click on it"
+    if neither and categories:
+        return f"Nothing here looks like {categories}"
+    if categories and (pointed_out or is_doubtful(cut)):
+        return f"Is it {categories}?"
+    if pointed_out:
+        return ""
     if is_doubtful(cut):
         return "Is the whole object outlined, and nothing else?"
-    return f"{about_category[:1].upper()}{about_category[1:]}"
+    return f"{about[:1].upper()}{about[1:]}"
+
+
+def _categories(models: OpenModels, here: Model) -> str:
+    """Return the categories of the listed models in words, "a chair or a car"; "" for a single one."""
+    listed = (model for model in models if model is here or not models.is_former(model))
+    nouns = dict.fromkeys(f"a {model.noun}" for model in listed if model.noun)
+    return " or ".join(nouns) if len(nouns) > 1 else ""
 
 
 def _choose(models: OpenModels, here: Model, guess: Mapping[str, float]) -> Model:

@@ -1,6 +1,5 @@
 """The running fit, the queue of fits, and the questions about photos."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -8,14 +7,14 @@ from pathlib import Path
 from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_views import with_photo_detail
 from core.models.model import Model
-from core.photos.segmentation import CutOut, Hints
+from core.photos.segmentation import Hints
 from viewer.activities.fit_results import FitResults
-from viewer.activities.fit_stream import Doubt, FitOptions, fit_stream
+from viewer.activities.fit_stream import Confirmed, Doubt, FitOptions, fit_stream
 from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_SHARE, Jobs
-from viewer.services.messages import Button, MessageKind
+from viewer.services.messages import Button, MessageKind, error_text
 from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, photo_sources
 from viewer.values.objects import EditableObject
@@ -24,13 +23,14 @@ from viewer.values.seen_cut_out import SeenCutOut
 
 _FITS = 8  # finished fits whose histories are kept
 _NAMED = 3  # files that a message names
-_NONE: Mapping[PhotoSource, CutOut] = {}  # no confirmed cut-outs
+_NONE: Confirmed = {}
 
 
 class Fitting:
     """Runs one fit at a time and queues the others.
 
-    A request about whose photo a person must decide waits in ``questions`` while the next fit begins.
+    A request about whose photo a person must decide waits in ``questions`` while the next fit begins; so does one
+    that failed, with its photos and confirmed cut-outs, until it is tried again.
     """
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions) -> None:
@@ -39,9 +39,12 @@ class Fitting:
         self.results = FitResults(editor, viewport)
         self.request: FitRequest | None = None  # the running fit's
         self.queue: tuple[FitRequest, ...] = ()  # the next first
-        self.questions: tuple[Question, ...] = ()  # the oldest first
+        self.questions: tuple[Question, ...] = ()  # the one chosen last first, then the oldest
+        self._chosen: FitRequest | None = None  # request whose question was chosen last
+        self._confirmed = _NONE  # of unfinished requests
         self._shown_fit, self._fits = "", dict[str, FitHistory]()  # name of the shown fit's object; fits by name
         self._before = self.history  # the fit shown before the last one began
+        self._name = ""  # object in the view
 
     @property
     def history(self) -> FitHistory:
@@ -56,6 +59,14 @@ class Fitting:
         name = self._editor.state.mix.a.shape
         newest = name == self._shown_fit and (not self.running or self.results.checking is not None)
         return self.history if newest else self._fits.get(name, FitHistory())
+
+    @property
+    def question(self) -> Question | None:
+        """The question to show; None while a fit is followed. A failed fit is not shown before it was chosen."""
+        if self.running and self._viewport.following:
+            return None
+        asked = (one for one in self.questions if not one.is_failed or one.request is self._chosen)
+        return next(asked, None)
 
     @property
     def running(self) -> bool:
@@ -83,6 +94,8 @@ class Fitting:
     def tick(self) -> None:
         """Show the fit of the object in the view, if it was made in this run; call once a frame."""
         name = self._editor.state.mix.a.shape
+        if name != self._name:
+            self._name, self._chosen = name, None
         if self.running or name == self._shown_fit or name not in self._fits:
             return
         self._shown_fit = name
@@ -94,7 +107,10 @@ class Fitting:
         found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
         if name := next(found, ""):
             self._keep_fit(name)
-        self.queue = pending
+        self.queue = tuple(request for request in pending if not request.problem)
+        for request in pending:
+            if request.problem:
+                self.questions = (*self.questions, _failure(request))
         self._next()
 
     # What is fitted
@@ -108,10 +124,12 @@ class Fitting:
         self.fit(*sources)
 
     def ask_first(self, request: FitRequest) -> None:
-        """Move a request's question to the front."""
+        """Show a request's question before the others, and in place of a followed fit."""
+        self._viewport.unfollow()
+        self._chosen = request
         self.questions = tuple(sorted(self.questions, key=lambda one: one.request is not request))
 
-    def fit(self, *sources: PhotoSource, model: str = "") -> None:
+    def fit(self, *sources: PhotoSource, model: str = "", confirmed: Confirmed = _NONE) -> None:
         """Begin or queue a fit of photos, if any, dropping questions about them.
 
         Args:
@@ -120,7 +138,7 @@ class Fitting:
         paths = {source.path for source in sources}
         self.questions = tuple(one for one in self.questions if one.source.path not in paths)
         if sources:
-            self._begin(FitRequest(FitHistory(sources, model=model)))
+            self._begin(FitRequest(FitHistory(sources, model=model)), confirmed)
 
     def add_photo(self, history: FitHistory, path: Path) -> None:
         """Fit an object again with another photo."""
@@ -153,13 +171,24 @@ class Fitting:
         history, model = question.request.history, model or question.model
         photos = history.photos if model == history.model else ()
         request = FitRequest(FitHistory(history.sources, photos, model=model), answered=question.number + 1)
+        cut, seen, confirmed = question.cut, question.seen, dict(self._confirmed)
+        if cut and seen:
+            confirmed[question.source] = lambda: (cut, seen)
         self.forget(history.sources)
-        self._begin(request, {question.source: question.cut} if question.cut else {})
+        self._begin(request, confirmed)
+
+    def try_again(self, request: FitRequest) -> None:
+        """Repeat a failed fit with the photos, cut-outs and answers that it had."""
+        again, confirmed = request._replace(problem=""), self._confirmed
+        self.forget(request.history.sources)
+        self._begin(again, confirmed)
 
     def leave(self, question: Question) -> None:
-        """Leave a photo in question out, and fit the others of its object, if any."""
+        """Leave a photo in question out, and fit the others of its object, if any; leave all of a failed fit out."""
         history = question.request.history
         self.forget(history.sources)
+        if question.is_failed:
+            return
         if others := tuple(source for source in history.sources if source is not question.source):
             self._begin(FitRequest(replace(history, sources=others), answered=question.number))
 
@@ -221,10 +250,13 @@ class Fitting:
 
     # Progress
 
-    def _begin(self, request: FitRequest, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
-        """Run a request now, or queue it; ``known`` is an argument of :func:`fit_stream`."""
+    def _begin(self, request: FitRequest, confirmed: Confirmed = _NONE) -> None:
+        """Run a request now, or queue it."""
+        unfinished = {source for one in self.pending for source in one.history.sources}
+        kept = {source: cut for source, cut in self._confirmed.items() if source in unfinished}
+        self._confirmed = kept | {one: confirmed[one] for one in request.history.sources if one in confirmed}
         if not self.running:
-            self._run(request, known=known)
+            self._run(request)
             return
         self.queue = (*self.queue, request)
         self._jobs.messages.notify(f"{request.history.name} waits for the photo before it", MessageKind.NOTE)
@@ -241,24 +273,18 @@ class Fitting:
         self._viewport.unfollow()
         self.request = self.results.checking = None
 
-    def _run(self, request: FitRequest, follow: bool = True, known: Mapping[PhotoSource, CutOut] = _NONE) -> None:
+    def _run(self, request: FitRequest, follow: bool = True) -> None:
         self._before = self.history
         history, resume_from = request.history, request.resume_from
         self._drop()
         self.view.show(history)
         self.request = request
         if follow:
+            self._chosen = None
             self._viewport.follow()
         settings = self.options.settings(resume_from is not None)
-        stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, known)
-
-        def ended(error: Exception | None) -> None:
-            if error and len(self.history.steps) == len(history.steps):
-                self.view.show(self._before)
-            self._ended(error)
-            self._next()
-
-        self._jobs.submit(Job("fit", stream, self._receive, ended, share=FIT_SHARE))
+        stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self._confirmed)
+        self._jobs.submit(Job("fit", stream, self._receive, self._ended, share=FIT_SHARE))
 
     def _receive(self, value: Model | Doubt | SeenCutOut | FittedPhoto | FitStep) -> None:
         if isinstance(value, Model):
@@ -283,17 +309,30 @@ class Fitting:
         request = self.request._replace(history=history)
         self._drop()
         self.view.show(self._before)
-        question = Question(request, doubt.words, doubt.cut, doubt.seen, doubt.model.fingerprint)
+        model = doubt.model.fingerprint if doubt.model else ""
+        question = Question(request, doubt.words, doubt.cut, doubt.seen, model, doubt.neither)
         self.questions = (*self.questions, question)
         self._next()
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:
             self._finish("Fitted in")
-            return
-        self.request = self.results.checking = None
-        self._viewport.unfollow()
+        else:
+            self._fail(error)
+        self._next()
+
+    def _fail(self, error: Exception) -> None:
+        """Report an error and, unless the object can be used already, keep the request to try it again."""
         self._jobs.messages.report("Cannot fit this image", error)
+        seen = self.view.seen or (self.history.photo.seen if self.history.photo else None)
+        followed, usable = self._viewport.following, self.results.checking
+        for request in self._unfinished:
+            failed = request._replace(problem=error_text(error))
+            self.questions = (*self.questions, _failure(failed, seen))
+            self._chosen = failed if followed else self._chosen
+        self._drop()
+        if not usable:
+            self.view.show(self._before)
 
     def _finish(self, how: str) -> None:
         last, checking = self.history.last, self.results.checking
@@ -335,3 +374,8 @@ class Fitting:
 
     def _fitted(self, step: FitStep) -> EditableObject:
         return EditableObject(self.history.name, step.codes, True, step.confidence)
+
+
+def _failure(request: FitRequest, seen: SeenCutOut | None = None) -> Question:
+    """Return the question whether to try a failed fit again."""
+    return Question(request, f"Cannot fit this photo: {request.problem}", seen=seen, model=request.history.model)

@@ -13,7 +13,7 @@ from viewer.services.jobs import Jobs
 from viewer.services.messages import error_text
 from viewer.services.worker import Job
 from viewer.values.fit_history import PhotoSource
-from viewer.values.seen_cut_out import pixels_on_white
+from viewer.values.seen_cut_out import SeenCutOut, pixels_on_white
 
 _SHOWN = 640  # px of the shown photo's longer side
 _SMALL = 160  # px of the longer side of the other masks
@@ -106,7 +106,12 @@ class Segmenting:
     def fit(self) -> None:
         """Fit the photos with the current hints, after a running fit, and close."""
         source = self.sources[self.index]._replace(hints=self.hints)
-        self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._model)
+        sources = (*self.sources[: self.index], source, *self.sources[self.index + 1 :])
+        image, result = self._image, self.result
+        confirmed = {}
+        if image and result and self.settled:
+            confirmed[source] = lambda: (result.found, SeenCutOut.of(image, result.found))
+        self._fit(*sources, model=self._model, confirmed=confirmed)
         self.close()
 
     def _start(self) -> None:

@@ -34,6 +34,7 @@ class LibraryPanel(Panel):
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
         self._unfolded = set[str]()  # names of objects whose variants are shown
+        self._waiting = 0  # photos that waited in the last frame; new ones are scrolled into sight
         self._filter = _ALL  # listed objects: all, added ones ("mine"), or a model's, by its fingerprint
 
     def draw(self, context: PanelContext) -> None:
@@ -56,9 +57,15 @@ class LibraryPanel(Panel):
 
     def _draw_objects(self, context: PanelContext, names: dict[str, str], strip: bool) -> None:
         """Draw waiting photos and added objects, then those of each model, under headings or in one row."""
-        mine: list[str | FitRequest] = [*context.session.fitting.pending, *context.session.editor.objects.own]
+        waiting = context.session.fitting.pending
+        if len(waiting) > self._waiting:
+            imgui.set_scroll_x(0.0)
+            imgui.set_scroll_y(0.0)
+        self._waiting = len(waiting)
+        mine: list[str | FitRequest] = [*waiting, *context.session.editor.objects.own]
         families = context.session.editor.objects.families
-        groups = {"Mine": mine} if self._filter in (_ALL, _MINE) else dict[str, list[str | FitRequest]]()
+        mine = mine if self._filter in (_ALL, _MINE) else [*waiting]
+        groups = {"Mine": mine} if mine or self._filter in (_ALL, _MINE) else dict[str, list[str | FitRequest]]()
         groups |= {
             name: [*self._listed(families[model])] for model, name in names.items() if self._filter in (_ALL, model)
         }

@@ -14,8 +14,8 @@ from viewer.activities.fitting import Fitting
 from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import packed
-from viewer.values.fit_history import FitHistory, Question
-from viewer.widgets import user_objects
+from viewer.values.fit_history import FitHistory
+from viewer.widgets import user_objects, waiting_tiles
 from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
     action_button,
@@ -23,12 +23,12 @@ from viewer.widgets.controls import (
     choose,
     draw_choice,
     end_gesture,
-    flow,
     labelled_slider,
     tooltip,
 )
 from viewer.widgets.cut_out import draw_cut_out
 from viewer.widgets.paint import draw_paint
+from viewer.widgets.question import POINT_HELP, draw_question
 from viewer.widgets.text import heading
 from viewer.widgets.welcome import draw_samples, nouns
 
@@ -36,7 +36,6 @@ _SHARE = icons_fontawesome_4.ICON_FA_SHARE_ALT
 _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _TOOLS = {"turn": "Turn", "wipe": "Wipe", "erase": "Erase"}
 _SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "soft": "Soft", "model": "The model's"}
-_POINT_HELP = "Show where the object is, by a click, a box, or strokes, and fit it"
 _LOST_HELP = "Open the photo again to fit it anew"
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
 and from the first one again"""
@@ -50,16 +49,20 @@ _AGREE = 0.5  # least explained fraction (:func:`explained`) of photos that agre
 
 
 class PhotoPanel(Panel):
-    """Shows the oldest question about a photo, else the photo of the object on screen."""
+    """Shows waiting photos, the fit that is followed, else a question, else the photo of the object on screen."""
 
     title = "Photo"
     dock = "Right"
 
     def draw(self, context: PanelContext) -> None:
         """Draw the question, the photo with its controls or, without a photo, an invitation."""
-        fitting, shown = context.session.fitting, context.session.fitting.shown
-        if fitting.questions:
-            _draw_question(context, fitting.questions[0])
+        fitting = context.session.fitting
+        shown, question = fitting.shown, fitting.question
+        sources = question.request.history.sources if question else shown.sources
+        if any(request.history.sources is not sources for request in fitting.pending):
+            waiting_tiles.draw_row(context)
+        if question:
+            draw_question(context, question)
         elif shown.sources or context.session.photo_view:
             _draw_object(context, shown)
         else:
@@ -70,29 +73,6 @@ class PhotoPanel(Panel):
             )
             draw_samples(context)
             draw_paint(context)
-
-
-def _draw_question(context: PanelContext, question: Question) -> None:
-    """Draw a photo in question, and a button per answer."""
-    fitting, session, history = context.session.fitting, context.session, question.request.history
-    about = history.sources, question.number
-    heading(context, question.source.name)
-    imgui.text_colored((*context.palette.warm, 1.0), question.words)
-    choose_object = partial(fitting.choose, *about, model=history.model)
-    draw_cut_out(context, question.seen.pixels, question.seen.boxes, choose_object)
-    models = [*session.listed_models] if question.cut else []
-    for model in sorted(models, key=lambda one: one.fingerprint != question.model):
-        likely = model.fingerprint == question.model
-        label = "This one###this one" if likely else f"As a {model.noun}###as {model.category}"
-        colour = context.palette.accent if likely else None
-        if button(label, f"Fit what is outlined, as a {model.noun}", colour=colour):
-            fitting.answer(question, model.fingerprint)
-        flow("Point at it")
-    if button("Point at it###point at it", _POINT_HELP):
-        session.segmenting.open(*about, history.model)
-    flow("Leave it")
-    if button("Leave it###leave photo", "Do not fit this photo"):
-        fitting.leave(question)
 
 
 def _draw_object(context: PanelContext, shown: FitHistory) -> None:
@@ -107,7 +87,7 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     if pixels is not None:
         boxes = seen.boxes if seen else ()
         draw_cut_out(context, pixels, boxes, partial(fitting.choose, shown.sources, shown.photo_index))
-    if button("Point at it###point at it", _POINT_HELP if shown.sources else _LOST_HELP, enabled=photo is not None):
+    if button("Point at it###point at it", POINT_HELP if shown.sources else _LOST_HELP, enabled=photo is not None):
         session.segmenting.open(shown.sources, shown.photo_index, shown.model)
     if fits:
         _draw_progress(context)

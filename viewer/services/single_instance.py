@@ -10,7 +10,6 @@ import re
 import secrets
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,8 +40,8 @@ class SingleInstance:
         for path in () if self._ends else _waiting(self._folder):
             text = path.read_text()
             path.unlink()
-            with suppress(ValueError, TypeError):  # another program's file
-                yield Start(**json.loads(text))
+            if start := _start(text):
+                yield start
 
     def end(self) -> None:
         """Accept no more second starts: they wait and open their own window after :meth:`close`."""
@@ -78,6 +77,14 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
     finally:
         wish.unlink(missing_ok=True)
     raise TimeoutError("a window is open already, but does not answer")
+
+
+def _start(text: str) -> Start | None:
+    """Parse a second start; None for another program's file."""
+    try:
+        return Start(**json.loads(text))
+    except (ValueError, TypeError):
+        return None
 
 
 def _waiting(folder: Path) -> list[Path]:

@@ -1,5 +1,6 @@
 """A thread that does slow work in small steps, so that the window never waits."""
 
+import logging
 import os
 import sys
 import threading
@@ -10,6 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
+
+from core.runtime.modes import TorchModes
 
 T = TypeVar("T")
 
@@ -118,7 +121,7 @@ class Worker:
             os.nice(2)  # affects this thread alone
         while (entry := self._pick()) is not None:
             began = self._clock()
-            self._step(entry)
+            self._step_in_modes(entry)
             entry.spent += (self._clock() - began) / entry.job.share
         for left in self._running:
             _close(left.stream)
@@ -145,6 +148,15 @@ class Worker:
                 self._rests = True
                 self._at_rest()
         return None
+
+    def _step_in_modes(self, entry: _Running) -> None:
+        """Step a job; modes of torch that it leaves on between steps are logged, and do not reach the next job."""
+        before = TorchModes.current()
+        with before.applied():
+            self._step(entry)
+            after = TorchModes.current()
+        if after != before:
+            logging.getLogger(__name__).error("the job %s is faulty: it left on %s", entry.job.name, after)
 
     def _step(self, entry: _Running) -> None:
         try:

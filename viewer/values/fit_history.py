@@ -92,21 +92,33 @@ class FitRequest(NamedTuple):
     history: FitHistory  # its sources, and the photos and steps so far
     resume_from: Hypothesis | None = None  # None: search from the beginning
     answered: int = 0  # number of photos, from the first, whose questions were answered
+    problem: str = ""  # reason why the fit failed; empty until then
 
 
 class Question(NamedTuple):
-    """A question about the cut-out of a photo, to be answered before the fit."""
+    """A question about a photo, to be answered before the fit; after a failed fit, whether to try again."""
 
     request: FitRequest
     words: str
-    cut: CutOut | None  # None if no object was found
-    seen: SeenCutOut
-    model: str  # fingerprint of the model that would fit the photo
+    cut: CutOut | None = None  # None if no object was found, or the fit failed
+    seen: SeenCutOut | None = None  # None if the fit failed before the photo was read
+    model: str = ""  # fingerprint of the model that would fit the photo; empty if the category is in doubt
+    neither: bool = False  # the photo looks like none of the categories
 
     @property
     def number(self) -> int:
-        """The photo's index among the sources of the request."""
-        return len(self.request.history.photos)
+        """The photo's index among the sources of the request; the last one's if all photos were read."""
+        return min(len(self.request.history.photos), len(self.request.history.sources) - 1)
+
+    @property
+    def is_about_category(self) -> bool:
+        """True if the category is in doubt."""
+        return bool(self.cut) and not self.model
+
+    @property
+    def is_failed(self) -> bool:
+        """True after a failed fit."""
+        return bool(self.request.problem)
 
     @property
     def source(self) -> PhotoSource:

@@ -9,10 +9,23 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
 _CLOCK, _QUESTION = icons_fontawesome_4.ICON_FA_CLOCK, icons_fontawesome_4.ICON_FA_QUESTION
+_WARNING = icons_fontawesome_4.ICON_FA_EXCLAMATION
+_ROW = 3.2  # em, side of a tile in a row
+
+
+def draw_row(context: PanelContext) -> None:
+    """Draw all unfinished requests in lines as wide as the panel."""
+    side = _ROW * hello_imgui.em_size()
+    for number, request in enumerate(context.session.fitting.pending):
+        if number:
+            imgui.same_line()
+        if imgui.get_content_region_avail().x < side:
+            imgui.new_line()
+        draw(context, request, imgui.get_cursor_screen_pos(), ImVec2(side, side))
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:
-    """Draw a request's photo with a bar (running), a question mark (asked) or a clock (queued).
+    """Draw a request's photo with a bar (running), a question mark (asked), a warning (failed) or a clock (queued).
 
     A click shows the fit or the question.
     """
@@ -27,25 +40,38 @@ def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2)
             fitting.follow()
         else:
             fitting.ask_first(waits)
-    hovered = imgui.is_item_hovered()
+    question = fitting.question
+    bright = imgui.is_item_hovered() or running or (question is not None and question.request is waits)
     object_tiles.paint_photo(context, source.path, corner, side)
-    object_tiles.shade(corner, side, context.palette.panel, 0.0 if hovered or running else object_tiles.DIMMED)
+    object_tiles.shade(corner, side, context.palette.panel, 0.0 if bright else object_tiles.DIMMED)
     if running:
         tooltip(f"{source.name} is being fitted\nClick to see it")
         _draw_bar(context, fitting.history.progress, corner, side)
+    elif waits.problem:
+        tooltip(f"{source.name} could not be fitted: {waits.problem}\nClick to try again")
+        object_tiles.mark(corner, _WARNING, context.palette.error)
     elif asked:
         tooltip(f"{source.name} waits for an answer\nClick to see the question")
         object_tiles.mark(corner, _QUESTION, context.palette.warm)
     else:
         tooltip(f"{source.name} waits for {fitting.history.name}\nRight click to remove it")
         object_tiles.mark(corner, _CLOCK, context.palette.warm)
-    if imgui.begin_popup_context_item(name):
-        if running and imgui.menu_item_simple("Stop###stop fit"):
-            fitting.stop()
-        if not running and imgui.menu_item_simple("Remove###remove waiting"):
-            fitting.forget(sources)
-        imgui.end_popup()
+    _draw_menu(context, waits, name, running)
     imgui.pop_id()
+
+
+def _draw_menu(context: PanelContext, waits: FitRequest, name: str, running: bool) -> None:
+    """Draw the menu of imgui's last item, a waiting photo."""
+    fitting = context.session.fitting
+    if not imgui.begin_popup_context_item(name):
+        return
+    if running and imgui.menu_item_simple("Stop###stop fit"):
+        fitting.stop()
+    if waits.problem and imgui.menu_item_simple("Try again###try again"):
+        fitting.try_again(waits)
+    if not running and imgui.menu_item_simple("Remove###remove waiting"):
+        fitting.forget(waits.history.sources)
+    imgui.end_popup()
 
 
 def _draw_bar(context: PanelContext, progress: float, corner: ImVec2, side: float) -> None:

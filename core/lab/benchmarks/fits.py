@@ -113,7 +113,8 @@ def fit_views(
             if (name, target.views.name, target.index) in done:
                 continue
             with use_dtype(method.dtype) if method.dtype else nullcontext():
-                yield fit_view(model, target, name, method, number + method.seed)
+                trial = fit_view(model, target, name, method, number + method.seed)
+            yield trial
 
 
 def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:

@@ -61,11 +61,12 @@ def measure_ratios(model: Model) -> Iterator[Ratio]:
         rendered = _timed(
             lambda: fast.render(model, codes, camera, RenderSettings().samples), time.process_time, fast.clear_views
         )
-        yield Ratio("a render against an exact one", rendered / exact)
+    yield Ratio("a render against an exact one", rendered / exact)
+    with use_dtype(torch.float32):
         photo = Photo(*render_on_white(model, codes, camera))
         naive = _timed(lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)), time.process_time)
         fitted = _timed(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)), time.process_time)
-        yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)
+    yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)
     yield from _commands(model.category)
 
 
@@ -113,9 +114,9 @@ def _commands(category: str) -> Iterator[Ratio]:
 
         plain = _timed(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
         whole = _timed(command, time.perf_counter)
-        yield Ratio("a draft fit's process against importing torch", whole / plain)
-        parts = json.loads(said[-1].splitlines()[-1])["seconds_by_part"]
-        yield Ratio("a kept view bank against the search", parts["view_bank"] / parts["search"])
+    yield Ratio("a draft fit's process against importing torch", whole / plain)
+    parts = json.loads(said[-1].splitlines()[-1])["seconds_by_part"]
+    yield Ratio("a kept view bank against the search", parts["view_bank"] / parts["search"])
 
 
 @contextmanager

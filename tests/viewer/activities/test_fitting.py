@@ -166,9 +166,10 @@ def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, phot
     for path in (photo, block(photo, "b"), bad_files["text.png"], block(photo, "c")):
         fitting.start(path)
     assert [request.history.name for request in fitting.queue] == ["block b", "text", "block c"]
-    finish(session, lambda: not fitting.pending)
+    finish(session, lambda: not fitting.running)
     assert {one.name for one in editor.objects.added} == {"block", "block b", "block c"}
     assert len(session.messages.errors) == 1
+    assert [(request.history.name, bool(request.problem)) for request in fitting.pending] == [("text", True)]
     assert editor.state.mix.a.shape == "block"  # what is being edited stays
     assert set(fitting.results.unseen) == {"block b", "block c"}
     fitting.results.show("block c")
@@ -272,6 +273,40 @@ def test_a_question_is_saved_and_asked_again(session: Session, photo: Path, tmp_
     assert not session.fitting.questions
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.objects.own == ["block"]
+
+
+def test_a_failed_fit_is_saved_and_not_repeated_until_it_is_told_to(session: Session, photo: Path, tmp_path: Path):
+    working = session.jobs.backend
+    session.jobs.backend = replace(working, fit=broken_fit)
+    session.fitting.start(photo)
+    finish(session)
+    session.project().save(tmp_path / "a.codenerf", session.models)
+    session.new()
+    assert not session.fitting.pending
+    photo.unlink()
+    session.restore(Project.load(tmp_path / "a.codenerf", session.models))
+    finish(session)
+    (question,) = session.fitting.questions
+    assert question.words == "Cannot fit this photo: the loss is not finite"
+    assert session.fitting.question is None, "it is shown when it is chosen"
+    session.fitting.ask_first(question.request)
+    assert session.fitting.question is question
+    session.jobs.backend = working
+    session.fitting.try_again(question.request)
+    finish(session, lambda: not session.fitting.pending)
+    assert session.editor.objects.own == ["block"]
+
+
+def test_a_failed_fit_of_several_photos_is_left_as_a_whole(session: Session, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
+    session.fitting.start(photo, block(photo, "b"))
+    finish(session)
+    (question,) = session.fitting.questions
+    assert len(question.request.history.photos) == 2
+    assert question.source.name == "block b.png"
+    session.fitting.leave(question)
+    finish(session)
+    assert not session.fitting.pending
 
 
 def test_a_photo_without_an_object_waits_until_it_is_pointed_at(session: Session, photo: Path) -> None:

@@ -3,11 +3,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
+from functools import partial
 from itertools import count
 
 import pytest
+import torch
 
+from core.runtime.modes import TorchModes
 from tests.viewer.machine import Patience
 from tests.viewer.stand_ins import Clock
 from viewer.services.worker import Job, Worker
@@ -215,3 +218,39 @@ def test_the_worker_steps_back_behind_the_window(worker: Worker) -> None:
     worker.submit(Job("nice", nice, seen.append))
     wait(worker, lambda: bool(seen))
     assert seen[0] >= min(19, os.getpriority(os.PRIO_PROCESS, 0) + 2)
+
+
+@pytest.mark.parametrize(
+    "left_on", [torch.inference_mode, torch.no_grad, partial(torch.autocast, "cpu", torch.bfloat16)]
+)
+def test_a_mode_that_a_job_leaves_on_does_not_reach_the_next_one(
+    worker: Worker, caplog: pytest.LogCaptureFixture, left_on: Callable[[], AbstractContextManager[None]]
+) -> None:
+    def leaking() -> Iterator[int]:
+        with left_on():
+            yield 1
+            goes_on.wait(60)
+            yield 2
+        yield 3
+
+    def differentiating() -> Iterator[tuple[float, torch.dtype]]:
+        for _ in range(9):
+            weight = torch.ones(2, 2, requires_grad=True)
+            value = (weight @ weight).sum()
+            value.backward()
+            yield float(weight.grad.sum()), (weight @ weight).dtype
+
+    goes_on, seen, ends = threading.Event(), list[object](), list[Exception | None]()
+    worker.submit(Job("leaking", leaking, seen.append, ends.append))
+    wait(worker, lambda: seen == [1])
+    goes_on.set()
+    worker.submit(Job("next", differentiating, seen.append, ends.append))
+    wait(worker, lambda: not worker.busy())
+    assert ends == [None, None]
+    assert sorted(one for one in seen if isinstance(one, int)) == [1, 2, 3], "the job itself goes on"
+    assert {one for one in seen if not isinstance(one, int)} == {(16.0, torch.float32)}
+    assert {record.name for record in caplog.records} == {"viewer.services.worker"}
+    assert "the job leaking is faulty" in caplog.records[0].message
+    worker.submit(Job("after", lambda: iter([TorchModes.current()]), seen.append))
+    wait(worker, lambda: not worker.busy())
+    assert seen[-1] == TorchModes.current()

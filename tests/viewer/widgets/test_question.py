@@ -1,0 +1,65 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from core.photos.detector import UNDETECTED, Detection
+from core.photos.photo import read_cut_out
+from core.photos.segmentation import CutOut, Hints
+from tests.viewer.driver import Drive, Driver, in_window
+from viewer.services.backend import Backend
+from viewer.values.fit_history import PhotoSource
+
+
+def throne(path: Path, hints: Hints | None) -> CutOut:
+    """Doubtfully cut out, and rather a car than a chair."""
+    found = Detection((0.3, 0.2, 0.7, 0.8), {"chairs": 0.17, "cars": 0.2})
+    return replace(read_cut_out(path, hints), confidence=0.2, detections=(found,), white=False)
+
+
+@pytest.mark.parametrize("category", ["chairs", "cars"])
+def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(
+    drive: Drive, both: Backend, photo: Path, category: str
+) -> None:
+    def act(window: Driver) -> None:
+        fitting, editor = window.session.fitting, window.session.editor
+        window.context.drop([str(photo)])
+        window.wait(lambda: bool(fitting.questions))
+        assert fitting.questions[0].words in ("Is it a chair or a car?", "Is it a car or a chair?")
+        assert not window.exists("Photo/###this one"), "nothing is taken for granted"
+        window.click(f"Photo/as {category}")
+        window.wait(lambda: not fitting.running)
+        assert editor.objects.own == ["block"]
+        assert editor.model.category == category
+
+    drive(act, replace(both, cut_out=throne))
+
+
+@in_window(of="both", guess_category=lambda cut: {})
+def test_what_was_pointed_out_is_not_taken_for_the_category_on_screen(window: Driver, photo: Path) -> None:
+    fitting = window.session.fitting
+    window.click("Library/**/show car 1")
+    fitting.fit(PhotoSource(photo, Hints(box=(0.1, 0.1, 0.9, 0.9))))
+    window.wait(lambda: bool(fitting.questions))
+    window.show("Photo")
+    window.click("Photo/as chairs")
+    window.wait(lambda: not fitting.running)
+    assert window.session.editor.model.category == "chairs"
+
+
+@in_window(of="both", guess_category=lambda cut: UNDETECTED)
+def test_none_of_these_is_the_first_answer_where_nothing_looks_like_a_category(window: Driver, photo: Path) -> None:
+    fitting = window.session.fitting
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    assert fitting.questions[0].words.startswith("Nothing here looks like a c")
+    names = "###leave photo", "###point at it", "as chairs", "as cars"
+    places = [window.ctx.item_info(f"//Photo/{name}").rect_full.min for name in names]
+    assert all((places[0].y, places[0].x) < (place.y, place.x) for place in places[1:])
+    window.click("Photo/###leave photo")
+    assert not fitting.pending and not fitting.running
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    window.click("Photo/as cars")  # a toy that the detector misses
+    window.wait(lambda: not fitting.running)
+    assert window.session.editor.model.category == "cars"

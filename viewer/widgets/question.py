@@ -1,0 +1,90 @@
+"""A question about a photo: the photo, the words, and a button or an image per answer."""
+
+from collections.abc import Callable
+from functools import partial
+
+from imgui_bundle import ImVec2, hello_imgui, imgui
+
+from core.models.model import Model
+from viewer.context import PanelContext
+from viewer.values.fit_history import Question
+from viewer.widgets import object_tiles
+from viewer.widgets.controls import button, flow, tooltip
+from viewer.widgets.cut_out import draw_cut_out
+from viewer.widgets.text import heading, paint_caption, small_height
+
+POINT_HELP = "Show where the object is, by a click, a box, or strokes, and fit it"
+_PICTURE = 7.0  # em, largest side of an object that stands for its category
+_Answer = tuple[str, str, Callable[[], None]]  # label, tooltip and action of a button
+
+
+def draw_question(context: PanelContext, question: Question) -> None:
+    """Draw a photo in question, and its answers."""
+    fitting, history = context.session.fitting, question.request.history
+    heading(context, question.source.name)
+    imgui.push_style_color(imgui.Col_.text, (*context.palette.warm, 1.0))
+    imgui.text_wrapped(question.words)
+    imgui.pop_style_color()
+    seen, boxes = question.seen, question.seen.boxes if question.seen else ()
+    photo = history.photo.pixels if history.photo else context.session.photo_thumbnails.get(question.source.path)
+    pixels = seen.pixels if seen else photo
+    if pixels is not None:
+        choose_object = partial(fitting.choose, history.sources, question.number, model=history.model)
+        draw_cut_out(context, pixels, boxes, choose_object)
+    doubtful = question.is_about_category
+    if doubtful and not question.neither:
+        _draw_categories(context, question)
+    for number, (label, text, act) in enumerate(_answers(context, question)):
+        if number:
+            flow(label.partition("###")[0])
+        likely = not number and (question.neither or not doubtful)
+        if button(label, text, colour=context.palette.accent if likely else None):
+            act()
+    if doubtful and question.neither:
+        _draw_categories(context, question)
+
+
+def _answers(context: PanelContext, question: Question) -> list[_Answer]:
+    """Return a question's buttons, the likeliest answer first."""
+    fitting, history = context.session.fitting, question.request.history
+    point = partial(context.session.segmenting.open, history.sources, question.number, history.model)
+    answers: list[_Answer] = [("Point at it###point at it", POINT_HELP, point)]
+    if question.is_failed:
+        again = partial(fitting.try_again, question.request)
+        answers.insert(0, ("Try again###try again", "Fit this photo once more", again))
+    elif question.cut and question.model:
+        for model in reversed(_categories(context, question)):
+            likely = model.fingerprint == question.model and not question.neither
+            label = "This one###this one" if likely else f"As a {model.noun}###as {model.category}"
+            text, act = f"Fit what is outlined, as a {model.noun}", partial(fitting.answer, question, model.fingerprint)
+            answers.insert(0, (label, text, act))
+    several = question.is_about_category or (question.seen is not None and len(question.seen.boxes) > 1)
+    words = "None of these" if question.neither or several else "Leave it"
+    leave = f"{words}###leave photo", "Do not fit this photo", partial(fitting.leave, question)
+    return [leave, *answers] if question.neither else [*answers, leave]
+
+
+def _categories(context: PanelContext, question: Question) -> list[Model]:
+    """Return a listed model per category, the likely one first."""
+    models = dict[str, Model]()
+    for model in sorted(context.session.listed_models, key=lambda one: one.fingerprint != question.model):
+        models.setdefault(model.category, model)
+    return [*models.values()]
+
+
+def _draw_categories(context: PanelContext, question: Question) -> None:
+    """Draw an object per category; a click fits the photo as one of them."""
+    models, objects, em = _categories(context, question), context.session.editor.objects, hello_imgui.em_size()
+    gap, room = 0.4 * em, imgui.get_content_region_avail().x
+    side = min(_PICTURE * em, (room - gap * (len(models) - 1)) / len(models))
+    for number, model in enumerate(models):
+        if number:
+            imgui.same_line(0, gap)
+        corner, height = imgui.get_cursor_screen_pos(), side + small_height()
+        if object_tiles.tile_button(f"as {model.category}", (side, height)):
+            context.session.fitting.answer(question, model.fingerprint)
+        hovered = imgui.is_item_hovered()
+        tooltip(f"Fit what is outlined, as a {model.noun}")
+        object_tiles.paint(context, next(iter(objects.families[model.fingerprint])), corner, side)
+        object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)
+        paint_caption(context, f"A {model.noun}", corner + ImVec2(0, side), side)
