@@ -46,12 +46,13 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
-    job = replace(job, settings=job.settings.for_box(model.extent))
+    settings = job.settings.for_box(model.extent)
+    # Where the network paints the background, its colour would be free, too.
+    job = replace(job, settings=replace(settings, free_steps=0) if model.white_from_network else settings)
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model.soft, job, generator)
     unknown = int(problem.unknown.sum())
-    components = replace(job.components, free_biases=job.components.free_biases and not model.white_from_network)
-    schedule = build_schedule(job.settings, components, unknown > 0, job.resume_from is not None)
+    schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
     cameras = list(problem.cameras)
     likelihood = category_likelihood(model.category, job.photos)

@@ -95,7 +95,7 @@ def build_schedule(settings: FitSettings, components: Components, unknown: bool,
         coarse = _stages(_COARSE, starts, settings, components)
     *local, final = _stages((*_LOCAL, _FINAL), count, settings, components)
     free = None
-    if settings.free_steps and components.free_biases:
+    if settings.free_steps:
         free = final._replace(steps=settings.free_steps, damping=_FREE_DAMPING)
     if resumed:
         return Schedule((), (), final._replace(steps=settings.steps), free)

@@ -77,7 +77,6 @@ class Components:
     robust_loss: bool = True  # Cauchy's loss in the last stages, else squared errors throughout
     mask_loss: bool = True  # include the term of opacity errors
     camera_prior: bool = True  # include the camera prior
-    free_biases: bool = True  # end with the free stage
 
 
 ALL_COMPONENTS = Components()

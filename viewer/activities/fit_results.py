@@ -1,11 +1,14 @@
 """Results of fits, which join the objects; a result is shown at once if the view followed its fit."""
 
 from core.geometry.camera import Camera
+from core.metrics import rotation_error
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.values import orbit
 from viewer.values.fit_history import Ready
 from viewer.values.objects import EditableObject
+
+_ANOTHER_VIEWPOINT = 10.0  # degrees between cameras that show different sides
 
 
 class FitResults:
@@ -34,7 +37,7 @@ class FitResults:
         return Ready(name, camera)
 
     def improve(self, handed: Ready, better: EditableObject, camera: Camera) -> bool:
-        """Replace the preliminary result ``handed`` by the final one; return whether they differ."""
+        """Replace the preliminary result ``handed`` by the final one; return whether their viewpoints differ."""
         name = handed.name
         differs = better.codes != self._editor.objects[name].codes
         own = self._editor.scene.camera
@@ -44,7 +47,7 @@ class FitResults:
             self._viewport.frame_result()
         if differs and not shown and name not in self._editor.objects.removed:
             self.unseen[name] = camera
-        return differs
+        return rotation_error(handed.camera, camera) > _ANOTHER_VIEWPOINT
 
     def show(self, name: str) -> None:
         """Show a result that was not shown yet."""

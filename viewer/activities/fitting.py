@@ -341,7 +341,7 @@ class Fitting:
         elif checking:
             self._keep_fit(checking.name)
             better = self.results.improve(checking, self._fitted(last), self.view.camera_of(last))
-            verdict = "a better viewpoint was found" if better else "the first result stays"
+            verdict = "a better viewpoint was found" if better else "the viewpoint stays"
             self._tell(f"{checking.name} was checked from other sides: {verdict}", checking)
         else:
             found = self._add(last)

@@ -126,7 +126,8 @@ def _draw_progress(context: PanelContext) -> None:
     if button("Stop###stop fit", f"End here and keep what has been found{later}"):
         fitting.stop()
     if last is not None:
-        label = "Checking from other sides" if last.restart else "Finding camera, shape and texture"
+        search = "Checking from other sides" if last.restart else "Finding camera, shape and texture"
+        label = "Taking its own shape" if last.is_free else search
     elif 0 < bank < 1:
         label = "Preparing, once on this computer …"
     else:

@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from core.fitting.fit import FitJob, fit
-from core.fitting.settings import Components
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
@@ -56,11 +55,9 @@ def test_the_stage_ends_a_search_and_leaves_its_confidence(tiny: Model):
 def test_offsets_are_left_out_where_they_are_not_wanted_or_mean_nothing(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.4))
     job = FitJob((photo,), tiny_bank(), FREE)
-    for model, without in (
-        (tiny, replace(job, settings=replace(FREE, free_steps=0))),
-        (tiny, replace(job, components=Components(free_biases=False))),
-    ):
-        *_, last = fit(model, without)
+    white = replace(tiny, white_from_network=True)
+    for model, settings in ((tiny, replace(FREE, free_steps=0)), (white, FREE)):
+        *_, last = fit(model, replace(job, settings=settings))
         assert last.codes.shape_offsets is None and not last.is_free
 
 

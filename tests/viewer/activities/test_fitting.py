@@ -412,7 +412,7 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     finish(session, lambda: not session.fitting.running)
     assert len(editor.history.past) == 1
     assert not session.fitting.results.unseen
-    assert "the first result stays" in session.messages.all[-1].text
+    assert "the viewpoint stays" in session.messages.all[-1].text
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
 
 
