@@ -61,6 +61,7 @@ class Autosave:
             return
         if self._writing is None and self._clock() - self._when >= EVERY:
             self._when, self._written = self._clock(), state
+            self._session.keep_user_objects()
             if not (project := self._session.project()).is_empty:
                 self._writing = self._thread.submit(self._save, project, self._session.pictures)
 
@@ -78,6 +79,7 @@ class Autosave:
         """Save the session for the next run."""
         self.finish()
         self._thread.shutdown()
+        self._session.keep_user_objects()
         project = self._session.project()
         if project.is_empty:
             self._own_file.unlink(missing_ok=True)

@@ -162,7 +162,7 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     editor.take("shape", "object 2")
     assert editor.scene.codes.detail is None
     editor.take("shape", "fitted")
-    assert editor.scene.codes.detail == one.codes.detail
+    assert editor.scene.codes.detail == detail  # as it was left
     for _ in range(5):
         editor.undo()
     assert editor.state == before

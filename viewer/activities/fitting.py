@@ -91,7 +91,7 @@ class Fitting:
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
         """Show a saved fit, and continue unfinished requests."""
         self.view.show(history)
-        found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
+        found = (one.name for one in self._editor.objects.added if history.last and one.original == history.last.codes)
         if name := next(found, ""):
             self._keep_fit(name)
         self.queue = pending

@@ -49,14 +49,16 @@ class Message:
     detail: str = ""  # text of an unexpected error, for the log
     buttons: tuple[Button, ...] = ()
     relevant: Callable[[], bool] = lambda: True  # False once the message is out of date
+    passing: bool = False  # leaves the screen although it has buttons
     born: float = field(default_factory=time.monotonic)  # s on the monotonic clock, for fading
     written: datetime = field(default_factory=datetime.now)  # for the log
 
     @property
     def faded(self) -> bool:
-        """True once the message leaves the screen: out of date or, without buttons, old."""
-        longest = _SHORT if self.kind is MessageKind.DONE else _LONG
-        return not self.relevant() or (not self.buttons and time.monotonic() - self.born > longest)
+        """True once the message leaves the screen: out of date, or old and passing or without buttons."""
+        longest = _SHORT if self.kind is MessageKind.DONE and not self.buttons else _LONG
+        lasts = bool(self.buttons) and not self.passing
+        return not self.relevant() or (not lasts and time.monotonic() - self.born > longest)
 
 
 class Messages:

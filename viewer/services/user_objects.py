@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from core.models.codes import Codes
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.scene import Scene, scene_model
@@ -48,7 +49,7 @@ class UserObjects:
         return tuple(found)
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
-        """Store new and changed objects, and delete files of opened models' other objects.
+        """Store new and changed objects, and delete files of opened models' objects that are not among them.
 
         Raises ``ValueError`` or ``OSError`` on failure.
         """
@@ -66,7 +67,8 @@ class UserObjects:
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
-    return first.codes is second.codes and first.confidence == second.confidence
+    same = first.codes is second.codes and first.unedited is second.unedited
+    return same and first.confidence == second.confidence
 
 
 def _file_name(name: str) -> str:
@@ -75,11 +77,16 @@ def _file_name(name: str) -> str:
 
 
 def _write(path: Path, one: EditableObject, model: Model) -> None:
-    scene = Scene(one.codes, orbit.home(model))
-    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence}
+    about = _scene(one.codes, model) | {"name": one.name, "confidence": one.confidence}
+    if one.unedited:
+        about["unedited"] = _scene(one.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path, partial(_read, model=model)) as written:
         written.write_text(json.dumps(about))
+
+
+def _scene(codes: Codes, model: Model) -> dict:
+    return json.loads(Scene(codes, orbit.home(model)).to_json())
 
 
 class _About(NamedTuple):
@@ -87,10 +94,13 @@ class _About(NamedTuple):
 
     name: str
     confidence: float | None = None
+    unedited: dict | None = None  # scene of the object as fitted, if it was edited
 
 
 def _read(path: Path, model: Model) -> EditableObject:
     with reading(path, "an object"):
         text = read_text(path)
         about = typed(_About, parse_json(text), name="object")
-        return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence)
+        codes = Scene.from_json(text, model).codes
+        unedited = about.unedited and Scene.from_json(json.dumps(about.unedited), model).codes
+        return EditableObject(about.name, codes, True, about.confidence, unedited)

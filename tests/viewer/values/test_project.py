@@ -90,7 +90,7 @@ def test_states_share_what_they_have_in_common(models: OpenModels, saved: Projec
     assert (tmp_path / "a.codenerf").stat().st_size < 200_000
     found = Project.load(tmp_path / "a.codenerf", models)
     assert found.history == history
-    first, last = found.history.states[-300], found.history.states[-1]
+    first, last = found.history.past[-300], found.history.now
     assert first.timeline is last.timeline
     assert first.scene.codes.shape.data_ptr() == last.scene.codes.shape.data_ptr()
 
@@ -122,9 +122,9 @@ def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved:
     if harm == "no tensors":
         del parts["tensors.safetensors"]
     elif harm == "no key":
-        del about["project"]["history"]["now"]["mix"]["a"]
+        del about["project"]["history"]["steps"][0]["state"]["mix"]["a"]
     elif harm == "bad number":
-        about["project"]["history"]["now"]["scene"]["camera"]["distance"] = "far"
+        about["project"]["history"]["steps"][0]["state"]["scene"]["camera"]["distance"] = "far"
     elif harm == "format":
         about["format"] = "another"
     elif harm == "bad photo":
