@@ -211,7 +211,8 @@ class Editor:
 
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
         """Show codes from a camera, such as those at a time of the timeline; locks are ignored."""
-        self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture, is_a=False)
+        is_a = self.state.is_a and codes == self.scene.codes
+        self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture, is_a)
 
     def join(self, scene: Scene) -> None:
         """Change the scene as part of the last edit."""

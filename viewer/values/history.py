@@ -92,6 +92,12 @@ class State:
         codes, then = self.scene.codes, before.scene.codes
         return codes is not then and codes != then
 
+    def carrying(self, before: State, after: State) -> State:
+        """Return the state after a change of timeline and removed objects from ``before`` to ``after``."""
+        removed = (self.removed | (after.removed - before.removed)) - (before.removed - after.removed)
+        timeline = after.timeline if self.timeline == before.timeline else self.timeline
+        return replace(self, timeline=timeline, removed=removed)
+
     def is_move_of(self, before: State) -> bool:
         """Return whether only the camera differs from an earlier state, if anything does."""
         return replace(self, scene=replace(self.scene, camera=before.scene.camera)) == before
@@ -130,7 +136,8 @@ class History:
     """A tree of states. Undo goes to the step before, redo towards ``tip``. Every change makes a new history.
 
     An edit of the codes from an earlier state begins a branch: later states stay. Other changes (camera, B, timeline,
-    removed objects) are inserted after the current step, and redo goes on from there.
+    removed objects) are inserted after the current step, and redo goes on from there; later states take over the last
+    two, unless they have another timeline.
     """
 
     steps: tuple[Step, ...]  # in the order in which they were made
@@ -189,7 +196,7 @@ class History:
     @property
     def future(self) -> tuple[State, ...]:
         """The states that redo goes on to, the next first."""
-        return self.states[self._place + 1 :]
+        return tuple(self.steps[number].state for number in self._later)
 
     @property
     def edits(self) -> tuple[tuple[Edit, ...], ...]:
@@ -263,25 +270,42 @@ class History:
 
     def _added(self, state: State) -> History:
         """Return the history with a new step: an edit begins a branch, another change is inserted in the path."""
-        number, after = len(self.steps), self._path[self._place + 1 : self._place + 2]
+        number, later = len(self.steps), self._later
         history = replace(self, steps=(*self.steps, Step(state, self.current)), current=number)
-        inserted = bool(after) and not state.is_edit_of(self.now)
-        history = history._moved(after, number) if inserted else replace(history, tip=number)
+        if later and not state.is_edit_of(self.now):
+            history = history._moved(later[:1], number)._carried(later, self.now, state)
+        else:
+            history = replace(history, tip=number)
         return history._shortened()
 
     def _continued(self, state: State) -> History:
         """Return the history with the drag's newest state; once it is an edit, later states are another branch."""
-        history = self.joined(state)
+        history, later, parent = self.joined(state), self._later, self.steps[self.current].parent
         if not history._is_edit(self.current):
-            return history
-        after, parent = self._children.get(self.current, []), self.steps[self.current].parent
-        return replace(history._moved(after, parent), tip=self.current)
+            return history._carried(later, self.now, state)
+        history = history._moved(later[:1], parent)._carried(later, self.now, self.steps[parent].state)
+        return replace(history, tip=self.current)
+
+    @property
+    def _later(self) -> tuple[int, ...]:
+        """Indices of the steps that redo goes on to."""
+        return self._path[self._place + 1 :]
 
     def _moved(self, numbers: Iterable[int], parent: int) -> History:
         """Return the history with steps that follow another step."""
         steps = list(self.steps)
         for number in numbers:
             steps[number] = steps[number]._replace(parent=parent)
+        return replace(self, steps=tuple(steps))
+
+    def _carried(self, numbers: Iterable[int], before: State, after: State) -> History:
+        """Return the history with a change of timeline and removed objects in some steps."""
+        if after.timeline is before.timeline and after.removed == before.removed:
+            return self
+        steps = list(self.steps)
+        for number in numbers:
+            state, parent = steps[number]
+            steps[number] = Step(state.carrying(before, after), parent)
         return replace(self, steps=tuple(steps))
 
     def _shortened(self) -> History:

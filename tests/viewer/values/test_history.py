@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from core.export.keyframes import Timeline
 from core.models.model import Model
 from core.models.scene import Scene
 from tests.conftest import random_model
@@ -105,8 +106,9 @@ def test_a_drag_that_begins_as_no_edit_is_a_branch_once_it_is_one(edited: Callab
     """A keyframe that is dragged changes the timeline first, then the codes."""
     history = History.of(edited(0), edited(1)).at(0)
     history = history.changed(replace(edited(0), removed=frozenset({"a"})), "key")
-    assert history.future == (edited(1),)
+    assert history.future == (replace(edited(1), removed=frozenset({"a"})),)
     history = history.changed(replace(edited(2), removed=frozenset({"a"})), "key")
+    assert history.steps[1].state == edited(1)
     assert history.future == () and [one.last for one in history.branches] == [1]
     assert history.undone().now == edited(0)
 
@@ -119,6 +121,19 @@ def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_keyframe_is(
     other_b = replace(edited(0), mix=replace(edited(0).mix, b="c"))
     history = History.of(edited(0), other_b).undone().changed(edited(1))
     assert [one.last for one in history.branches] == [1]
+
+
+def test_later_states_take_over_what_is_removed_or_in_the_timeline(edited: Callable[[int], State]) -> None:
+    timelines = [Timeline(length=seconds) for seconds in (2.0, 3.0, 5.0)]
+    one, two = (replace(edited(number), timeline=timelines[0]) for number in (0, 1))
+    three = replace(edited(2), timeline=timelines[1], removed=frozenset({"b"}))
+    history = History.of(one, two, three).at(0)
+    history = history.changed(replace(one, timeline=timelines[2])).changed(
+        replace(one, timeline=timelines[2], removed=frozenset({"a"}))
+    )
+    assert [state.timeline for state in history.future] == [timelines[2], timelines[1]]
+    assert [state.removed for state in history.future] == [{"a"}, {"a", "b"}]
+    assert history.undone().undone().now == one
 
 
 def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
@@ -165,7 +180,7 @@ def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, 
         if history.future:
             assert history.redone().undone().now is history.now
         if not history.gesture:  # each state of a drag takes the place of the one before
-            assert {id(step.state) for step in before.steps} <= {id(step.state) for step in history.steps}
+            assert {id(state.scene) for state, _ in before.steps} <= {id(state.scene) for state, _ in history.steps}
         if kind == "move":
             assert _edits(history) == _edits(before)
             assert history.future == before.future

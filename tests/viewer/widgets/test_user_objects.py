@@ -27,10 +27,7 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
         assert editor.objects.own[:2] == ["block (2)", "Red chair"]
         window.undo()
         assert editor.state.mix.a.shape == "Red chair"
-        window.click("Library/**/show block (2)", 1)
-        window.ctx.item_click("//**/###remove object")
-        window.ctx.item_click("//**/###remove for good")
-        window.ctx.yield_(3)
+        window.choose("block (2)", "###remove object")
         assert editor.objects.own[0] == "Red chair"
         window.redo()  # undo comes back to what was removed
         assert editor.state.mix.a.shape == "block (2)"
