@@ -52,14 +52,19 @@ class Autosave:
         """Files of replaced sessions, the newest first."""
         return tuple(sorted(self._earlier.glob(f"*{SUFFIX}"), reverse=True))
 
+    @property
+    def is_up_to_date(self) -> bool:
+        """True once everything that was made is in the file."""
+        return self._writing is None and _are_same(self._session.tracked_state, self._written)
+
     def tick(self) -> None:
         """Begin to save if anything has changed and no drag is in progress; call once a frame."""
         if self._writing and self._writing.done():
             self.finish()
-        state = self._session.tracked_state
-        if self._session.editor.history.gesture or _are_same(state, self._written):
+        if self._session.editor.history.gesture or self.is_up_to_date:
             return
         if self._writing is None and self._clock() - self._when >= EVERY:
+            state = self._session.tracked_state
             self._when, self._written = self._clock(), state
             self._session.keep_user_objects()
             if not (project := self._session.project()).is_empty:

@@ -1,6 +1,7 @@
 """Fitted objects kept between launches, a file each."""
 
 import json
+import os
 import re
 import secrets
 from collections.abc import Iterable
@@ -81,8 +82,11 @@ def _write(path: Path, one: EditableObject, model: Model) -> None:
     if one.unedited:
         about["unedited"] = _scene(one.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
+    before = path.stat() if path.exists() else None
     with atomic_file(path, partial(_read, model=model)) as written:
         written.write_text(json.dumps(about))
+    if before:  # an edited object keeps its place in the order
+        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
 def _scene(codes: Codes, model: Model) -> dict:

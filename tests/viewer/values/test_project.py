@@ -183,6 +183,38 @@ def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, co
         assert editor.scene == states[16].scene
 
 
+def test_a_project_without_branches_opens(worker: Worker, backend: Backend) -> None:
+    """Of the second format: an object was removed, and painting the other one undone."""
+    session = Session(worker, replace(backend, load_model=load_model))
+    session.open_project(Path("tests/files/8c33206/project.codenerf"))
+    editor = session.editor
+    assert session.messages.errors == []
+    assert (len(editor.history.past), len(editor.history.future)) == (13, 1)
+    assert editor.objects.own == ["block blue"] and editor.objects.removed == {"block"}
+    assert editor.state.version_of == "block blue"
+    session.open_scene(Path("tests/files/8c33206/look.json"))
+    assert editor.scene == editor.history.past[13].scene
+
+
+def test_a_project_with_branches_and_an_edited_object_opens(worker: Worker, backend: Backend, tmp_path: Path) -> None:
+    shutil.copytree("tests/files/29b3170/mine", tmp_path / "mine")
+    session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
+    assert sorted(one.unedited is not None for one in session.editor.objects.added) == [False, True]
+    session.open_project(Path("tests/files/29b3170/project.codenerf"))
+    editor = session.editor
+    assert session.messages.errors == []
+    one = editor.objects["block blue"]
+    assert editor.scene.codes == one.codes and one.unedited is not None
+    torch.testing.assert_close(one.codes.texture, one.unedited.texture - 0.25)
+    (branch,) = editor.history.branches
+    editor.go_to(branch.last)
+    torch.testing.assert_close(editor.objects["block blue"].codes.texture, one.unedited.texture + 0.25)
+    assert editor.objects.own == ["block blue"]
+    for _ in range(2):
+        editor.undo()
+    assert editor.objects.own == ["block blue", "block"]
+
+
 def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -> None:
     """Scenes that were opened had a photo of null."""
     with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:
