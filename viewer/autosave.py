@@ -17,7 +17,7 @@ from viewer.values.project import SUFFIX, Project
 
 EVERY = 5.0  # least s between two saves
 _ENDED, _RUNNING, _AGAIN = "session", "running", "again"  # files of an ended run, a running one, one after a crash
-_EARLIER = 10  # replaced sessions that are kept
+EARLIER = 10  # replaced sessions that are kept
 
 
 class Autosave:
@@ -117,7 +117,7 @@ class Autosave:
         self.finish()
         if self._write(project, self._archive_path(time.time())):
             self._own_file.unlink(missing_ok=True)
-        for path in self.earlier[_EARLIER:]:
+        for path in self.earlier[EARLIER:]:
             path.unlink(missing_ok=True)
 
     def _archive_path(self, when: float) -> Path:

@@ -75,11 +75,12 @@ class Messages:
 
     @property
     def shown(self) -> list[Message]:
-        """Messages that have not faded; of errors, and of those with buttons, only the newest."""
+        """Messages that have not faded; of errors, and of those with buttons, only the newest; of passing ones, one."""
         due = [message for message in self.all if not message.faded]
         errors = [message for message in due if message.kind is MessageKind.PROBLEM]
         offers = [message for message in due if message.buttons]
-        hidden = errors[:-_MAX_ERRORS] + offers[:-_MAX_OFFERS]
+        passing = [message for message in offers if message.passing]
+        hidden = errors[:-_MAX_ERRORS] + offers[:-_MAX_OFFERS] + passing[:-1]
         return [message for message in due if message not in hidden]
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:

@@ -15,7 +15,7 @@ from core.models.codes import CODE_KINDS
 from core.models.scene import Scene
 from viewer.values.variety import readable
 
-_DEPTH = 500  # states kept beside the current one; a state holds a few hundred numbers
+DEPTH = 500  # states kept beside the current one; a state holds a few hundred numbers
 
 
 class Pair(NamedTuple):
@@ -311,7 +311,7 @@ class History:
     def _shortened(self) -> History:
         """Return the history without its oldest ends beyond the limit, first those that are not on the path."""
         history = self
-        while len(history.steps) > _DEPTH + 1:
+        while len(history.steps) > DEPTH + 1:
             ends = (number for number in range(len(history.steps)) if number not in history._children)
             history = history._without(next((end for end in ends if end != history.tip), history._path[0]))
         return history

@@ -197,7 +197,7 @@ def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, 
 def test_beyond_the_limit_only_the_oldest_ends_beside_the_path_are_dropped(operations: list[tuple[str, int]]) -> None:
     history = History.of(_state(_MODEL, 0, 0))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_DEPTH", 6)
+        patch.setattr(module, "DEPTH", 6)
         for kind, number in operations:
             before, history = history, _operated(history, kind, number)
             history.check()
