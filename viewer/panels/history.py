@@ -11,9 +11,10 @@ from viewer.context import PanelContext
 from viewer.values.history import Branch, Edit, History, State
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
+from viewer.widgets.text import push_small
 
 _SIDE, _EDGE = 2.7, 0.5  # em: side of a thumbnail, and distance from the view's corner
-_FOLDED = 0.72  # side of another branch's thumbnail, as a fraction of the others'
+_FOLDED = 0.8  # side of another branch's thumbnail, as a fraction of the others'
 _FORK = icons_fontawesome_4.ICON_FA_CODE_BRANCH
 
 
@@ -103,7 +104,9 @@ class HistoryStrip:
         if tile.undone:
             object_tiles.shade(low, side, context.palette.panel, object_tiles.DIMMED)
         if tile.branch:
+            push_small()
             object_tiles.mark(low, _FORK, context.palette.warm)
+            imgui.pop_font()
         if shown:
             object_tiles.outline(low, side, context.palette.accent)
         return corner + ImVec2(side, 0)
