@@ -66,12 +66,12 @@ class Autosave:
         if self._writing is None and self._clock() - self._when >= EVERY:
             state = self._session.tracked_state
             self._when, self._written = self._clock(), state
-            self._session.keep_user_objects()
             if not (project := self._session.project()).is_empty:
                 self._writing = self._thread.submit(self._save, project, self._session.pictures)
 
     def _save(self, project: Project, pictures: Mapping[str, Pixels]) -> None:
         write_pictures(self._pictures_file, pictures)
+        self._session.keep_edits(project)
         project.save(self._own_file, self._session.models)
 
     def finish(self) -> None:

@@ -179,6 +179,10 @@ class Session:
         new = self.editor.rename(name, to)
         self.fitting.rename(name, new)
 
+    def duplicate(self, name: str) -> None:
+        """Add and show a copy of an added object, with its edits and its fit."""
+        self.fitting.duplicate(name, self.editor.duplicate(name))
+
     def remove(self, name: str) -> None:
         """Remove an added object from all lists, even if it is on screen, and offer to undo that."""
         editor = self.editor
@@ -203,6 +207,10 @@ class Session:
         """Store fitted objects with their edits for the next launch, also removed ones; report an error."""
         self._kept = self.editor.objects.version
         self._store(self.editor.objects.ever_added)
+
+    def keep_edits(self, project: Project) -> None:
+        """Store the edits of a project's objects, on any thread. Raises ``ValueError`` or ``OSError`` on failure."""
+        self._user_objects.update(self.models, project.objects)
 
     def _store(self, objects: tuple[EditableObject, ...]) -> None:
         try:

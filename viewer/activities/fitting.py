@@ -214,6 +214,11 @@ class Fitting:
         self._fits = {to if one == name else one: fit for one, fit in self._fits.items()}
         self._shown_fit = to if self._shown_fit == name else self._shown_fit
 
+    def duplicate(self, name: str, copy: str) -> None:
+        """Give a copy of a result its fit."""
+        if name in self._fits:
+            self._fits[copy] = self._fits[name]
+
     def _keep_fit(self, name: str) -> None:
         self._fits[name], self._shown_fit = self.history, name
         while len(self._fits) > _FITS:

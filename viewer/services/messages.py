@@ -57,8 +57,12 @@ class Message:
     def faded(self) -> bool:
         """True once the message leaves the screen: out of date, or old and passing or without buttons."""
         longest = _SHORT if self.kind is MessageKind.DONE and not self.buttons else _LONG
-        lasts = bool(self.buttons) and not self.passing
-        return not self.relevant() or (not lasts and time.monotonic() - self.born > longest)
+        return not self.relevant() or (not self.lasts and time.monotonic() - self.born > longest)
+
+    @property
+    def lasts(self) -> bool:
+        """True if the message waits for a button to be pressed."""
+        return bool(self.buttons) and not self.passing
 
 
 class Messages:
@@ -89,7 +93,7 @@ class Messages:
         if "detail" in more:
             more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
-        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.buttons]
+        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.lasts]
         gone = [message for message in passing if message.faded or message not in passing[-_MAX_OLDER:]]
         newest = Message(text, kind, **more)
         self.all = [*(message for message in left if message not in gone), newest][-_LOGGED:]

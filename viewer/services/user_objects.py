@@ -4,6 +4,7 @@ import json
 import os
 import re
 import secrets
+import threading
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
@@ -32,6 +33,7 @@ class UserObjects:
         """Store in ``folder``; None stores nothing."""
         self._folder = folder
         self._stored: dict[str, _Stored] = {}  # stored objects of opened models, by name
+        self._lock = threading.Lock()  # held while files are written
 
     def fingerprints(self) -> frozenset[str]:
         """Return the fingerprints of the models of all stored objects."""
@@ -56,15 +58,30 @@ class UserObjects:
         """
         if self._folder is None:
             return
-        wanted = {one.name: one for one in objects}
-        for name, one in wanted.items():
-            stored = self._stored.get(name)
-            if stored is None or not _is_same(stored.about, one):
-                path = stored.path if stored else self._folder / _file_name(name)
-                _write(path, one, models.of(one.codes))
-                self._stored[name] = _Stored(path, one)
-        for name in self._stored.keys() - wanted.keys():
-            self._stored.pop(name).path.unlink(missing_ok=True)
+        with self._lock:
+            wanted = {one.name: one for one in objects}
+            for one in wanted.values():
+                self._keep(models, one, self._folder)
+            for name in self._stored.keys() - wanted.keys():
+                self._stored.pop(name).path.unlink(missing_ok=True)
+
+    def update(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
+        """Store the edits of stored objects, on any thread; other objects stay as they are. Raises as :meth:`sync`."""
+        if self._folder is None:
+            return
+        with self._lock:
+            for one in objects:
+                stored = self._stored.get(one.name)
+                if stored and stored.about.original == one.original:
+                    self._keep(models, one, self._folder)
+
+    def _keep(self, models: OpenModels, one: EditableObject, folder: Path) -> None:
+        """Store an object unless its file has it."""
+        stored = self._stored.get(one.name)
+        if stored is None or not _is_same(stored.about, one):
+            path = stored.path if stored else folder / _file_name(one.name)
+            _write(path, one, models.of(one.codes))
+            self._stored[one.name] = _Stored(path, one)
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
@@ -107,4 +124,6 @@ def _read(path: Path, model: Model) -> EditableObject:
         about = typed(_About, parse_json(text), name="object")
         codes = Scene.from_json(text, model).codes
         unedited = about.unedited and Scene.from_json(json.dumps(about.unedited), model).codes
+        if unedited and unedited.detail == codes.detail:
+            unedited = replace(unedited, detail=codes.detail)  # photos take memory
         return EditableObject(about.name, codes, True, about.confidence, unedited)

@@ -55,7 +55,7 @@ class UserObjectMenu:
             session.editor.show_unedited(name)
         imgui.separator()
         if imgui.menu_item_simple("Duplicate###duplicate"):
-            session.editor.duplicate(name)
+            session.duplicate(name)
         self._draw_rename(name)
         if imgui.menu_item_simple("Remove###remove object"):
             session.remove(name)

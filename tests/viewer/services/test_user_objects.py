@@ -53,6 +53,16 @@ def test_an_edited_object_lasts_with_its_edits_in_its_place(tmp_path: Path, mode
     assert (found.codes, found.unedited) == (fitted.codes, None)
 
 
+def test_an_update_stores_edits_of_kept_objects_alone(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    user_objects, other = UserObjects(tmp_path), EditableObject("green", model.codes[3], True)
+    user_objects.sync(open_models(model), [fitted])
+    edited = fitted.left_as(model.codes[2])
+    user_objects.update(open_models(model), [edited, other])
+    user_objects.update(open_models(model), [replace(other, name=fitted.name)])  # the name is another object's by now
+    (found,) = UserObjects(tmp_path).open(model)
+    assert (found.codes, found.original) == (edited.codes, fitted.codes)
+
+
 def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     user_objects, other = UserObjects(tmp_path), replace(fitted, name="../../blue")
     user_objects.sync(open_models(model), [fitted, other])
