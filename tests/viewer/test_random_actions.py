@@ -20,7 +20,7 @@ from core.fitting.fit import FitJob, FitStep
 from core.models.codes import Codes
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import quick_fit
+from tests.viewer.stand_ins import detailed_fit
 from viewer import autosave
 from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
@@ -35,9 +35,9 @@ Key = tuple[str, bytes, bytes]  # codes to compare: model, shape, texture
 
 
 def varied_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """As :func:`quick_fit`, but slower, and each photo has codes of its own."""
+    """As :func:`detailed_fit`, but slower, and each photo has codes of its own."""
     shift = float(job.photos[0].pixels.double().mean())
-    for step in quick_fit(model, job):
+    for step in detailed_fit(model, job):
         time.sleep(0.03)
         yield replace(step, codes=replace(step.codes, texture=step.codes.texture + shift))
 

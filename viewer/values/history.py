@@ -85,7 +85,15 @@ class State:
             return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
         now, then = self.scene.codes, before.scene.codes
         kinds = (kind for kind in CODE_KINDS if not torch.equal(getattr(now, kind), getattr(then, kind)))
-        return " and ".join(kinds) or ("photo detail" if self.is_edit_of(before) else "keyframes")
+        return " and ".join(kinds) or self._aside_from(before)
+
+    def _aside_from(self, before: State) -> str:
+        """Describe a change that keeps both codes."""
+        if self.is_edit_of(before):
+            return "photo detail"
+        if self.removed != before.removed:
+            return "removed objects"
+        return f"{readable(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"
 
     def is_edit_of(self, before: State) -> bool:
         """Return whether the codes differ from an earlier state's."""

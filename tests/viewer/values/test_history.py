@@ -119,8 +119,10 @@ def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_keyframe_is(
     turned = History.of(edited(0), _turned(edited(0), model, 0.5)).undone().changed(edited(1))
     assert turned.branches == () and len(turned.steps) == 3
     other_b = replace(edited(0), mix=replace(edited(0).mix, b="c"))
-    history = History.of(edited(0), other_b).undone().changed(edited(1))
-    assert [one.last for one in history.branches] == [1]
+    removed, keys = replace(edited(0), removed=frozenset({"a"})), replace(edited(0), timeline=Timeline(length=9.0))
+    for changed, words in ((other_b, "c as B"), (removed, "removed objects"), (keys, "keyframes")):
+        history = History.of(edited(0), changed).undone().changed(edited(1))
+        assert [(one.last, one.words) for one in history.branches] == [(1, words)]
 
 
 def test_later_states_take_over_what_is_removed_or_in_the_timeline(edited: Callable[[int], State]) -> None:
