@@ -87,6 +87,7 @@ def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start
         assert editor.scene.codes == red
         window.choose("block", "###duplicate")
         assert editor.objects.own == ["block (2)", "block"] and editor.scene.codes == red
+        assert window.session.fitting.shown.sources  # it can be tried again
         blue = paint(window, (0.0, 0.0, 1.0))
         window.choose("block", "###unedited")
         assert editor.scene.codes == fitted and editor.objects["block"].unedited is None
