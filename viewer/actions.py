@@ -61,14 +61,14 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Library": (
         Gesture("Click", "show the object: it becomes A"),
         Gesture("Click the number", "show or hide the variants of a form"),
-        Gesture("Right click", "take only its shape or texture; make it B; rename, remove"),
+        Gesture("Right click", "take only its shape or texture; make it B; as fitted; duplicate, rename, remove"),
         Gesture("Drag onto B", "mix the object with the one in the view"),
         Gesture("Arrow keys, Enter", "move between tiles, and show the object"),
     ),
     "Mix": (Gesture("Drag in the pad", "to the right the shape of B, upwards its texture"),),
     "Sliders": (
         Action("sample", "Random", "R", "a random shape and texture, except what is locked"),
-        Action("reset", "Reset", "", "the object as it was chosen"),
+        Action("reset", "Reset", "", "the object without its edits"),
         Gesture("Lock", "protect shape or texture from changes"),
         Gesture("Hover over a slider", "see the result, the pixels that change, and whether the outline moves"),
         Gesture("Ctrl+click", "type a value"),
@@ -84,7 +84,10 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("next_key", "Next keyframe", ".", "show the next keyframe"),
         Gesture("Click or drag a keyframe", "show it, or move it in time"),
     ),
-    "History": (Gesture("Click a thumbnail", "go to that state"),),
+    "History": (
+        Gesture("Click a thumbnail", "go to that state; turning the view there keeps the later ones"),
+        Gesture("Click a small thumbnail", "go to another branch: what an edit of an earlier state left behind"),
+    ),
     "Photo": (
         Action("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and fit it"),
         Action("paste", "Paste photo", "Ctrl+V", "fit the photo in the clipboard"),
@@ -168,7 +171,7 @@ _RUN: dict[str, Callable[[PanelContext], object]] = {
 }
 _ENABLED: dict[str, Test] = {
     "see_photo": lambda c: c.session.photo_view is not None,
-    "reset": lambda c: c.session.editor.scene.codes != c.session.editor.pair(c.session.editor.state.mix.a),
+    "reset": lambda c: c.session.editor.scene.codes != c.session.editor.original,
     "remove_key": lambda c: c.session.player.key is not None,
     "play": lambda c: bool(c.session.player.timeline.keys),
     "copy_image": lambda c: c.session.viewport.frame is not None and c.session.viewport.baked_frame is None,

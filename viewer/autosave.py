@@ -17,7 +17,7 @@ from viewer.values.project import SUFFIX, Project
 
 EVERY = 5.0  # least s between two saves
 _ENDED, _RUNNING, _AGAIN = "session", "running", "again"  # files of an ended run, a running one, one after a crash
-_EARLIER = 10  # replaced sessions that are kept
+EARLIER = 10  # replaced sessions that are kept
 
 
 class Autosave:
@@ -52,20 +52,26 @@ class Autosave:
         """Files of replaced sessions, the newest first."""
         return tuple(sorted(self._earlier.glob(f"*{SUFFIX}"), reverse=True))
 
+    @property
+    def is_up_to_date(self) -> bool:
+        """True once everything that was made is in the file."""
+        return self._writing is None and _are_same(self._session.tracked_state, self._written)
+
     def tick(self) -> None:
         """Begin to save if anything has changed and no drag is in progress; call once a frame."""
         if self._writing and self._writing.done():
             self.finish()
-        state = self._session.tracked_state
-        if self._session.editor.history.gesture or _are_same(state, self._written):
+        if self._session.editor.history.gesture or self.is_up_to_date:
             return
         if self._writing is None and self._clock() - self._when >= EVERY:
+            state = self._session.tracked_state
             self._when, self._written = self._clock(), state
             if not (project := self._session.project()).is_empty:
                 self._writing = self._thread.submit(self._save, project, self._session.pictures)
 
     def _save(self, project: Project, pictures: Mapping[str, Pixels]) -> None:
         write_pictures(self._pictures_file, pictures)
+        self._session.keep_edits(project)
         project.save(self._own_file, self._session.models)
 
     def finish(self) -> None:
@@ -78,6 +84,7 @@ class Autosave:
         """Save the session for the next run."""
         self.finish()
         self._thread.shutdown()
+        self._session.keep_user_objects()
         project = self._session.project()
         if project.is_empty:
             self._own_file.unlink(missing_ok=True)
@@ -110,7 +117,7 @@ class Autosave:
         self.finish()
         if self._write(project, self._archive_path(time.time())):
             self._own_file.unlink(missing_ok=True)
-        for path in self.earlier[_EARLIER:]:
+        for path in self.earlier[EARLIER:]:
             path.unlink(missing_ok=True)
 
     def _archive_path(self, when: float) -> Path:

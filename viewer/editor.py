@@ -34,7 +34,7 @@ class Editor:
         self._locked: frozenset[tuple[str, CodeKind]] = frozenset()
         mix = self._first_mix(first)
         scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
-        self.history = History(State(scene, mix))
+        self.history = History.of(State(scene, mix, is_a=True))
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
         self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
         self._generator = generator
@@ -75,12 +75,18 @@ class Editor:
         return getattr(self.scene.codes, kind)
 
     def pair(self, pair: Pair) -> Codes:
-        """Return the codes of a pair: the shape of one object and the texture of another."""
+        """Return the codes of a pair as left: the shape of one object and the texture of another."""
         return self.objects[pair.texture].codes.taking("shape", self.objects[pair.shape].codes)
 
     @property
+    def original(self) -> Codes:
+        """The codes of A without edits: as trained, fitted or opened."""
+        shape, texture = self.state.mix.a
+        return self.objects[texture].original.taking("shape", self.objects[shape].original)
+
+    @property
     def unmixed(self) -> Codes:
-        """The codes of A, with its edits, as last shown without any of B; the library's if never shown."""
+        """The codes of A, with its edits, as last shown without any of B; as left if never shown."""
         codes = self.pair(self.state.mix.a)
         for kind in CODE_KINDS:
             codes = codes.taking(kind, self._last_unmixed(kind) or codes)
@@ -121,12 +127,12 @@ class Editor:
         self._set_codes(replace(self.scene.codes, texture=texture), self.state.mix, gesture)
 
     def reset(self) -> None:
-        """Return to object A without any of B, except locked parts."""
-        self._set_codes(self.pair(self.state.mix.a), replace(self.state.mix, shape=0.0, texture=0.0))
+        """Return to object A without its edits and without any of B, except locked parts."""
+        self._set_codes(self.original, replace(self.state.mix, shape=0.0, texture=0.0), is_a=True)
 
     def sample(self) -> None:
         """Sample shape and texture from the distribution of the trained codes, except locked ones."""
-        self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
+        self._set_codes(self.model.codes.sample(self._generator), self.state.mix, is_a=False)
 
     # Along a direction
 
@@ -142,7 +148,7 @@ class Editor:
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object A, without any of B, except locked parts.
+        """Make an object A as it was left, without any of B, except locked parts.
 
         A fitted object is seen from its photo's camera at first and after an object of another model.
         """
@@ -150,8 +156,30 @@ class Editor:
         seen = any(state.mix.a == pair for state in (self.state, *self.history.past))
         if codes.detail and not (seen and self.is_mixable(name)):
             camera = orbit.photo_camera(codes.detail.views[0].camera, self.models.of(codes))
-        self._set_codes(codes, self._mix_from(pair), camera=camera)
+        self._set_codes(codes, self._mix_from(pair), camera=camera, is_a=True)
         self.object_chosen.emit()
+
+    def show_unedited(self, name: str) -> None:
+        """Show an object as it was left, so that undo comes back to its edits, then as fitted or opened."""
+        self.show_object(name)
+        self.reset()
+
+    def duplicate(self, name: str) -> str:
+        """Add a copy of an added object with its edits, show it, and return its name."""
+        copy = self.objects.add(self.objects[name])
+        self.show_object(copy)
+        return copy
+
+    def remove(self, name: str) -> None:
+        """Remove an added object from all lists, even if it is on screen."""
+        self._unlist(self.state.removed | {name})
+
+    def put_back(self, name: str) -> None:
+        """List a removed object again."""
+        self._unlist(self.state.removed - {name})
+
+    def _unlist(self, removed: frozenset[str]) -> None:
+        self._go(self.history.changed(replace(self.state, removed=removed)))
 
     def take(self, kind: CodeKind, name: str) -> None:
         """Take the shape or the texture of an object for A, without any of B in that code."""
@@ -177,21 +205,22 @@ class Editor:
         return name
 
     def show_added(self, name: str, camera: Camera) -> None:
-        """Make an object A, seen from a camera; locks are ignored."""
-        codes = self.objects[name].codes
-        self._edit(Scene(codes, camera), self._mix_from(Pair(name, name)))
+        """Make an object A as fitted or opened, seen from a camera; locks are ignored."""
+        codes = self.objects[name].original
+        self._edit(Scene(codes, camera), self._mix_from(Pair(name, name)), is_a=True)
 
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
         """Show codes from a camera, such as those at a time of the timeline; locks are ignored."""
-        self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture)
+        is_a = self.state.is_a and codes == self.scene.codes
+        self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture, is_a)
 
     def join(self, scene: Scene) -> None:
         """Change the scene as part of the last edit."""
         if scene != self.scene:
-            self._go(replace(self.history, now=replace(self.state, scene=scene)))
+            self._go(self.history.joined(replace(self.state, scene=scene)))
 
     def improve(self, name: str, better: EditableObject, camera: Camera) -> bool:
-        """Replace an added object's codes; show the new ones if the old ones are on screen, unedited.
+        """Give an added object the codes of a better fit; show them if the old ones are on screen, unedited.
 
         Returns whether the old ones were on screen.
 
@@ -199,11 +228,11 @@ class Editor:
             better: the object with the new codes.
             camera: camera to show the new codes from.
         """
-        before = self.objects[name].codes
-        self.objects.replace(name, better)
+        before = self.objects[name].original
+        self.objects.refit(name, better)
         shown = self.scene.codes == before
         if shown and better.codes != before:
-            self.show(better.codes, camera)
+            self.show_added(name, camera)
         return shown
 
     def rename(self, name: str, to: str) -> str:
@@ -221,25 +250,41 @@ class Editor:
     def restore(self, saved: Project) -> None:
         """Add a project's objects and take its undo history in place of this one.
 
+        Its edits of an object replace those made here, which become a branch of the history.
+
         Raises ``ValueError``, changing nothing, if :meth:`check` does.
         """
         self.check(saved)
-        names = self.objects.add_missing(saved.objects)
-        self.objects.remove(*(names[name] for name in saved.removed if name in names))
+        names = self.objects.match(saved.objects)
 
         def renamed(state: State) -> State:
-            model = state.scene.codes.model
-            here = {name: names.get(name) or self.objects.name_here(name, model) or name for name in state.mix.names}
-            return replace(state, mix=state.mix.renamed(here))
+            model, own = state.scene.codes.model, state.mix.names - names.keys()
+            trained = {name: self.objects.name_here(name, model) or name for name in own}
+            state = replace(state, removed=state.removed & names.keys()).renamed(names | trained)
+            # States of former versions do not say so.
+            is_a = state.is_a or state.scene.codes == self.objects[state.mix.a.shape].original
+            return replace(state, is_a=is_a)
 
-        self._go(saved.history.everywhere(renamed))
+        history = saved.history.everywhere(renamed)
+        for one in saved.objects:
+            here = self.objects[names[one.name]]
+            if here.unedited and here.codes != one.codes:
+                history = history.beside(self._as_left(here))
+            if one.unedited:
+                self.objects.leave(here.name, one.codes)
+        self._go(history)
+
+    def _as_left(self, one: EditableObject) -> State:
+        model = self.models.of(one.codes)
+        mix = Mix(Pair(one.name, one.name), self._first_mix(model).b)
+        return State(Scene(one.codes, orbit.home(model)), mix, is_a=True)
 
     # Undo
 
     def end_gesture(self) -> None:
         """End the drag: the next edit is another step."""
         if self.history.gesture:
-            self.history = self.history.without_gesture()
+            self._go(self.history.without_gesture())
 
     def undo(self) -> None:
         """Undo a step, if any."""
@@ -249,9 +294,9 @@ class Editor:
         """Redo a step, if any."""
         self._go(self.history.redone())
 
-    def go_to(self, index: int) -> None:
-        """Go to a state of undo by its index in :attr:`History.states`."""
-        self._go(self.history.at(index))
+    def go_to(self, number: int) -> None:
+        """Go to a step of undo, perhaps of another branch, by its index in :attr:`History.steps`."""
+        self._go(self.history.at(number))
 
     # Not edits
 
@@ -278,7 +323,7 @@ class Editor:
     def check(self, saved: Project) -> None:
         """Raise ``ValueError`` if a project mixes objects that are not here, or objects of different models."""
         known = {one.name: one.codes.model for one in saved.objects}
-        for state in saved.history.states:
+        for state, _ in saved.history.steps:
             model = state.scene.codes.model
             for name in state.mix.names:
                 if name not in known and not self.objects.name_here(name, model):
@@ -293,19 +338,29 @@ class Editor:
             codes = codes.taking(kind, mixed)
         self._set_codes(codes, mix, gesture)
 
-    def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "", camera: Camera | None = None) -> None:
+    def _set_codes(
+        self, codes: Codes, mix: Mix, gesture: str = "", camera: Camera | None = None, is_a: bool | None = None
+    ) -> None:
         """Edit codes and mix; locked codes stay, with their object A and amount of B."""
         now, codes = self.state, self._keeping_locked(codes)
         for kind in self.locked if codes.model == now.scene.codes.model else ():
             a = mix.a._replace(**{kind: getattr(now.mix.a, kind)})
             mix = replace(mix, a=a).with_amount(kind, getattr(now.mix, kind))
-        self._edit(Scene(codes, camera or now.scene.camera), mix, gesture)
+            is_a = is_a if now.is_a else False
+        self._edit(Scene(codes, camera or now.scene.camera), mix, gesture, is_a)
 
-    def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
-        self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix), gesture))
+    def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "", is_a: bool | None = None) -> None:
+        """Change the scene; ``is_a`` is that of :class:`State`, None if it stays."""
+        now = self.state
+        state = replace(now, scene=scene, mix=mix or now.mix, is_a=now.is_a if is_a is None else is_a)
+        self._go(self.history.changed(state, gesture))
 
     def _go(self, history: History) -> None:
+        """Take another history; after a drag, the object on screen keeps its edits."""
         shown = self.scene
         self.history = history
+        self.objects.unlist(history.now.removed)
+        if not history.gesture:
+            self.objects.leave(history.now.version_of, history.now.scene.codes)
         if history.now.scene != shown:
             self.scene_changed.emit()

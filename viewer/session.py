@@ -26,7 +26,7 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
-from viewer.services.messages import Messages
+from viewer.services.messages import Button, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.pictures import Pixels, read_pictures
 from viewer.services.signal import Signal
@@ -110,7 +110,7 @@ class Session:
         self.thumbnails.tick()
         self.fitting.tick()
         if self._kept != self.editor.objects.version:
-            self._keep_user_objects()
+            self.keep_user_objects()
 
     def close(self) -> None:
         """Cancel all jobs of the activities."""
@@ -179,22 +179,42 @@ class Session:
         new = self.editor.rename(name, to)
         self.fitting.rename(name, new)
 
+    def duplicate(self, name: str) -> None:
+        """Add and show a copy of an added object, with its edits and its fit."""
+        self.fitting.duplicate(name, self.editor.duplicate(name))
+
     def remove(self, name: str) -> None:
-        """Remove an added object from all lists, even if it is on screen."""
-        self.editor.objects.remove(name)
+        """Remove an added object from all lists, even if it is on screen, and offer to undo that."""
+        editor = self.editor
+        editor.remove(name)
         self.fitting.results.unseen.pop(name, None)
+        after = editor.history
+
+        def undo() -> None:
+            editor.undo() if editor.history is after else editor.put_back(name)
+
+        def relevant() -> bool:
+            return self.editor is editor and name in editor.objects.removed
+
+        self.messages.notify(f"Removed {name}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
 
     def _add_user_objects(self, model: Model) -> None:
         objects = self.editor.objects
         self._initially_there |= frozenset(map(objects.add, self._user_objects.open(model)))
         self._kept = objects.version
 
-    def _keep_user_objects(self) -> None:
-        """Store fitted objects for the next launch; report an error."""
-        objects = self.editor.objects
-        self._kept = objects.version
+    def keep_user_objects(self) -> None:
+        """Store fitted objects with their edits for the next launch, also removed ones; report an error."""
+        self._kept = self.editor.objects.version
+        self._store(self.editor.objects.ever_added)
+
+    def keep_edits(self, project: Project) -> None:
+        """Store the edits of a project's objects, on any thread. Raises ``ValueError`` or ``OSError`` on failure."""
+        self._user_objects.update(self.models, project.objects)
+
+    def _store(self, objects: tuple[EditableObject, ...]) -> None:
         try:
-            self._user_objects.sync(self.models, [one for one in objects.added if one.fitted])
+            self._user_objects.sync(self.models, [one for one in objects if one.fitted])
         except (ValueError, OSError) as error:
             self.messages.report("Cannot keep what was made", error)
 
@@ -257,11 +277,10 @@ class Session:
     def project(self) -> Project:
         """Return everything that was made as a project."""
         history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
-        used = frozenset[str]().union(*(state.mix.names for state in history.states))
+        used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
         return Project(
             history.without_gesture(),
             tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
-            tuple(objects.removed),
             FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
             fitting.pending,
             self.models.names,
@@ -275,7 +294,7 @@ class Session:
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
-        named = self.editor.history, objects.removed, self.project_path
+        named = self.editor.history, self.project_path
         return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
@@ -319,10 +338,12 @@ class Session:
             self.messages.notify(f"Opened {path.name}")
 
     def new(self) -> None:
-        """Begin a new project, in which fitted objects stay; the old one is archived."""
+        """Begin a new project, in which fitted objects stay; the old one is archived with the removed ones."""
+        self.editor.end_gesture()
         if not (before := self.project()).is_empty:
             self.archive.emit(before)
         self.close()
+        self._store(self.editor.objects.added)
         self.project_path = None
         self._begin(self.editor.model, self.viewport.settings)
         self.viewport.begin()

@@ -295,7 +295,8 @@ def test_what_cannot_be_read_changes_nothing(session: Session, editor: Editor, t
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist()}
     about = json.loads(parts["project.json"])
-    now = about["project"]["history"]["now"]
+    history = about["project"]["history"]
+    now = history["steps"][history["current"]]["state"]
     if harm == "no key":
         del now["mix"]["a"]
     elif harm == "another model":
@@ -358,7 +359,7 @@ def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_
         states.append(replace(state, scene=replace(editor.scene, codes=replace(codes, detail=detail))))
     editor.show_object("object 2")
     saved = session.project()
-    saved = replace(saved, history=History(states[-1], tuple(states[:-1])))
+    saved = replace(saved, history=History.of(*states))
     saved.save(tmp_path / "a.codenerf", session.models)
     with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
         assert file.getinfo("project.json").file_size < 1_000_000

@@ -162,7 +162,7 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     editor.take("shape", "object 2")
     assert editor.scene.codes.detail is None
     editor.take("shape", "fitted")
-    assert editor.scene.codes.detail == one.codes.detail
+    assert editor.scene.codes.detail == detail  # as it was left
     for _ in range(5):
         editor.undo()
     assert editor.state == before
@@ -195,6 +195,40 @@ def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) 
     UserObjects(tmp_path).sync(open_models(model), [one])
     (again,) = UserObjects(tmp_path).open(model)
     assert again.codes == one.codes and again.codes.detail == one.codes.detail
+
+
+def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, model: Model) -> None:
+    one = fitted(model)
+    name = editor.add_and_show(one, editor.scene.camera)
+    editor.set_texture(editor.code("texture") + 1.0)
+    edited = editor.scene.codes
+    better = replace(one, codes=replace(one.codes, texture=one.codes.texture + 0.1), confidence=0.95)
+    assert not editor.improve(name, better, editor.scene.camera)
+    assert editor.scene.codes == editor.objects[name].codes == edited
+    assert editor.objects[name].confidence == 0.95
+    editor.show_unedited(name)
+    assert editor.scene.codes == editor.objects[name].codes == better.codes
+    editor.undo()
+    assert editor.objects[name].codes == edited
+
+
+def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: Model) -> None:
+    def shown(texture: float) -> Editor:
+        editor = Editor(open_models(model), model, torch.Generator())
+        editor.add_and_show(one, editor.scene.camera)
+        if texture:
+            editor.set_texture(one.codes.texture + texture)
+        return editor
+
+    one = fitted(model)
+    for here, there in ((1.0, 2.0), (1.0, 0.0), (0.0, 2.0)):
+        saved, editor = shown(there), shown(here)
+        editor.restore(Project(saved.history, saved.objects.ever_added))
+        assert editor.objects.own == ["fitted"]
+        assert editor.objects["fitted"].original == one.codes
+        assert editor.objects["fitted"].codes == editor.scene.codes == saved.scene.codes
+        ends = [editor.history.steps[branch.last].state.scene.codes for branch in editor.history.branches]
+        assert ends == ([replace(one.codes, texture=one.codes.texture + here)] if here else [])
 
 
 @pytest.fixture

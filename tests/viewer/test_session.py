@@ -77,7 +77,7 @@ def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, edito
     session.save_project(tmp_path / "a.codenerf")
     project = Project.load(tmp_path / "a.codenerf", session.models)
     scene = replace(project.history.now.scene, codes=replace(project.history.now.scene.codes, model="another"))
-    foreign = replace(project, history=replace(project.history, now=replace(project.history.now, scene=scene)))
+    foreign = replace(project, history=project.history.joined(replace(project.history.now, scene=scene)))
     with pytest.raises(ValueError, match="cannot be read back"):
         foreign.save(tmp_path / "foreign.codenerf", session.models)
     (tmp_path / "torn.codenerf").write_bytes((tmp_path / "a.codenerf").read_bytes()[:500])

@@ -104,7 +104,7 @@ class Fitting:
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
         """Show a saved fit, and continue unfinished requests."""
         self.view.show(history)
-        found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
+        found = (one.name for one in self._editor.objects.added if history.last and one.original == history.last.codes)
         if name := next(found, ""):
             self._keep_fit(name)
         self.queue = tuple(request for request in pending if not request.problem)
@@ -242,6 +242,11 @@ class Fitting:
         self.results.rename(name, to)
         self._fits = {to if one == name else one: fit for one, fit in self._fits.items()}
         self._shown_fit = to if self._shown_fit == name else self._shown_fit
+
+    def duplicate(self, name: str, copy: str) -> None:
+        """Give a copy of a result its fit."""
+        if name in self._fits:
+            self._fits[copy] = self._fits[name]
 
     def _keep_fit(self, name: str) -> None:
         self._fits[name], self._shown_fit = self.history, name

@@ -70,8 +70,8 @@ class Painting:
 
     @property
     def _original(self) -> Tensor:
-        codes, mix = self._editor.scene.codes, self._editor.state.mix
-        return codes.detail.texture if codes.detail else self._editor.pair(mix.a).texture
+        codes = self._editor.scene.codes
+        return codes.detail.texture if codes.detail else self._editor.original.texture
 
     def restore(self) -> None:
         """Restore the original paint."""

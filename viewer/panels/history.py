@@ -1,42 +1,58 @@
 """The undo history as thumbnails along the view's lower edge. Not a docked panel."""
 
-from imgui_bundle import ImVec2, hello_imgui, imgui
+from itertools import chain
+from typing import NamedTuple
+
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import PanelContext
-from viewer.values.history import Edit, History, State
+from viewer.values.history import Branch, Edit, History, State
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
+from viewer.widgets.text import push_small
 
 _SIDE, _EDGE = 2.7, 0.5  # em: side of a thumbnail, and distance from the view's corner
+_FOLDED = 0.8  # side of another branch's thumbnail, as a fraction of the others'
+_FORK = icons_fontawesome_4.ICON_FA_CODE_BRANCH
+
+
+class _Tile(NamedTuple):
+    """A thumbnail: an edit of the current path, or the end of another branch."""
+
+    name: str
+    steps: tuple[int, ...]  # indices of the steps it stands for; the last one is shown
+    words: str
+    undone: bool = False
+    branch: bool = False
 
 
 class HistoryStrip:
     """A strip with a tile per object, the oldest first, and per edit of the object on screen.
 
-    Undone edits are paler.
+    Undone edits are paler. The ends of other branches are smaller tiles, right of the edit at which they begin.
     """
 
     def __init__(self) -> None:
-        self._shown = -1  # index of the state that was last scrolled to
+        self._shown = -1  # index of the step that was last scrolled to
         self._history: History | None = None  # history of the values below, kept while it is the same
-        self._states: tuple[State, ...] = ()
         self._groups: tuple[tuple[Edit, ...], ...] = ()
+        self._branches: tuple[Branch, ...] = ()
 
     def draw(self, context: PanelContext) -> None:
         """Draw the strip, scrolled to the current edit, once there are two edits."""
         history = context.session.editor.history
         if history is not self._history:
-            self._history, self._states, self._groups = history, history.states, history.edits
+            self._history, self._groups, self._branches = history, history.edits, history.branches
         em, (low, high) = hello_imgui.em_size(), context.view
         context.covered = 0.0
-        if sum(map(len, self._groups)) < 2:
+        if sum(map(len, self._groups)) + len(self._branches) < 2:
             return
-        tiles = self._tiles(len(history.past))
+        tiles = self._tiles(history.current)
         side, gap = _SIDE * em, 0.3 * em
-        width = min(high.x - low.x - 2 * _EDGE * em, len(tiles) * (side + gap) + 2 * gap)
-        height = side + 3 * gap
+        needed = sum(side * (_FOLDED if tile.branch else 1) + gap for tile in tiles) + 2 * gap
+        width, height = min(high.x - low.x - 2 * _EDGE * em, needed), side + 3 * gap
         context.covered = height + _EDGE * em
         imgui.set_next_window_pos(ImVec2(low.x + _EDGE * em, high.y - _EDGE * em - height))
         imgui.set_next_window_size((width, height))
@@ -46,44 +62,62 @@ class HistoryStrip:
         hidden = imgui.WindowFlags_
         flags = OVERLAY_FLAGS & ~(hidden.always_auto_resize | hidden.no_nav) | hidden.horizontal_scrollbar
         if imgui.begin("History", None, flags)[0]:
-            for number, (edit, first) in enumerate(tiles):
-                if number:
-                    imgui.same_line()
-                self._draw_edit(context, number, range(first, edit.last + 1), edit, side)
+            corner = imgui.get_cursor_screen_pos()
+            for tile in tiles:
+                corner = self._draw_tile(context, tile, corner, side) + ImVec2(gap, 0)
             if imgui.is_window_hovered() and (wheel := imgui.get_io().mouse_wheel):
                 imgui.set_scroll_x(imgui.get_scroll_x() - wheel * side)
         imgui.end()
         imgui.pop_style_var(2)
 
-    def _tiles(self, now: int) -> list[tuple[Edit, int]]:
-        """Return the shown edits, each with the index of its tile's first state."""
-        tiles, first = list[tuple[Edit, int]](), 0
+    def _tiles(self, now: int) -> list[_Tile]:
+        """Return the tiles of the current path, each followed by the branches that begin at its steps."""
+        shown = list[Edit]()
         for group in self._groups:
-            unfolded = first <= now <= group[-1].last
-            for edit in group if unfolded else group[-1:]:
-                tiles.append((edit, first))
-                first = edit.last + 1
+            every = tuple(chain.from_iterable(edit.steps for edit in group))
+            shown += group if now in every else (group[-1]._replace(steps=every),)
+        tiles, undone = list[_Tile](), False
+        for number, edit in enumerate(shown, 1):
+            tiles.append(_Tile(f"state {number}", edit.steps, edit.words, undone))
+            undone |= now in edit.steps
+            for count, branch in enumerate(self._branches, 1):
+                if branch.start in edit.steps:
+                    tiles.append(_Tile(f"branch {count}", (branch.last,), branch.words, branch=True))
         return tiles
 
-    def _draw_edit(self, context: PanelContext, number: int, states: range, edit: Edit, side: float) -> None:
-        """Draw an edit's tile; a click goes to the last of its states."""
-        history = context.session.editor.history
-        now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
+    def _draw_tile(self, context: PanelContext, tile: _Tile, corner: ImVec2, height: float) -> ImVec2:
+        """Draw a tile, a click on which goes to the last of its steps; return the place right of it."""
+        history, now = context.session.editor.history, context.session.editor.history.current
+        side = height * (_FOLDED if tile.branch else 1)
+        low, shown = corner + ImVec2(0, height - side), now in tile.steps
+        imgui.set_cursor_screen_pos(low)
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
-        elif object_tiles.tile_button(f"state {number + 1}", (side, side)) and not shown:
-            context.session.editor.go_to(edit.last)
+        elif object_tiles.tile_button(tile.name, (side, side)) and not shown:
+            context.session.editor.go_to(tile.steps[-1])
         if shown and self._shown != now:
             imgui.set_scroll_here_x()
             self._shown = now
-        way = "forward" if states[0] > now else "back"
-        tooltip(edit.words[:1].upper() + edit.words[1:] if shown else f"Click to go {way} to: {edit.words}")
-        state = history.now if shown else self._states[edit.last]
-        object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), corner, side)
-        if states[0] > now:
-            object_tiles.shade(corner, side, context.palette.panel, object_tiles.DIMMED)
+        tooltip(_about(tile, shown))
+        state = history.now if shown else history.steps[tile.steps[-1]].state
+        object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), low, side)
+        if tile.undone:
+            object_tiles.shade(low, side, context.palette.panel, object_tiles.DIMMED)
+        if tile.branch:
+            push_small()
+            object_tiles.mark(low, _FORK, context.palette.warm)
+            imgui.pop_font()
         if shown:
-            object_tiles.outline(corner, side, context.palette.accent)
+            object_tiles.outline(low, side, context.palette.accent)
+        return corner + ImVec2(side, 0)
+
+
+def _about(tile: _Tile, shown: bool) -> str:
+    """Return the tooltip of a tile."""
+    if tile.branch:
+        return f"Another branch\nClick to go to: {tile.words}"
+    way = "forward" if tile.undone else "back"
+    return tile.words[:1].upper() + tile.words[1:] if shown else f"Click to go {way} to: {tile.words}"
 
 
 def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | None:

@@ -49,14 +49,20 @@ class Message:
     detail: str = ""  # text of an unexpected error, for the log
     buttons: tuple[Button, ...] = ()
     relevant: Callable[[], bool] = lambda: True  # False once the message is out of date
+    passing: bool = False  # leaves the screen although it has buttons
     born: float = field(default_factory=time.monotonic)  # s on the monotonic clock, for fading
     written: datetime = field(default_factory=datetime.now)  # for the log
 
     @property
     def faded(self) -> bool:
-        """True once the message leaves the screen: out of date or, without buttons, old."""
-        longest = _SHORT if self.kind is MessageKind.DONE else _LONG
-        return not self.relevant() or (not self.buttons and time.monotonic() - self.born > longest)
+        """True once the message leaves the screen: out of date, or old and passing or without buttons."""
+        longest = _SHORT if self.kind is MessageKind.DONE and not self.buttons else _LONG
+        return not self.relevant() or (not self.lasts and time.monotonic() - self.born > longest)
+
+    @property
+    def lasts(self) -> bool:
+        """True if the message waits for a button to be pressed."""
+        return bool(self.buttons) and not self.passing
 
 
 class Messages:
@@ -73,11 +79,12 @@ class Messages:
 
     @property
     def shown(self) -> list[Message]:
-        """Messages that have not faded; of errors, and of those with buttons, only the newest."""
+        """Messages that have not faded; of errors, and of those with buttons, only the newest; of passing ones, one."""
         due = [message for message in self.all if not message.faded]
         errors = [message for message in due if message.kind is MessageKind.PROBLEM]
         offers = [message for message in due if message.buttons]
-        hidden = errors[:-_MAX_ERRORS] + offers[:-_MAX_OFFERS]
+        passing = [message for message in offers if message.passing]
+        hidden = errors[:-_MAX_ERRORS] + offers[:-_MAX_OFFERS] + passing[:-1]
         return [message for message in due if message not in hidden]
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
@@ -86,7 +93,7 @@ class Messages:
         if "detail" in more:
             more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
-        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.buttons]
+        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.lasts]
         gone = [message for message in passing if message.faded or message not in passing[-_MAX_OLDER:]]
         newest = Message(text, kind, **more)
         self.all = [*(message for message in left if message not in gone), newest][-_LOGGED:]

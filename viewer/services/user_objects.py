@@ -1,14 +1,17 @@
 """Fitted objects kept between launches, a file each."""
 
 import json
+import os
 import re
 import secrets
+import threading
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from core.models.codes import Codes
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.scene import Scene, scene_model
@@ -30,6 +33,7 @@ class UserObjects:
         """Store in ``folder``; None stores nothing."""
         self._folder = folder
         self._stored: dict[str, _Stored] = {}  # stored objects of opened models, by name
+        self._lock = threading.Lock()  # held while files are written
 
     def fingerprints(self) -> frozenset[str]:
         """Return the fingerprints of the models of all stored objects."""
@@ -48,25 +52,41 @@ class UserObjects:
         return tuple(found)
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
-        """Store new and changed objects, and delete files of opened models' other objects.
+        """Store new and changed objects, and delete files of opened models' objects that are not among them.
 
         Raises ``ValueError`` or ``OSError`` on failure.
         """
         if self._folder is None:
             return
-        wanted = {one.name: one for one in objects}
-        for name, one in wanted.items():
-            stored = self._stored.get(name)
-            if stored is None or not _is_same(stored.about, one):
-                path = stored.path if stored else self._folder / _file_name(name)
-                _write(path, one, models.of(one.codes))
-                self._stored[name] = _Stored(path, one)
-        for name in self._stored.keys() - wanted.keys():
-            self._stored.pop(name).path.unlink(missing_ok=True)
+        with self._lock:
+            wanted = {one.name: one for one in objects}
+            for one in wanted.values():
+                self._keep(models, one, self._folder)
+            for name in self._stored.keys() - wanted.keys():
+                self._stored.pop(name).path.unlink(missing_ok=True)
+
+    def update(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
+        """Store the edits of stored objects, on any thread; other objects stay as they are. Raises as :meth:`sync`."""
+        if self._folder is None:
+            return
+        with self._lock:
+            for one in objects:
+                stored = self._stored.get(one.name)
+                if stored and stored.about.original == one.original:
+                    self._keep(models, one, self._folder)
+
+    def _keep(self, models: OpenModels, one: EditableObject, folder: Path) -> None:
+        """Store an object unless its file has it."""
+        stored = self._stored.get(one.name)
+        if stored is None or not _is_same(stored.about, one):
+            path = stored.path if stored else folder / _file_name(one.name)
+            _write(path, one, models.of(one.codes))
+            self._stored[one.name] = _Stored(path, one)
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
-    return first.codes is second.codes and first.confidence == second.confidence
+    same = first.codes is second.codes and first.unedited is second.unedited
+    return same and first.confidence == second.confidence
 
 
 def _file_name(name: str) -> str:
@@ -75,11 +95,19 @@ def _file_name(name: str) -> str:
 
 
 def _write(path: Path, one: EditableObject, model: Model) -> None:
-    scene = Scene(one.codes, orbit.home(model))
-    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence}
+    about = _scene(one.codes, model) | {"name": one.name, "confidence": one.confidence}
+    if one.unedited:
+        about["unedited"] = _scene(one.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
+    before = path.stat() if path.exists() else None
     with atomic_file(path, partial(_read, model=model)) as written:
         written.write_text(json.dumps(about))
+    if before:  # an edited object keeps its place in the order
+        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def _scene(codes: Codes, model: Model) -> dict:
+    return json.loads(Scene(codes, orbit.home(model)).to_json())
 
 
 class _About(NamedTuple):
@@ -87,10 +115,15 @@ class _About(NamedTuple):
 
     name: str
     confidence: float | None = None
+    unedited: dict | None = None  # scene of the object as fitted, if it was edited
 
 
 def _read(path: Path, model: Model) -> EditableObject:
     with reading(path, "an object"):
         text = read_text(path)
         about = typed(_About, parse_json(text), name="object")
-        return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence)
+        codes = Scene.from_json(text, model).codes
+        unedited = about.unedited and Scene.from_json(json.dumps(about.unedited), model).codes
+        if unedited and unedited.detail == codes.detail:
+            unedited = replace(unedited, detail=codes.detail)  # photos take memory
+        return EditableObject(about.name, codes, True, about.confidence, unedited)

@@ -62,8 +62,8 @@ def encode(value: Any, store: BlobStore) -> Any:
         return {"source": encode(value.source, store), "photo": encode(value.photo, store)}
     if is_dataclass(value) or hasattr(value, "_fields"):
         return _encode_fields(value, store)
-    if isinstance(value, tuple):
-        return [encode(one, store) for one in value]
+    if isinstance(value, tuple | frozenset):
+        return [encode(one, store) for one in (sorted(value) if isinstance(value, frozenset) else value)]
     return str(value) if isinstance(value, Path) else value
 
 

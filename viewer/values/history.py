@@ -1,9 +1,10 @@
-"""The undo history: the current state between earlier and later ones. A drag is one step."""
+"""The undo history: a tree of states, of which undo and redo follow one path. A drag is one step."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from core.models.codes import CODE_KINDS
 from core.models.scene import Scene
 from viewer.values.variety import readable
 
-_DEPTH = 500  # earlier states kept; a state holds a few hundred numbers
+DEPTH = 500  # states kept beside the current one; a state holds a few hundred numbers
 
 
 class Pair(NamedTuple):
@@ -60,6 +61,20 @@ class State:
     scene: Scene
     mix: Mix
     timeline: Timeline = field(default_factory=Timeline)
+    removed: frozenset[str] = frozenset()  # names of unlisted added objects
+    is_a: bool = False  # the codes are those of object A, perhaps edited: not sampled, nor from the timeline
+
+    @property
+    def version_of(self) -> str:
+        """Name of the object of which the codes are a version; "" for mixes, samples and frames of the timeline."""
+        shape, texture = self.mix.a
+        unmixed = shape == texture and not (self.mix.shape or self.mix.texture)
+        return shape if self.is_a and unmixed else ""
+
+    def renamed(self, names: Mapping[str, str]) -> State:
+        """Return the state with objects renamed from keys to values of ``names``."""
+        removed = frozenset(names.get(name, name) for name in self.removed)
+        return replace(self, mix=self.mix.renamed(names), removed=removed)
 
     def change_from(self, before: State) -> str:
         """Describe the edit since an earlier state in a few words."""
@@ -70,83 +85,293 @@ class State:
             return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
         now, then = self.scene.codes, before.scene.codes
         kinds = (kind for kind in CODE_KINDS if not torch.equal(getattr(now, kind), getattr(then, kind)))
-        return " and ".join(kinds) or "photo detail"
+        return " and ".join(kinds) or self._aside_from(before)
+
+    def _aside_from(self, before: State) -> str:
+        """Describe a change that keeps both codes."""
+        if self.is_edit_of(before):
+            return "photo detail"
+        if self.removed != before.removed:
+            return "removed objects"
+        return f"{readable(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"
+
+    def is_edit_of(self, before: State) -> bool:
+        """Return whether the codes differ from an earlier state's."""
+        codes, then = self.scene.codes, before.scene.codes
+        return codes is not then and codes != then
+
+    def carrying(self, before: State, after: State) -> State:
+        """Return the state after a change of timeline and removed objects from ``before`` to ``after``."""
+        removed = (self.removed | (after.removed - before.removed)) - (before.removed - after.removed)
+        timeline = after.timeline if self.timeline == before.timeline else self.timeline
+        return replace(self, timeline=timeline, removed=removed)
+
+    def is_move_of(self, before: State) -> bool:
+        """Return whether only the camera differs from an earlier state, if anything does."""
+        return replace(self, scene=replace(self.scene, camera=before.scene.camera)) == before
+
+
+class Step(NamedTuple):
+    """A state in the tree of a history."""
+
+    state: State
+    parent: int  # index of the step before it; -1 for the first
 
 
 class Edit(NamedTuple):
-    """An edit of the codes, with the changes of camera, B or timeline that follow it."""
+    """An edit of the codes, with the changes of camera, B, timeline or removed objects that follow it."""
 
-    last: int  # index of its last state
+    steps: tuple[int, ...]  # indices of its steps, in order
     words: str  # description
     of: Pair  # object A
+
+    @property
+    def last(self) -> int:
+        """Index of the last step."""
+        return self.steps[-1]
+
+
+class Branch(NamedTuple):
+    """Steps that are not on the current path, from a step of the path to an end."""
+
+    start: int  # index of the path's step
+    last: int  # index of the end
+    words: str  # description of its last edit
 
 
 @dataclass(frozen=True)
 class History:
-    """The current state between two tuples of states. Every edit makes a new history."""
+    """A tree of states. Undo goes to the step before, redo towards ``tip``. Every change makes a new history.
 
-    now: State
-    past: tuple[State, ...] = ()
-    future: tuple[State, ...] = ()
+    An edit of the codes from an earlier state begins a branch: later states stay. Other changes (camera, B, timeline,
+    removed objects) are inserted after the current step, and redo goes on from there; later states take over the last
+    two, unless they have another timeline.
+    """
+
+    steps: tuple[Step, ...]  # in the order in which they were made
+    current: int = 0  # index of the current step
+    tip: int = 0  # index of the end of the current path
     gesture: str = ""  # name of the current drag, whose edits replace the current state; empty: none
     moved: bool = field(default=False, compare=False)  # the last step moved the camera; the next move joins it
 
-    def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
-        """Return the history with an edited state as the current one; later states are dropped.
+    @classmethod
+    def of(cls, *states: State) -> History:
+        """Return the history of consecutive states; the last one is the current state."""
+        steps = tuple(Step(state, number - 1) for number, state in enumerate(states))
+        return cls(steps, len(steps) - 1, len(steps) - 1)
 
-        Edits of one gesture are one step, and so are consecutive camera moves (``moves``).
+    def check(self) -> None:
+        """Raise ``ValueError`` unless the steps are one tree and the current step is on the path to the tip."""
+        roots = [number for number, step in enumerate(self.steps) if step.parent == -1]
+        reached = list(roots)
+        for number in reached:
+            reached += self._children.get(number, ())
+        numbers = range(len(self.steps))
+        whole = len(roots) == 1 and len(reached) == len(numbers)
+        if not whole or self.tip not in numbers or self.tip in self._children or self.current not in self._path:
+            raise ValueError("the undo history is no tree")
+
+    # The current path
+
+    @property
+    def now(self) -> State:
+        """The current state."""
+        return self.steps[self.current].state
+
+    @cached_property
+    def _path(self) -> tuple[int, ...]:
+        """Indices of the steps from the first to the tip."""
+        path = [self.tip]
+        while (parent := self.steps[path[-1]].parent) >= 0:
+            path.append(parent)
+        return tuple(reversed(path))
+
+    @cached_property
+    def _place(self) -> int:
+        """Position of the current step in the path."""
+        return self._path.index(self.current)
+
+    @cached_property
+    def states(self) -> tuple[State, ...]:
+        """The states of the current path, the oldest first; the current one has the position ``len(past)``."""
+        return tuple(self.steps[number].state for number in self._path)
+
+    @property
+    def past(self) -> tuple[State, ...]:
+        """The states that undo goes back to, the oldest first."""
+        return self.states[: self._place]
+
+    @property
+    def future(self) -> tuple[State, ...]:
+        """The states that redo goes on to, the next first."""
+        return tuple(self.steps[number].state for number in self._later)
+
+    @property
+    def edits(self) -> tuple[tuple[Edit, ...], ...]:
+        """The edits of the current path, the oldest first, grouped by object A."""
+        path, states = self._path, self.states
+        begins = [0, *(at for at in range(1, len(path)) if states[at].is_edit_of(states[at - 1]))]
+        ends = [*begins[1:], len(path)]
+        words = (states[at].change_from(states[at - 1]) if at else "at first" for at in begins)
+        edits = [
+            Edit(path[begin:end], text, states[end - 1].mix.a)
+            for begin, end, text in zip(begins, ends, words, strict=True)
+        ]
+        return tuple(tuple(group) for _, group in groupby(edits, lambda edit: edit.of))
+
+    # Branches
+
+    @cached_property
+    def _children(self) -> dict[int, list[int]]:
+        """Indices of the steps after each step, in the order in which they were made."""
+        children = dict[int, list[int]]()
+        for number, step in enumerate(self.steps):
+            children.setdefault(step.parent, []).append(number)
+        return children
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """A branch for each end that is not the tip, the oldest first, except mere moves of the camera."""
+        ends = [number for number in range(len(self.steps)) if number not in self._children and number != self.tip]
+        return tuple(branch for end in ends if (branch := self._branch(end)))
+
+    def _branch(self, end: int) -> Branch | None:
+        """Return the branch to an end; None if only the camera differs from the path."""
+        path, chain = set(self._path), [end]
+        while self.steps[chain[-1]].parent not in path:
+            chain.append(self.steps[chain[-1]].parent)
+        start = self.steps[chain[-1]].parent
+        if all(self.steps[number].state.is_move_of(self.steps[start].state) for number in chain):
+            return None
+        edit = next((number for number in chain if self._is_edit(number)), end)
+        words = self.steps[edit].state.change_from(self.steps[self.steps[edit].parent].state)
+        return Branch(start, end, words)
+
+    def _is_edit(self, number: int) -> bool:
+        state, parent = self.steps[number]
+        return parent >= 0 and state.is_edit_of(self.steps[parent].state)
+
+    def _end(self, number: int) -> int:
+        """Return the index of the newest end of the branches after a step."""
+        while after := self._children.get(number):
+            number = after[-1]
+        return number
+
+    # Changes
+
+    def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
+        """Return the history with a changed state as the current one.
+
+        Changes of one gesture are one step, and so are consecutive camera moves (``moves``).
         """
         if state == self.now:
             return self
-        same = (bool(gesture) and gesture == self.gesture) or (moves and self.moved)
-        past = self.past if same else (*self.past, self.now)[-_DEPTH:]
-        return History(state, past, (), gesture, moves)
+        joins = (bool(gesture) and gesture == self.gesture) or (moves and self.moved)
+        history = self._continued(state) if joins else self._added(state)
+        return replace(history, gesture=gesture, moved=moves)
+
+    def joined(self, state: State) -> History:
+        """Return the history with another state in place of the current one."""
+        steps = list(self.steps)
+        steps[self.current] = Step(state, steps[self.current].parent)
+        return replace(self, steps=tuple(steps))
+
+    def _added(self, state: State) -> History:
+        """Return the history with a new step: an edit begins a branch, another change is inserted in the path."""
+        number, later = len(self.steps), self._later
+        history = replace(self, steps=(*self.steps, Step(state, self.current)), current=number)
+        if later and not state.is_edit_of(self.now):
+            history = history._moved(later[:1], number)._carried(later, self.now, state)
+        else:
+            history = replace(history, tip=number)
+        return history._shortened()
+
+    def _continued(self, state: State) -> History:
+        """Return the history with the drag's newest state; once it is an edit, later states are another branch."""
+        history, later, parent = self.joined(state), self._later, self.steps[self.current].parent
+        if not history._is_edit(self.current):
+            return history._carried(later, self.now, state)
+        history = history._moved(later[:1], parent)._carried(later, self.now, self.steps[parent].state)
+        return replace(history, tip=self.current)
+
+    @property
+    def _later(self) -> tuple[int, ...]:
+        """Indices of the steps that redo goes on to."""
+        return self._path[self._place + 1 :]
+
+    def _moved(self, numbers: Iterable[int], parent: int) -> History:
+        """Return the history with steps that follow another step."""
+        steps = list(self.steps)
+        for number in numbers:
+            steps[number] = steps[number]._replace(parent=parent)
+        return replace(self, steps=tuple(steps))
+
+    def _carried(self, numbers: Iterable[int], before: State, after: State) -> History:
+        """Return the history with a change of timeline and removed objects in some steps."""
+        if after.timeline is before.timeline and after.removed == before.removed:
+            return self
+        steps = list(self.steps)
+        for number in numbers:
+            state, parent = steps[number]
+            steps[number] = Step(state.carrying(before, after), parent)
+        return replace(self, steps=tuple(steps))
+
+    def _shortened(self) -> History:
+        """Return the history without its oldest ends beyond the limit, first those that are not on the path."""
+        history = self
+        while len(history.steps) > DEPTH + 1:
+            ends = (number for number in range(len(history.steps)) if number not in history._children)
+            history = history._without(next((end for end in ends if end != history.tip), history._path[0]))
+        return history
+
+    def _without(self, dropped: int) -> History:
+        """Return the history without an end, or without the first step if all others are one path."""
+
+        def shifted(number: int) -> int:
+            return -1 if number == dropped else number - (number > dropped)
+
+        steps = (Step(state, shifted(parent)) for number, (state, parent) in enumerate(self.steps) if number != dropped)
+        return replace(self, steps=tuple(steps), current=shifted(self.current), tip=shifted(self.tip))
 
     def without_gesture(self) -> History:
         """Return the history with the drag ended: the next edit is another step."""
         return replace(self, gesture="")
 
+    # Other states
+
     def undone(self) -> History:
         """Return the history one step back, if there is one."""
-        if not self.past:
-            return self
-        return History(self.past[-1], self.past[:-1], (self.now, *self.future))
+        return self.at(self._path[max(0, self._place - 1)])
 
     def redone(self) -> History:
         """Return the history one step forward, if there is one."""
-        if not self.future:
+        return self.at(self._path[self._place :][:2][-1])
+
+    def at(self, number: int) -> History:
+        """Return the history with another step as the current one, by its index in ``steps``.
+
+        The path stays if it has the step; otherwise it leads through the step to the newest end after it.
+        """
+        if number == self.current:
             return self
-        return History(self.future[0], (*self.past, self.now), self.future[1:])
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        """All states, the oldest first; the current one has the index ``len(past)``."""
-        return (*self.past, self.now, *self.future)
-
-    @property
-    def edits(self) -> tuple[tuple[Edit, ...], ...]:
-        """All edits, the oldest first, grouped by object A."""
-        states = self.states
-        changed = (at for at in range(1, len(states)) if states[at].scene.codes != states[at - 1].scene.codes)
-        begins = [0, *changed]
-        ends = (*(begin - 1 for begin in begins[1:]), len(states) - 1)
-        words = (states[at].change_from(states[at - 1]) if at else "at first" for at in begins)
-        found = [Edit(end, what, states[end].mix.a) for end, what in zip(ends, words, strict=True)]
-        return tuple(tuple(group) for _, group in groupby(found, lambda edit: edit.of))
-
-    def at(self, index: int) -> History:
-        """Return the history with another state as the current one, by its index in :attr:`states`."""
-        states = self.states
-        return History(states[index], states[:index], states[index + 1 :])
+        tip = self.tip if number in self._path else self._end(number)
+        return replace(self, current=number, tip=tip, gesture="", moved=False)
 
     def after(self, earlier: History) -> History:
         """Return the history with all states of another one before its own."""
-        return replace(self, past=(*earlier.states, *self.past)[-_DEPTH:])
+        count = len(earlier.steps)
+        own = (Step(state, earlier.tip if parent < 0 else parent + count) for state, parent in self.steps)
+        steps = (*earlier.steps, *own)
+        return replace(self, steps=steps, current=self.current + count, tip=self.tip + count)._shortened()
+
+    def beside(self, state: State) -> History:
+        """Return the history with a state as a branch of its own after the first one."""
+        return replace(self, steps=(*self.steps, Step(state, self._path[0])))
 
     def renamed(self, names: Mapping[str, str]) -> History:
         """Return the history with objects renamed in every state, from keys to values of ``names``."""
-        return self.everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
+        return self.everywhere(lambda state: state.renamed(names))
 
     def everywhere(self, change: Callable[[State], State]) -> History:
         """Return the history with ``change`` applied to every state."""
-        return History(change(self.now), tuple(map(change, self.past)), tuple(map(change, self.future)), self.gesture)
+        return replace(self, steps=tuple(Step(change(state), parent) for state, parent in self.steps))

@@ -14,16 +14,31 @@ from viewer.values.variety import families
 
 @dataclass(frozen=True, eq=False)
 class EditableObject:
-    """An object that can be shown and mixed."""
+    """An object that can be shown and mixed. An added object keeps its edits and the codes before them."""
 
     name: str
-    codes: Codes
+    codes: Codes  # as the object was left
     fitted: bool = False  # to a photo
     confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
+    unedited: Codes | None = None  # as fitted or opened; None: as left
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
             raise ValueError(f"a confidence is 0 to 1, got {self.confidence}")
+
+    @property
+    def original(self) -> Codes:
+        """The codes as fitted or opened."""
+        return self.unedited or self.codes
+
+    def left_as(self, codes: Codes) -> "EditableObject":
+        """Return the object with its newest edit."""
+        return replace(self, codes=codes, unedited=None if codes == self.original else self.original)
+
+    def refitted(self, better: "EditableObject") -> "EditableObject":
+        """Return the object with the codes and the confidence of a better fit; its edits stay."""
+        left = replace(better, name=self.name)
+        return left.left_as(self.codes) if self.unedited else left
 
 
 class ObjectLibrary:
@@ -32,7 +47,7 @@ class ObjectLibrary:
     def __init__(self, models: Iterable[Model]) -> None:
         self._trained: dict[str, EditableObject] = {}
         self._added: dict[str, EditableObject] = {}
-        self.removed: frozenset[str] = frozenset()  # names of unlisted added objects, which undo may show again
+        self.removed: frozenset[str] = frozenset()  # names of unlisted added objects, which undo may list again
         self.version = 0  # number of changes so far
         self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint: names here by names in the model
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
@@ -98,10 +113,21 @@ class ObjectLibrary:
         self.version += 1
         return name
 
-    def replace(self, name: str, better: EditableObject) -> None:
-        """Replace an added object, keeping its name."""
-        self._added[name] = replace(better, name=name)
+    def refit(self, name: str, better: EditableObject) -> None:
+        """Give an added object the codes of a better fit."""
+        self._added[name] = self._added[name].refitted(better)
         self.version += 1
+
+    def leave(self, name: str, codes: Codes) -> None:
+        """Keep the newest edit of an added object; nothing happens for any other object."""
+        if name in self._added and self._added[name].codes != codes:
+            self._added[name] = self._added[name].left_as(codes)
+
+    def unlist(self, removed: frozenset[str]) -> None:
+        """List all added objects but the removed ones; lookup by name finds these too."""
+        if removed != self.removed:
+            self.removed = removed
+            self.version += 1
 
     def rename(self, name: str, to: str) -> str:
         """Rename an added object and return its new name, made unique."""
@@ -113,24 +139,29 @@ class ObjectLibrary:
         self.version += 1
         return to
 
-    def remove(self, *names: str) -> None:
-        """Remove added objects from all lists; lookup by name still finds them."""
-        self.removed |= frozenset(names)
-        self.version += 1
+    def match(self, others: Iterable[EditableObject]) -> dict[str, str]:
+        """Add the objects that are not here yet, and return the names here by the names given.
 
-    def add_missing(self, others: Iterable[EditableObject]) -> dict[str, str]:
-        """Add the objects whose codes are not here yet; return the names here by the given names.
-
-        Each earlier object matches at most one of ``others``.
+        Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one.
         """
         before, names = list(self.ever_added), dict[str, str]()
-        for other in others:
-            same = [one for one in before if one.codes == other.codes]
-            found = min(same, key=lambda one: one.name != other.name, default=None)
-            if found:
-                before.remove(found)
-            names[other.name] = found.name if found else self.add(other)
-        return names
+        others = tuple(others)
+        for key in (_versions, _original):
+            for other in others:
+                equal = [one for one in before if other.name not in names and key(one) == key(other)]
+                if equal:
+                    nearest = min(equal, key=lambda one: one.name != other.name)
+                    before.remove(nearest)
+                    names[other.name] = nearest.name
+        return {other.name: names.get(other.name) or self.add(other) for other in others}
+
+
+def _versions(one: EditableObject) -> tuple[Codes, Codes]:
+    return one.original, one.codes
+
+
+def _original(one: EditableObject) -> Codes:
+    return one.original
 
 
 def unique_name(wanted: str, taken: Container[str]) -> str:

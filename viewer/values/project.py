@@ -30,8 +30,7 @@ class Project:
     """Everything needed to resume a session."""
 
     history: History
-    objects: tuple[EditableObject, ...] = ()  # added objects, the oldest first
-    removed: tuple[str, ...] = ()  # names of removed ones among them
+    objects: tuple[EditableObject, ...] = ()  # added objects, also removed ones, the oldest first
     fit: FitHistory = field(default_factory=FitHistory)  # the last finished fit
     pending: tuple[FitRequest, ...] = ()  # the running fit and the waiting ones
     models: tuple[str, ...] = ()  # names and paths of the open models
@@ -40,7 +39,7 @@ class Project:
     @property
     def is_empty(self) -> bool:
         """True if nothing was made, edited or begun."""
-        return not (self.history.past or self.history.future or self.fit.sources or self.pending)
+        return not (len(self.history.steps) > 1 or self.fit.sources or self.pending)
 
     def shared(self) -> "Project":
         """Return the project for other machines: paths are names, except those of photos not yet read."""
@@ -56,12 +55,12 @@ class Project:
         for one in earlier.objects:
             names[one.name] = unique_name(one.name, taken)
             taken.add(names[one.name])
-        before = earlier.history.renamed(names)
+        history = self.history.after(earlier.history.renamed(names))
+        removed = frozenset[str]().union(*(state.removed for state, _ in history.steps))
         return replace(
             self,
-            history=self.history.after(before),
+            history=history.everywhere(lambda state: replace(state, removed=removed)),
             objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
-            removed=(*(names.get(name, name) for name in earlier.removed), *self.removed),
             fit=self.fit if self.fit.sources else earlier.fit,
             pending=(*self.pending, *earlier.pending),
         )
@@ -70,7 +69,7 @@ class Project:
         """Write the project atomically. Raises ``ValueError`` if it cannot be written or read back."""
         store = BlobStore()
         bare = replace(self, fit=_shortened(self.fit), pending=tuple(map(_request, self.pending)))
-        about = {"format": "codenerf-project-2", "project": encode(bare, store), "timelines": store.timelines}
+        about = {"format": "codenerf-project-3", "project": encode(bare, store), "timelines": store.timelines}
         with atomic_file(path, partial(Project.load, models=models)) as written, zipfile.ZipFile(written, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
             # Cloned because safetensors refuses tensors that share memory.
@@ -99,11 +98,14 @@ class Project:
 
 
 class _About(NamedTuple):
-    """The JSON of a project. The first format had a session per model instead of one project."""
+    """The JSON of a project.
 
-    format: Literal["codenerf-project-1", "codenerf-project-2"]
+    The first format had a session per model instead of one project, the second a history without branches.
+    """
+
+    format: Literal["codenerf-project-1", "codenerf-project-2", "codenerf-project-3"]
     timelines: list
-    project: dict | None = None  # second format
+    project: dict | None = None  # since the second format
     model: str = ""  # first format: the current model
     sessions: tuple[dict, ...] = ()  # first format
     path: Path | None = None  # first format
@@ -114,10 +116,23 @@ def _decoded(about: dict, store: BlobStore) -> Project:
     for name in about.get("models", ()):
         with suppress(ValueError):  # decoding codes of a missing model raises
             store.models.open(str(name))
-    found: Project = decode(Project, about, store)
+    found: Project = decode(Project, _branching(about), store)
+    found.history.check()
     for fit in (found.fit, *(request.history for request in found.pending)):
         _check_cameras(fit)
     return found
+
+
+def _branching(about: dict) -> dict:
+    """Convert the history of the first two formats: consecutive states, and removed objects beside them."""
+    history = about["history"]
+    if "steps" in history:
+        return about
+    removed = {"removed": about.get("removed", [])}
+    states = [*history.get("past", ()), history["now"], *history.get("future", ())]
+    steps = [{"state": state | removed, "parent": number - 1} for number, state in enumerate(states)]
+    tree = {"steps": steps, "current": len(history.get("past", ())), "tip": len(steps) - 1}
+    return about | {"history": tree}
 
 
 def _first_format(about: _About, store: BlobStore) -> Project:

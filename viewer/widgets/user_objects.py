@@ -31,15 +31,18 @@ def colour_of(found: EditableObject) -> Colour:
 
 
 def about(found: EditableObject) -> str:
-    """Return a line for the tooltip of a fitted object; "" for any other."""
-    if not found.fitted:
-        return ""
+    """Return lines for the tooltip of a fitted or edited object; "" for any other."""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
-    return f"\nFitted to a photo{sure}"
+    fitted = f"\nFitted to a photo{sure}" if found.fitted else ""
+    return f"{fitted}\nEdited: its menu has it as {_made(found)}" if found.unedited else fitted
+
+
+def _made(found: EditableObject) -> str:
+    return "fitted" if found.fitted else "opened"
 
 
 class UserObjectMenu:
-    """The menu entries of an added object: rename, remove."""
+    """The menu entries of an added object: as fitted, duplicate, rename, remove."""
 
     def __init__(self) -> None:
         self._field = NameField()
@@ -47,12 +50,15 @@ class UserObjectMenu:
 
     def draw(self, context: PanelContext, name: str) -> None:
         """Draw the entries in an added object's menu."""
+        session, found = context.session, context.session.editor.objects[name]
+        if imgui.menu_item_simple(f"As {_made(found)}###unedited", enabled=found.unedited is not None):
+            session.editor.show_unedited(name)
         imgui.separator()
+        if imgui.menu_item_simple("Duplicate###duplicate"):
+            session.duplicate(name)
         self._draw_rename(name)
-        if imgui.begin_menu("Remove###remove object"):
-            if imgui.menu_item_simple(f"Remove {name}###remove for good"):
-                context.session.remove(name)
-            imgui.end_menu()
+        if imgui.menu_item_simple("Remove###remove object"):
+            session.remove(name)
 
     def apply(self, context: PanelContext) -> None:
         """Rename the object; call after all tiles are drawn, as they use the old name."""

@@ -1,6 +1,9 @@
+from pathlib import Path
+
 from imgui_bundle import imgui
 
-from tests.viewer.driver import Driver, in_window
+from tests.viewer.driver import Drive, Driver, in_window
+from viewer.values.history import State
 
 
 @in_window()
@@ -28,3 +31,64 @@ def test_a_click_in_the_history_brings_an_edit_back_and_each_object_has_one_tile
     assert editor.state == mixed
     window.press(imgui.Key.mod_ctrl, imgui.Key.z)
     assert editor.scene == last.scene
+
+
+@in_window()
+def test_turning_the_view_at_an_earlier_state_keeps_the_later_ones(window: Driver) -> None:
+    editor = window.session.editor
+    for number in (2, 3, 4):
+        window.click(f"Library/**/show object {number}")
+    window.wait()
+    last = editor.state
+    window.click("History/state 2")
+    earlier = editor.state
+    for _ in range(2):
+        window.drag("View/orbit", 30)
+    turned = editor.state
+    assert turned.scene.camera != earlier.scene.camera and turned.scene.codes == earlier.scene.codes
+    assert window.exists("History/state 4") and not window.exists("History/branch 1")
+    for _ in range(2):
+        window.redo()
+    assert editor.state == last
+    for _ in range(3):
+        window.undo()
+    assert editor.state == earlier
+    window.click("History/state 4")
+    assert editor.state == last
+
+
+def test_an_edit_of_an_earlier_state_leaves_a_branch_that_is_saved_and_one_click_away(
+    drive: Drive, tmp_path: Path
+) -> None:
+    def first(window: Driver) -> None:
+        editor = window.session.editor
+        for number in (2, 3, 4):
+            window.click(f"Library/**/show object {number}")
+        window.wait()
+        made.append(editor.state)
+        window.click("History/state 2")
+        window.press(imgui.Key.r)
+        made.append(editor.state)
+        assert not window.exists("History/state 4")
+        window.session.save_project(tmp_path / "a.codenerf")
+        look(window)
+
+    def look(window: Driver) -> None:
+        editor = window.session.editor
+        assert editor.state == made[1]
+        window.click("History/branch 1")
+        assert editor.state == made[0]
+        assert window.exists("History/state 4")
+        window.click("History/branch 1")  # now that of the other one
+        assert editor.state == made[1]
+
+    def second(window: Driver) -> None:
+        look(window)
+        window.menu("File/###new_project")
+        window.session.open_project(tmp_path / "a.codenerf")
+        window.wait()
+        look(window)
+
+    made: list[State] = []
+    drive(first, folder=tmp_path / "config")
+    drive(second, folder=tmp_path / "config")

@@ -29,7 +29,13 @@ def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "seconds"), [({}, 5), ({"kind": MessageKind.NOTE}, 10), ({"kind": MessageKind.PROBLEM}, 10)]
+    ("more", "seconds"),
+    [
+        ({}, 5),
+        ({"kind": MessageKind.NOTE}, 10),
+        ({"kind": MessageKind.PROBLEM}, 10),
+        ({"buttons": (Button("Undo", lambda: None),), "passing": True}, 10),
+    ],
 )
 def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     messages = Messages()
@@ -37,6 +43,13 @@ def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     (message,) = messages.shown
     assert not replace(message, born=message.born - seconds + 1).faded
     assert replace(message, born=message.born - seconds - 1).faded
+
+
+def test_of_passing_offers_the_newest_is_shown() -> None:
+    messages = Messages()
+    for number in range(3):
+        messages.notify(f"removed {number}", buttons=(Button("Undo", lambda: None),), passing=True)
+    assert [message.text for message in messages.shown] == ["removed 2"]
 
 
 def test_offers_outlast_time_and_news_while_they_are_relevant() -> None:

@@ -40,6 +40,29 @@ def test_objects_last_when_their_model_is_extended(tmp_path: Path, model: Model,
     assert (again.name, again.codes) == ("green", codes)
 
 
+def test_an_edited_object_lasts_with_its_edits_in_its_place(tmp_path: Path, model: Model, fitted: EditableObject):
+    user_objects, second = UserObjects(tmp_path), replace(fitted, name="green")
+    user_objects.sync(open_models(model), [fitted])
+    user_objects.sync(open_models(model), [fitted, second])
+    edited = fitted.left_as(model.codes[2])
+    user_objects.sync(open_models(model), [edited, second])
+    found, _ = UserObjects(tmp_path).open(model)
+    assert (found.codes, found.original, found.unedited) == (edited.codes, fitted.codes, fitted.codes)
+    user_objects.sync(open_models(model), [edited.left_as(fitted.codes), second])
+    found, _ = UserObjects(tmp_path).open(model)
+    assert (found.codes, found.unedited) == (fitted.codes, None)
+
+
+def test_an_update_stores_edits_of_kept_objects_alone(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    user_objects, other = UserObjects(tmp_path), EditableObject("green", model.codes[3], True)
+    user_objects.sync(open_models(model), [fitted])
+    edited = fitted.left_as(model.codes[2])
+    user_objects.update(open_models(model), [edited, other])
+    user_objects.update(open_models(model), [replace(other, name=fitted.name)])  # the name is another object's by now
+    (found,) = UserObjects(tmp_path).open(model)
+    assert (found.codes, found.original) == (edited.codes, fitted.codes)
+
+
 def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     user_objects, other = UserObjects(tmp_path), replace(fitted, name="../../blue")
     user_objects.sync(open_models(model), [fitted, other])

@@ -1,9 +1,15 @@
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from core.export.keyframes import Timeline
 from core.models.model import Model
 from core.models.scene import Scene
+from tests.conftest import random_model
+from viewer.values import history as module
 from viewer.values.history import History, Mix, Pair, State
 
 
@@ -16,7 +22,7 @@ def states(model: Model) -> list[State]:
 
 
 def test_undo_and_redo_go_back_and_forth(states: list[State]) -> None:
-    history = History(states[0])
+    history = History.of(states[0])
     for state in states[1:]:
         history = history.changed(state)
     for state in states[-2::-1]:
@@ -30,27 +36,21 @@ def test_undo_and_redo_go_back_and_forth(states: list[State]) -> None:
 
 
 def test_a_gesture_is_one_step(states: list[State]) -> None:
-    history = History(states[0])
+    history = History.of(states[0])
     for state in states[1:4]:
         history = history.changed(state, "orbit")
     history = history.without_gesture().changed(states[4], "orbit").changed(states[5], "zoom")
     assert history.past == (states[0], states[3], states[4])
 
 
-def test_an_edit_ends_redo_and_no_change_is_none(states: list[State]) -> None:
-    history = History(states[0]).changed(states[1]).undone().changed(states[2])
-    assert history.future == ()
-    assert history.undone().now == states[0]
-    history = History(states[0]).changed(states[1]).undone()
+def test_no_change_is_no_step(states: list[State]) -> None:
+    history = History.of(states[0]).changed(states[1]).undone()
     same = State(replace(states[0].scene), replace(states[0].mix))
     assert history.changed(same) is history
 
 
 def test_any_state_can_be_gone_to_and_none_is_lost(states: list[State]) -> None:
-    history = History(states[0])
-    for state in states[1:]:
-        history = history.changed(state)
-    history = history.undone()
+    history = History.of(*states).undone()
     for index, state in enumerate(states):
         there = history.at(index)
         assert (there.now, len(there.past), there.states) == (state, index, tuple(states))
@@ -63,7 +63,7 @@ def test_edits_are_grouped_by_object_and_what_changes_no_code_is_none(states: li
     shown = State(replace(first.scene, codes=model.codes[1]), Mix(Pair("b", "b"), "c"))
     mixed = State(replace(first.scene, codes=model.codes[2]), replace(shown.mix, shape=0.5))
     back = State(first.scene, first.mix)
-    history = History(first)
+    history = History.of(first)
     for state in (moved, other_b, shown, mixed, back):
         history = history.changed(state)
     assert [[(edit.last, edit.words) for edit in group] for group in history.edits] == [
@@ -71,3 +71,172 @@ def test_edits_are_grouped_by_object_and_what_changes_no_code_is_none(states: li
         [(3, "b"), (4, "c mixed in: shape 50%, texture 0%")],
         [(5, "a")],
     ]
+
+
+@pytest.fixture
+def edited(model: Model) -> Callable[[int], State]:
+    """States that differ in their codes, all from one camera."""
+    return lambda number: _state(model, number, 0)
+
+
+def test_a_move_from_an_earlier_state_keeps_the_later_ones(edited: Callable[[int], State], model: Model) -> None:
+    history = History.of(edited(0), edited(1), edited(2)).at(0)
+    for azimuth in (0.1, 0.2, 0.3):
+        turned = _turned(history.now, model, azimuth)
+        history = history.changed(turned, "orbit", moves=True)
+    assert history.states == (edited(0), turned, edited(1), edited(2)) and history.now == turned
+    assert history.redone().now == edited(1) and history.undone().now == edited(0)
+    assert [[edit.words for edit in group] for group in history.edits] == [
+        ["at first", "shape and texture", "shape and texture"]
+    ]
+
+
+def test_an_edit_from_an_earlier_state_is_a_branch_beside_the_later_ones(edited: Callable[[int], State]) -> None:
+    history = History.of(edited(0), edited(1), edited(2)).at(0).changed(edited(3))
+    assert history.states == (edited(0), edited(3)) and history.future == ()
+    (branch,) = history.branches
+    assert (branch.start, branch.last, branch.words) == (0, 2, "shape and texture")
+    back = history.at(branch.last)
+    assert back.states == (edited(0), edited(1), edited(2)) and back.now == edited(2)
+    assert [one.last for one in back.branches] == [3]
+    assert back.undone().undone().redone().now == edited(1)  # redo stays on the path
+
+
+def test_a_drag_that_begins_as_no_edit_is_a_branch_once_it_is_one(edited: Callable[[int], State]) -> None:
+    """A keyframe that is dragged changes the timeline first, then the codes."""
+    history = History.of(edited(0), edited(1)).at(0)
+    history = history.changed(replace(edited(0), removed=frozenset({"a"})), "key")
+    assert history.future == (replace(edited(1), removed=frozenset({"a"})),)
+    history = history.changed(replace(edited(2), removed=frozenset({"a"})), "key")
+    assert history.steps[1].state == edited(1)
+    assert history.future == () and [one.last for one in history.branches] == [1]
+    assert history.undone().now == edited(0)
+
+
+def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_keyframe_is(
+    edited: Callable[[int], State], model: Model
+) -> None:
+    turned = History.of(edited(0), _turned(edited(0), model, 0.5)).undone().changed(edited(1))
+    assert turned.branches == () and len(turned.steps) == 3
+    other_b = replace(edited(0), mix=replace(edited(0).mix, b="c"))
+    removed, keys = replace(edited(0), removed=frozenset({"a"})), replace(edited(0), timeline=Timeline(length=9.0))
+    for changed, words in ((other_b, "c as B"), (removed, "removed objects"), (keys, "keyframes")):
+        history = History.of(edited(0), changed).undone().changed(edited(1))
+        assert [(one.last, one.words) for one in history.branches] == [(1, words)]
+
+
+def test_later_states_take_over_what_is_removed_or_in_the_timeline(edited: Callable[[int], State]) -> None:
+    timelines = [Timeline(length=seconds) for seconds in (2.0, 3.0, 5.0)]
+    one, two = (replace(edited(number), timeline=timelines[0]) for number in (0, 1))
+    three = replace(edited(2), timeline=timelines[1], removed=frozenset({"b"}))
+    history = History.of(one, two, three).at(0)
+    history = history.changed(replace(one, timeline=timelines[2])).changed(
+        replace(one, timeline=timelines[2], removed=frozenset({"a"}))
+    )
+    assert [state.timeline for state in history.future] == [timelines[2], timelines[1]]
+    assert [state.removed for state in history.future] == [{"a"}, {"a", "b"}]
+    assert history.undone().undone().now == one
+
+
+def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
+    history = History.of(edited(0), edited(1), edited(2))
+    history.check()
+    steps = history.steps
+    harmed = (
+        replace(history, steps=()),
+        replace(history, current=3),
+        replace(history, tip=1),
+        replace(history, tip=-4),
+        replace(history, steps=(steps[0], steps[1]._replace(parent=2), steps[2])),
+        replace(history, steps=(steps[0]._replace(parent=2), *steps[1:])),
+        replace(history, steps=(*steps[:2], steps[2]._replace(parent=-1))),
+        replace(history, steps=(*steps[:2], steps[2]._replace(parent=9))),
+    )
+    for number, one in enumerate(harmed):
+        with pytest.raises(ValueError, match="no tree"):
+            one.check()
+            raise AssertionError(number)
+
+
+_OPERATIONS = st.one_of(
+    st.tuples(st.sampled_from(["edit", "move", "drag", "turn", "note"]), st.integers(0, 5)),
+    st.tuples(st.sampled_from(["undo", "redo", "release"]), st.just(0)),
+    st.tuples(st.just("go"), st.integers(0, 100)),
+)
+_MODEL = random_model()
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(_OPERATIONS, max_size=30))
+def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, int]]) -> None:
+    history = History.of(_state(_MODEL, 0, 0))
+    for kind, number in operations:
+        before, history = history, _operated(history, kind, number)
+        history.check()
+        assert history.states[len(history.past)] is history.now
+        if kind == "edit" and history is not before:
+            assert history.undone().now is before.now
+        if history.past:
+            assert history.undone().redone().now is history.now
+            assert history.undone().redone().states == history.states
+        if history.future:
+            assert history.redone().undone().now is history.now
+        if not history.gesture:  # each state of a drag takes the place of the one before
+            assert {id(state.scene) for state, _ in before.steps} <= {id(state.scene) for state, _ in history.steps}
+        if kind == "move":
+            assert _edits(history) == _edits(before)
+            assert history.future == before.future
+        shown = {number for group in history.edits for edit in group for number in edit.steps}
+        hidden = set(range(len(history.steps))) - shown
+        for branch in history.branches:
+            there = history.at(branch.last)
+            hidden -= {number for group in there.edits for edit in group for number in edit.steps}
+        assert all(_is_turned(history, number) for number in hidden)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(_OPERATIONS, max_size=40))
+def test_beyond_the_limit_only_the_oldest_ends_beside_the_path_are_dropped(operations: list[tuple[str, int]]) -> None:
+    history = History.of(_state(_MODEL, 0, 0))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "DEPTH", 6)
+        for kind, number in operations:
+            before, history = history, _operated(history, kind, number)
+            history.check()
+            assert len(history.steps) <= 7
+            if before.states[0] is not history.states[0]:
+                assert len(history.steps) == len(history.states)
+
+
+def _state(model: Model, number: int, azimuth: float) -> State:
+    return State(Scene(model.codes[number], model.camera(azimuth, 0)), Mix(Pair("a", "a"), "b"))
+
+
+def _turned(state: State, model: Model, azimuth: float) -> State:
+    return replace(state, scene=replace(state.scene, camera=model.camera(azimuth, 0)))
+
+
+def _operated(history: History, kind: str, number: int) -> History:
+    now = history.now
+    changes = {
+        "edit": lambda: history.changed(replace(now, scene=replace(now.scene, codes=_MODEL.codes[number]))),
+        "drag": lambda: history.changed(replace(now, scene=replace(now.scene, codes=_MODEL.codes[number])), "drag"),
+        "move": lambda: history.changed(_turned(now, _MODEL, 0.1 * number)),
+        "turn": lambda: history.changed(_turned(now, _MODEL, 0.1 * number), "orbit", moves=True),
+        "note": lambda: history.changed(replace(now, removed=frozenset({str(number)}))),
+        "undo": history.undone,
+        "redo": history.redone,
+        "release": history.without_gesture,
+        "go": lambda: history.at(number % len(history.steps)),
+    }
+    return changes[kind]()
+
+
+def _edits(history: History) -> list[str]:
+    return [edit.words for group in history.edits for edit in group] + [one.words for one in history.branches]
+
+
+def _is_turned(history: History, number: int) -> bool:
+    """Whether a step differs from one before it by moves of the camera alone."""
+    state, parent = history.steps[number]
+    return parent >= 0 and state.is_move_of(history.steps[parent].state)

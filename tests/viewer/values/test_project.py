@@ -90,7 +90,7 @@ def test_states_share_what_they_have_in_common(models: OpenModels, saved: Projec
     assert (tmp_path / "a.codenerf").stat().st_size < 200_000
     found = Project.load(tmp_path / "a.codenerf", models)
     assert found.history == history
-    first, last = found.history.states[-300], found.history.states[-1]
+    first, last = found.history.past[-300], found.history.now
     assert first.timeline is last.timeline
     assert first.scene.codes.shape.data_ptr() == last.scene.codes.shape.data_ptr()
 
@@ -122,9 +122,9 @@ def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved:
     if harm == "no tensors":
         del parts["tensors.safetensors"]
     elif harm == "no key":
-        del about["project"]["history"]["now"]["mix"]["a"]
+        del about["project"]["history"]["steps"][0]["state"]["mix"]["a"]
     elif harm == "bad number":
-        about["project"]["history"]["now"]["scene"]["camera"]["distance"] = "far"
+        about["project"]["history"]["steps"][0]["state"]["scene"]["camera"]["distance"] = "far"
     elif harm == "format":
         about["format"] = "another"
     elif harm == "bad photo":
@@ -181,6 +181,38 @@ def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, co
         session.open_scene(folder / name)
         assert session.messages.errors == []
         assert editor.scene == states[16].scene
+
+
+def test_a_project_without_branches_opens(worker: Worker, backend: Backend) -> None:
+    """Of the second format: an object was removed, and painting the other one undone."""
+    session = Session(worker, replace(backend, load_model=load_model))
+    session.open_project(Path("tests/files/8c33206/project.codenerf"))
+    editor = session.editor
+    assert session.messages.errors == []
+    assert (len(editor.history.past), len(editor.history.future)) == (13, 1)
+    assert editor.objects.own == ["block blue"] and editor.objects.removed == {"block"}
+    assert editor.state.version_of == "block blue"
+    session.open_scene(Path("tests/files/8c33206/look.json"))
+    assert editor.scene == editor.history.past[13].scene
+
+
+def test_a_project_with_branches_and_an_edited_object_opens(worker: Worker, backend: Backend, tmp_path: Path) -> None:
+    shutil.copytree("tests/files/29b3170/mine", tmp_path / "mine")
+    session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
+    assert sorted(one.unedited is not None for one in session.editor.objects.added) == [False, True]
+    session.open_project(Path("tests/files/29b3170/project.codenerf"))
+    editor = session.editor
+    assert session.messages.errors == []
+    one = editor.objects["block blue"]
+    assert editor.scene.codes == one.codes and one.unedited is not None
+    torch.testing.assert_close(one.codes.texture, one.unedited.texture - 0.25)
+    (branch,) = editor.history.branches
+    editor.go_to(branch.last)
+    torch.testing.assert_close(editor.objects["block blue"].codes.texture, one.unedited.texture + 0.25)
+    assert editor.objects.own == ["block blue"]
+    for _ in range(2):
+        editor.undo()
+    assert sorted(editor.objects.own) == ["block", "block blue"]
 
 
 def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -> None:

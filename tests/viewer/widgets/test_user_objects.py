@@ -1,9 +1,29 @@
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from tests.viewer.driver import Drive, Driver
+from core.models.codes import Codes
+from tests.viewer.driver import Drive, Driver, in_window
+from viewer import autosave
 from viewer.widgets import user_objects
+
+
+@pytest.fixture
+def kill(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Driver], Path]:
+    """Copies the folder of a run once its session is saved, as it would be after a kill."""
+    monkeypatch.setattr(autosave, "EVERY", 0.0)
+
+    def copied(window: Driver) -> Path:
+        saving = window.context.autosave
+        window.wait(lambda: saving.is_up_to_date)
+        left = tmp_path / f"left {len(list(tmp_path.glob('left *')))}"
+        shutil.copytree(tmp_path / "config", left, ignore=shutil.ignore_patterns(".*"))
+        return left
+
+    return copied
 
 
 def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -27,10 +47,7 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
         assert editor.objects.own[:2] == ["block (2)", "Red chair"]
         window.undo()
         assert editor.state.mix.a.shape == "Red chair"
-        window.click("Library/**/show block (2)", 1)
-        window.ctx.item_click("//**/###remove object")
-        window.ctx.item_click("//**/###remove for good")
-        window.ctx.yield_(3)
+        window.choose("block (2)", "###remove object")
         assert editor.objects.own[0] == "Red chair"
         window.redo()  # undo comes back to what was removed
         assert editor.state.mix.a.shape == "block (2)"
@@ -44,3 +61,121 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
 
     drive(first, folder=folder)
     drive(second, folder=folder)
+
+
+def paint(window: Driver, colour: tuple[float, float, float]) -> Codes:
+    """Paint the object on screen, and return its codes."""
+    window.session.painting.paint(colour)
+    window.session.painting.release()
+    window.wait()
+    return window.session.editor.scene.codes
+
+
+def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start(
+    drive: Drive, photo: Path, tmp_path: Path, kill: Callable[[Driver], Path]
+) -> None:
+    def first(window: Driver) -> None:
+        editor = window.session.editor
+        window.fit(photo)
+        fitted = editor.scene.codes
+        white = tile(window)
+        red = paint(window, (1.0, 0.0, 0.0))
+        window.click("Library/**/show object 3")
+        window.wait()
+        assert np.abs(tile(window) - white).max() > 30
+        window.click("Library/**/show block")
+        assert editor.scene.codes == red
+        window.choose("block", "###duplicate")
+        assert editor.objects.own == ["block (2)", "block"] and editor.scene.codes == red
+        assert window.session.fitting.shown.sources  # it can be tried again
+        blue = paint(window, (0.0, 0.0, 1.0))
+        window.choose("block", "###unedited")
+        assert editor.scene.codes == fitted and editor.objects["block"].unedited is None
+        window.undo()
+        assert editor.scene.codes == editor.objects["block"].codes == red
+        assert editor.objects["block (2)"].codes == blue
+        made.extend((fitted, red, blue))
+        left.append(kill(window))
+
+    def second(window: Driver) -> None:
+        editor = window.session.editor
+        assert [editor.objects[name].codes for name in ("block", "block (2)")] == made[1:]
+        window.menu("File/###new_project")
+        editor = window.session.editor
+        assert editor.objects.own == ["block (2)", "block"]
+        window.click("Library/**/show block (2)")
+        assert editor.scene.codes == made[2]
+        window.choose("block (2)", "###unedited")
+        assert editor.scene.codes == made[0]
+        window.undo()
+
+    made, left = list[Codes](), list[Path]()
+    drive(first, folder=tmp_path / "config")
+    for folder in (tmp_path / "config", left[0]):
+        drive(second, folder=folder)
+
+
+def tile(window: Driver, name: str = "block") -> np.ndarray:
+    """Pixels of an object's tile in Mine."""
+    window.ctx.mouse_move("//View/orbit")
+    box = window.ctx.item_info(f"//Library/**/show {name}").rect_full
+    return window.capture()[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
+
+
+@pytest.mark.usefixtures("lasting_messages")
+def test_a_removed_object_comes_back_by_undo_by_its_message_and_after_a_kill(
+    drive: Drive, photo: Path, tmp_path: Path, kill: Callable[[Driver], Path]
+) -> None:
+    def first(window: Driver) -> None:
+        window.fit(photo)
+        window.menu("File/###new_project")
+        objects = window.session.editor.objects  # the object is not in the new history
+        window.choose("block", "###remove object")
+        assert objects.own == [] and "Removed block" in window.session.messages.shown[-1].text
+        window.undo()
+        assert objects.own == ["block"]
+        window.redo()
+        assert objects.own == []
+        window.drag("View/orbit", 30)
+        window.click(f"Messages/###undo {len(window.session.messages.shown) - 1}")
+        assert objects.own == ["block"]
+        assert not [one for one in window.session.messages.shown if "Removed" in one.text]
+        window.choose("block", "###remove object")
+        left.append(kill(window))
+
+    def second(window: Driver) -> None:
+        objects = window.session.editor.objects
+        assert objects.own == []
+        window.undo()
+        assert objects.own == ["block"]
+        window.redo()
+        window.menu("File/###new_project")
+        assert window.session.editor.objects.own == []  # for good, but for the earlier session
+        window.menu("File/Recent/###earlier 1")
+        window.undo()
+        assert window.session.editor.objects.own == ["block"]
+
+    left = list[Path]()
+    drive(first, folder=tmp_path / "config")
+    for folder in (tmp_path / "config", left[0]):
+        drive(second, folder=folder)
+
+
+@in_window()
+def test_random_codes_and_mixes_of_an_object_are_no_version_of_it(window: Driver, photo: Path) -> None:
+    editor = window.session.editor
+    window.fit(photo)
+    fitted = editor.scene.codes
+    window.session.player.add_key()
+    edits = (
+        lambda: editor.sample(),
+        lambda: editor.set_texture(editor.code("texture") + 0.1),
+        lambda: editor.mix_both(0.5, 0.5),
+        lambda: editor.take("texture", "object 2"),
+        lambda: editor.show(editor.objects["object 3"].codes, editor.scene.camera),
+    )
+    for edit in edits:
+        edit()
+        assert editor.objects["block"].codes == fitted
+    window.click("Library/**/show block")
+    assert editor.scene.codes == fitted

@@ -1,0 +1,304 @@
+"""Random actions in the real window, from launch to launch; nothing that was made gets lost, and no error is logged.
+
+By hand for ten minutes: ``RANDOM_SECONDS=600 python -m pytest -n 0 -m slow tests/viewer/test_random_actions.py``.
+"""
+
+import logging
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import pytest
+from imgui_bundle import ImVec2, imgui
+from PIL import Image
+
+from core.fitting.fit import FitJob, FitStep
+from core.models.codes import Codes
+from core.models.model import Model
+from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import detailed_fit
+from viewer import autosave
+from viewer.services.backend import Backend
+from viewer.services.messages import MessageKind
+from viewer.values import history
+from viewer.values.project import Project
+from viewer.values.share_settings import ShareSettings
+
+_SECONDS = float(os.environ.get("RANDOM_SECONDS", "20"))  # s of actions for each seed
+_ACTIONS = 25  # actions of a run of the window, at most
+
+Key = tuple[str, bytes, bytes]  # codes to compare: model, shape, texture
+
+
+def varied_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """As :func:`detailed_fit`, but slower, and each photo has codes of its own."""
+    shift = float(job.photos[0].pixels.double().mean())
+    for step in detailed_fit(model, job):
+        time.sleep(0.03)
+        yield replace(step, codes=replace(step.codes, texture=step.codes.texture + shift))
+
+
+class Made:
+    """Originals of all objects, and codes of all states; those since the last save may be lost by a kill."""
+
+    def __init__(self) -> None:
+        self.objects, self.shown = set[Key](), set[Key]()
+        self._newest: tuple[set[Key], set[Key]] = set(), set()
+
+    def observe(self, window: Driver) -> None:
+        """Take note of all objects and states; call after each action."""
+        editor = window.session.editor
+        if editor.history.gesture:
+            return
+        self._newest[0].update(key(one.original) for one in editor.objects.ever_added)
+        self._newest[1].update(key(state.scene.codes) for state, _ in editor.history.steps)
+        if window.context.autosave.is_up_to_date:
+            self.keep()
+
+    def keep(self) -> None:
+        """All that was observed is saved."""
+        self.objects |= self._newest[0]
+        self.shown |= self._newest[1]
+        self.forget_newest()
+
+    def forget_newest(self) -> None:
+        """Leave out what was observed since the last save: the window was killed."""
+        self._newest = set(), set()
+
+
+def key(codes: Codes) -> Key:
+    return codes.model, codes.shape.numpy().tobytes(), codes.texture.numpy().tobytes()
+
+
+class Person:
+    """Does random things, mostly with mouse and keys."""
+
+    def __init__(self, window: Driver, random: Random, folder: Path) -> None:
+        self.window, self.random, self.folder = window, random, folder
+        self.session = window.session
+        self._saved, self._look = folder / "saved.codenerf", folder / "look.json"
+        self.likely: dict[Callable[[], None], int] = {
+            self.orbit: 6,
+            self.slide: 4,
+            self.paint: 4,
+            self.mix: 3,
+            self.undo: 6,
+            self.redo: 4,
+            self.click_history: 6,
+            self.show: 4,
+            self.click_menu: 3,
+            self.remove: 2,
+            self.press_message: 2,
+            self.sample: 1,
+            self.lock: 1,
+            self.keyframe: 2,
+            self.play: 1,
+            self.export: 1,
+            self.drop: 3,
+            self.import_look: 1,
+            self.save: 2,
+            self.open: 1,
+            self.begin_anew: 1,
+            self.rest: 3,
+        }
+
+    def act(self) -> str:
+        """Do something and return its name."""
+        (action,) = self.random.choices([*self.likely], [*self.likely.values()])
+        action()
+        self.window.ctx.yield_(self.random.randint(1, 6))
+        return action.__name__
+
+    def _click(self, name: str, button: int = 0) -> bool:
+        """Click where a widget is, if it is there; something else may have taken its place, as for a person."""
+        if at := self._place(name):
+            self.window.ctx.mouse_move_to_pos(at)
+            self.window.ctx.mouse_click(button)
+        return at is not None
+
+    def _place(self, name: str) -> ImVec2 | None:
+        """The middle of what is seen of a widget, if it is there."""
+        quiet = imgui.test_engine.TestOpFlags_.no_error
+        info = self.window.ctx.item_info(f"//{name}", quiet)
+        return info.rect_clipped.get_center() if info.id_ else None
+
+    def _drag(self, at: ImVec2 | None) -> None:
+        """Drag from a place by a random amount."""
+        if at is not None:
+            self.window.ctx.mouse_move_to_pos(at)
+            self.window.ctx.mouse_down(0)
+            self.window.ctx.mouse_move_to_pos(at + ImVec2(self._amount(), self._amount()))
+            self.window.ctx.mouse_up(0)
+
+    def _choose(self, name: str, item: str) -> None:
+        """Choose from an object's menu, and close it if it has no such item."""
+        self._click(f"Library/**/show {name}", 1)
+        self._click(f"**/{item}")
+        self.window.press(imgui.Key.escape)
+
+    def _amount(self) -> float:
+        return self.random.choice((-1, 1)) * self.random.uniform(5, 60)
+
+    def orbit(self) -> None:
+        low, high = self.window.context.view
+        self._drag(low + (high - low) * 0.3)  # no message is there
+
+    def slide(self) -> None:
+        self.window.show("Sliders")
+        self._drag(self._place(f"Sliders/**/##{self.random.choice(('shape', 'texture'))} 1"))
+
+    def paint(self) -> None:
+        if "texture" not in self.session.editor.locked:
+            self.session.painting.paint((self.random.random(), self.random.random(), self.random.random()))
+            self.session.painting.release()
+
+    def mix(self) -> None:
+        self.window.show("Mix")
+        self._drag(self._place("Mix/mix pad"))
+
+    def undo(self) -> None:
+        for _ in range(self.random.randint(1, 4)):
+            self.window.undo()
+
+    def redo(self) -> None:
+        for _ in range(self.random.randint(1, 4)):
+            self.window.redo()
+
+    def click_history(self) -> None:
+        kind = self.random.choice(("state", "branch"))
+        tiles = [name for number in range(1, 30) if self._place(name := f"History/{kind} {number}")]
+        if tiles:
+            self._click(self.random.choice(tiles))
+
+    def _tile(self) -> str:
+        """An object's tile that is drawn, of the added ones if there are any; its name, or none."""
+        self._click(f"Library/**/###{self.random.choice(('all', 'mine', 'mine'))}")
+        objects = self.session.editor.objects
+        names = objects.own if objects.own and self.random.random() < 0.7 else [*next(iter(objects.families.values()))]
+        drawn = [name for name in names if self._place(f"Library/**/show {name}")]
+        return self.random.choice(drawn) if drawn else ""
+
+    def show(self) -> None:
+        if name := self._tile():
+            self._click(f"Library/**/show {name}")
+
+    def click_menu(self) -> None:
+        name = self._tile()
+        if name in self.session.editor.objects.own:
+            self._choose(name, self.random.choice(("###unedited", "###duplicate")))
+
+    def remove(self) -> None:
+        name = self._tile()
+        if name in self.session.editor.objects.own:
+            self._choose(name, "###remove object")
+
+    def press_message(self) -> None:
+        buttons = [f"Messages/###{label} {number}" for label in ("undo", "show", "dismiss") for number in range(5)]
+        if there := [name for name in buttons if self._place(name)]:
+            self._click(self.random.choice(there))
+
+    def sample(self) -> None:
+        self.window.press(imgui.Key.r)
+
+    def lock(self) -> None:
+        self.window.show("Sliders")
+        self._click(f"Sliders/###lock {self.random.choice(('shape', 'texture'))}")
+
+    def keyframe(self) -> None:
+        self.window.press(imgui.Key.k)
+
+    def play(self) -> None:
+        self.session.player.toggle()
+
+    def export(self) -> None:
+        if not self.session.exporting.running:
+            self.session.exporting.share(self.folder / "turn.gif", ShareSettings(size=16))
+
+    def drop(self) -> None:
+        path = self.folder / f"block {self.random.randrange(10**6)}.png"
+        colour = tuple(self.random.randrange(10, 200) for _ in range(3))
+        image = Image.new("RGB", (96, 96), "white")
+        image.paste(colour, (30, 20, 66, 80))
+        image.save(path)
+        self.window.context.drop([str(path)])
+
+    def import_look(self) -> None:
+        if self._look.exists():
+            self.window.context.drop([str(self._look)])
+        self.session.editor.scene.save(self._look)
+
+    def save(self) -> None:
+        self.session.save_project(self._saved.with_stem(f"saved {self.random.randrange(3)}"))
+
+    def open(self) -> None:
+        if saved := sorted(self.folder.glob("saved*.codenerf")):
+            self.window.context.drop([str(self.random.choice(saved))])
+
+    def begin_anew(self) -> None:
+        self.window.press(imgui.Key.mod_ctrl, imgui.Key.n)
+
+    def rest(self) -> None:
+        self.window.ctx.yield_(self.random.randint(10, 60))
+
+
+@pytest.mark.slow  # as long as it is told to
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_nothing_is_lost_and_no_error_is_logged(
+    drive: Drive,
+    both: Backend,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    seed: int,
+) -> None:
+    monkeypatch.setattr(autosave, "EVERY", 0.2)
+    monkeypatch.setattr(autosave, "EARLIER", 10_000)  # nothing is dropped because it is old
+    monkeypatch.setattr(history, "DEPTH", 10_000)
+    random, made, end = Random(seed), Made(), time.monotonic() + _SECONDS
+    backend, log = replace(both, fit=varied_fit), list[str]()
+    folders = [tmp_path / "run 0"]
+
+    def run(window: Driver) -> None:
+        person, killed = Person(window, random, tmp_path), random.random() < 0.5
+        made.observe(window)
+        for _ in range(random.randint(2, _ACTIONS)):
+            log.append(person.act())
+            made.observe(window)
+            assert _errors(window) == [], log[-10:]
+            if time.monotonic() > end:
+                break
+        if killed:
+            log.append("kill")
+            folders.append(tmp_path / f"run {len(folders)}")
+            shutil.copytree(folders[-2], folders[-1], ignore=shutil.ignore_patterns(".*"))
+            made.forget_newest()
+        else:
+            log.append("close")
+            window.wait()
+            window.session.editor.end_gesture()
+            made.observe(window)
+            made.keep()
+
+    def look(window: Driver) -> None:
+        window.wait(lambda: not window.session.fitting.pending)
+        window.session.new()  # all history is in files of earlier sessions
+        assert _errors(window) == []
+        projects = [Project.load(path, window.session.models) for path in window.context.autosave.earlier]
+        kept = [one for project in projects for one in project.objects] + list(window.session.editor.objects.added)
+        states = [state for project in projects for state, _ in project.history.steps]
+        assert made.objects <= {key(one.original) for one in kept}
+        assert made.shown <= {key(state.scene.codes) for state in states}
+
+    while time.monotonic() < end:
+        drive(run, backend, random.choice(((1280, 800), (900, 600))), folder=folders[-1])
+    drive(look, backend, folder=folders[-1])
+    assert [one.getMessage() for one in caplog.records if one.levelno >= logging.ERROR] == []
+
+
+def _errors(window: Driver) -> list[str]:
+    problems = [one for one in window.session.messages.log if one.kind is MessageKind.PROBLEM]
+    return [f"{one.text} {one.detail}" for one in problems]
