@@ -62,24 +62,24 @@ class Latents:
         offsets = (tensor if tensor is None else copy(tensor) for tensor in (self.shape_offsets, self.texture_offsets))
         return Latents(copy(self.shape), copy(self.texture), *offsets)
 
-    def offsets_json(self) -> dict[str, str]:
-        """Return the offsets as JSON-compatible text, the inverse of :func:`read_offsets`."""
+    def offsets_json(self) -> dict[str, list[str]]:
+        """Return the offsets as JSON-compatible texts, one for each block; :func:`read_offsets` reads them back."""
         named = {"shape_offsets": self.shape_offsets, "texture_offsets": self.texture_offsets}
-        return {name: _to_text(offsets) for name, offsets in named.items() if offsets is not None}
+        return {name: _to_texts(offsets) for name, offsets in named.items() if offsets is not None}
 
 
-def read_offsets(text: str | None, width: int) -> Float16[Tensor, "blocks width"] | None:
-    """Decode offsets of blocks of a width; None stays None. Raises ``ValueError`` for other text."""
-    if text is None:
+def read_offsets(texts: tuple[str, ...] | None) -> Float16[Tensor, "blocks width"] | None:
+    """Decode the offsets of blocks; None stays None. Raises ``ValueError`` for other texts."""
+    if texts is None:
         return None
-    numbers = np.frombuffer(base64.b64decode(text, validate=True), np.float16)
-    if not len(numbers) or len(numbers) % width:
-        raise ValueError(f"offsets of {len(numbers)} numbers do not fit blocks of {width}")
-    return torch.from_numpy(numbers.copy()).reshape(-1, width)
+    blocks = [np.frombuffer(base64.b64decode(text, validate=True), np.float16) for text in texts]
+    if len({len(block) for block in blocks}) != 1:
+        raise ValueError("offsets need blocks of one width")
+    return torch.from_numpy(np.stack(blocks))
 
 
-def _to_text(offsets: Float16[Tensor, "blocks width"]) -> str:
-    return base64.b64encode(offsets.cpu().numpy().tobytes()).decode()
+def _to_texts(offsets: Float16[Tensor, "blocks width"]) -> list[str]:
+    return [base64.b64encode(block.tobytes()).decode() for block in offsets.cpu().numpy()]
 
 
 def _key(code: Tensor, offsets: Tensor | None) -> tuple[float, ...]:

@@ -68,13 +68,12 @@ class Scene:
         A scene of a model that ``model`` extends becomes a scene of ``model`` and looks nearly the same.
         """
         about = typed(_About, parse_json(text), name="scene")
-        width = model.field.config.width
-        detail = about.detail and about.detail.read(width)
+        detail = about.detail and about.detail.read()
         codes = Codes(
             torch.tensor(about.shape),
             torch.tensor(about.texture),
-            read_offsets(about.shape_offsets, width),
-            read_offsets(about.texture_offsets, width),
+            read_offsets(about.shape_offsets),
+            read_offsets(about.texture_offsets),
             detail,
             model.fingerprint,
         )
@@ -110,10 +109,10 @@ class _Detail(NamedTuple):
     strength: float = 1.0
     other_side: OtherSide | None = None
     both_sides: bool = False  # in older scenes, instead of other_side
-    shape_offsets: str | None = None
-    texture_offsets: str | None = None
+    shape_offsets: tuple[str, ...] | None = None
+    texture_offsets: tuple[str, ...] | None = None
 
-    def read(self, width: int) -> PhotoDetail:
+    def read(self) -> PhotoDetail:
         views = tuple(view.read() for view in self.views)
         side = self.other_side or ("mirrored" if self.both_sides else "soft")
         return PhotoDetail(
@@ -122,8 +121,8 @@ class _Detail(NamedTuple):
             torch.tensor(self.texture),
             self.strength,
             side,
-            read_offsets(self.shape_offsets, width),
-            read_offsets(self.texture_offsets, width),
+            read_offsets(self.shape_offsets),
+            read_offsets(self.texture_offsets),
         )
 
 
@@ -135,8 +134,8 @@ class _About(NamedTuple):
     shape: tuple[float, ...]
     texture: tuple[float, ...]
     detail: _Detail | None = None
-    shape_offsets: str | None = None
-    texture_offsets: str | None = None
+    shape_offsets: tuple[str, ...] | None = None
+    texture_offsets: tuple[str, ...] | None = None
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

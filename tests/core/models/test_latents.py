@@ -107,6 +107,6 @@ def test_a_scene_keeps_offsets_exactly_and_refuses_those_of_another_network(tiny
     wrong = replace(scene.codes, shape_offsets=offsets(0, 3))
     with pytest.raises(ValueError, match="another model"):
         Scene.from_json(Scene(wrong, scene.camera).to_json(), tiny)
-    for text in ("?", "AAA=", "AAAA"):
+    for texts in (("?",), ("AAA=",) * 2 + ("AAAAAA==",), ("AAAA",), ()):
         with pytest.raises(ValueError):
-            read_offsets(text, WIDTH)
+            read_offsets(texts)
