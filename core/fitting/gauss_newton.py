@@ -173,7 +173,6 @@ def _render(
 
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     moves = camera_jacobian(parameters, rays)
-    rays, moves = pixels.mirrored_rays(rays), pixels.mirrored_jacobian(moves)
 
     def render(piece: Piece) -> tuple[Tensor, Tensor]:
         shape_bias, texture_bias, *along = (part[piece[0]] for part in (*biases, *entries))

@@ -252,7 +252,7 @@ def _render(
     jitter: Float[Tensor, "views all_rays"] | None,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> RenderedPixels:
-    rays = pixels.mirrored_rays(hypothesis_rays(model, parameters, pixels, samples, jitter))
+    rays = hypothesis_rays(model, parameters, pixels, samples, jitter)
     kept, cells = max(2, samples // 6), known_cells(model, cells)
 
     def render(piece: Piece) -> tuple[Tensor]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,6 @@ from torch import Tensor
 
 from core.geometry.camera import pixel_centres
 from core.geometry.pixels import bounding_box
-from core.geometry.rays import Rays
 from core.models.model import Model
 from core.photos.photo import Photo
 
@@ -36,7 +35,6 @@ class PixelBatch(NamedTuple):
     footprints: Float[Tensor, "views rays rays_each 2"]  # focal lengths, offsets of the rays that a pixel averages
     weights: Float[Tensor, "views rays"]
     """fraction of the photo that each pixel represents: weighted sums estimate means over all pixels"""
-    mirrored: bool = False  # every second pixel also shows the object's mirror image, seen along mirrored rays
 
     @property
     def points(self) -> Float[Tensor, "views all_rays 2"]:
@@ -47,26 +45,6 @@ class PixelBatch(NamedTuple):
         """Average the rays of each pixel: (hypotheses, views, all_rays, ...) to (hypotheses, views, rays, ...)."""
         each = self.footprints.shape[2]
         return values if each == 1 else values.unflatten(2, (-1, each)).mean(3)
-
-    def mirrored_rays(self, rays: Rays) -> Rays:
-        """Return rays of (hypotheses, views, all_rays) with those of the mirror image mirrored (-x, y, z)."""
-        if not self.mirrored:
-            return rays
-        sign = self._signs.to(rays.origins.device)
-        return replace(rays, origins=rays.origins * sign, directions=rays.directions * sign)
-
-    def mirrored_jacobian(
-        self, jacobian: Float[Tensor, "hypotheses views all_rays 6 8"]
-    ) -> Float[Tensor, "hypotheses views all_rays 6 8"]:
-        """Return the derivatives of :meth:`mirrored_rays`, given those of the rays' origins and directions."""
-        return jacobian * self._signs.repeat(1, 2)[..., None].to(jacobian.device) if self.mirrored else jacobian
-
-    @property
-    def _signs(self) -> Float[Tensor, "all_rays 3"]:
-        """The factors on the coordinates of each ray."""
-        signs = torch.ones(self.pixels.shape[1], 3)
-        signs[1::2, 0] = -1.0
-        return signs.repeat_interleave(self.footprints.shape[2], 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,15 +98,10 @@ class Observation:
         return torch.cat(indices), torch.cat(weights)
 
 
-def sample_pixels(
-    observations: Sequence[Observation], count: int, generator: torch.Generator, mirrored: bool = False
-) -> PixelBatch:
+def sample_pixels(observations: Sequence[Observation], count: int, generator: torch.Generator) -> PixelBatch:
     """Sample ``count`` pixels of every photo, at least one of each stratum.
 
     If any photo is blurred, samples half as many pixels of all photos, with four rays each.
-
-    Args:
-        mirrored: :attr:`PixelBatch.mirrored`.
     """
     blurred = any(observation.blur for observation in observations)
     count = max(count // (2 if blurred else 1), len(_STRATA_FRACTIONS))
@@ -138,8 +111,7 @@ def sample_pixels(
         values = (one.pixels, one.colours, one.target_opacity, one.mask_valid, one.certainty)
         around = _footprints(one.blur, count, generator) if blurred else torch.zeros(count, 1, 2)
         parts.append((*(value[index] for value in values), around, weights))
-    tensors = (torch.stack(part) for part in zip(*parts, strict=True))
-    return PixelBatch(*tensors, mirrored)  # type: ignore[arg-type, call-arg]
+    return PixelBatch(*(torch.stack(part) for part in zip(*parts, strict=True)))
 
 
 def _footprints(blur: float, count: int, generator: torch.Generator) -> Float[Tensor, "count rays_each 2"]:

@@ -68,7 +68,6 @@ class Problem:
     validation: PixelBatch
     occluded: bool = False  # an occluder may hide parts of the object
     origin: Latents | None = None  # see hypothesis_biases
-    mirrored: bool = False  # every second pixel of a step shows the object's mirror image
 
     @classmethod
     def of(cls, model: Model, job: FitJob, generator: torch.Generator) -> "Problem":

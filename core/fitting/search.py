@@ -58,7 +58,7 @@ def optimise(
         for step in range(stage.steps):
             if step % update_every == 0 and use_cells:
                 cells = hypothesis_cells(problem.model, batch.parameters, problem.origin)
-            pixels = sample_pixels(problem.observations, stage.rays, generator, problem.mirrored)
+            pixels = sample_pixels(problem.observations, stage.rays, generator)
             jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
             after = gauss_newton_step(
                 problem.model, batch, pixels, jitter, stage, objective, problem.free, cells, problem.origin
