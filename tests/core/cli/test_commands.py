@@ -23,7 +23,7 @@ from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.detector import Detection
 from core.photos.photo import Photo
-from core.photos.segmentation import Hints
+from core.photos.segmentation import CutOut, Hints
 from core.rendering.direction_words import direction_words
 from tests.core.lab.datasets.test_glb_objects import write_folder
 from tests.core.lab.evaluation.test_protocol import views_of
@@ -320,20 +320,24 @@ def test_that_several_photos_have_no_confidence_is_said(file, model, capsys, fit
     assert "of several photos together" in printed.err
 
 
-def test_a_chair_and_a_car_in_one_fit_are_named(file, model, capsys, monkeypatch, fit_ends):
-    guesses = iter([{"chairs": 0.9, "cars": 0.05}, {"chairs": 0.8, "cars": 0.1}, {"chairs": 0.1, "cars": 0.8}])
-    prepared = fitting.prepare_photo
-    monkeypatch.setattr(
-        fitting, "prepare_photo", lambda *given, **named: replace(prepared(*given, **named), categories=next(guesses))
-    )
-    Path("b.png").write_bytes(Path("a.png").read_bytes())
+def test_a_chair_and_a_car_are_not_fitted_as_one_object_unless_a_model_is_named(
+    file, model, capsys, monkeypatch, fit_ends
+):
+    Image.new("RGB", (65, 65), "white").save("b.png")
+    cut_out = fitting.cut_out
+
+    def cut_and_guess(image: Image.Image, hints: Hints | None) -> CutOut:
+        if image.width == 65:
+            return replace(cut_out(Image.open("a.png").convert("RGBA")), categories={"chairs": 0.1, "cars": 0.8})
+        return replace(cut_out(image), categories={"chairs": 0.9, "cars": 0.05})
+
     fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model.codes[0]))
+    monkeypatch.setattr(fitting, "cut_out", cut_and_guess)
+    said = "b.png: this looks like a car, the first image like a chair: the images of one fit show one object"
+    advice = "Fit each object by itself, or choose one model with --model"
+    assert refused(capsys, "fit a.png a.png b.png") == f"python -m core: {said}. {advice}\n"
     run(f"fit a.png a.png b.png --model {file}")
-    lines = [line for line in capsys.readouterr().err.splitlines() if "one object" in line]
-    assert lines == [
-        "python -m core: b.png: this looks like a car, the first image like a chair: the images of one fit show one "
-        "object"
-    ]
+    assert capsys.readouterr().err.splitlines()[0] == f"python -m core: {said}"
 
 
 def test_a_box_is_in_pixels_of_the_upright_image(file, capsys, monkeypatch):
