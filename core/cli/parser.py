@@ -6,7 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from core.cli.argument_types import box, count, degrees, edits, image_size, paints, point, view_numbers
+from core.cli.argument_types import (
+    box,
+    count,
+    degrees_up_to,
+    edits,
+    image_size,
+    number_from,
+    paints,
+    point,
+    view_numbers,
+    whole_from,
+)
 from core.cli.bench_parser import add_bench
 from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_seed
 from core.fitting.settings import PRESETS
@@ -74,11 +85,15 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     _add_object_options(command)
-    command.add_argument("--azimuth", type=degrees, metavar="D", help="degrees; 90: the front (default: 60 or scene's)")
-    command.add_argument("--elevation", type=degrees, metavar="D", help="degrees, -90 to 90 (default: 20 or scene's)")
+    command.add_argument(
+        "--azimuth", type=degrees_up_to(3600), metavar="D", help="degrees; 90: the front (default: 60 or scene's)"
+    )
+    command.add_argument(
+        "--elevation", type=degrees_up_to(90), metavar="D", help="degrees, -90 to 90 (default: 20 or scene's)"
+    )
     command.add_argument(
         "--distance",
-        type=float,
+        type=number_from(0.05, 100, " scene units"),
         metavar="X",
         help="scene units; an object's diagonal is 1 (default: fill the frame, but the scene's for an image)",
     )
@@ -96,10 +111,10 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
-    command.add_argument("--frames", type=count, default=72, metavar="N", help="number of frames")
-    command.add_argument("--fps", type=count, default=24, metavar="N", help="frames per second")
+    command.add_argument("--frames", type=whole_from(1, 100_000), default=72, metavar="N", help="number of frames")
+    command.add_argument("--fps", type=whole_from(1, 100), default=24, metavar="N", help="frames per second")
     command.add_argument("--size", type=image_size, default=(512, 512), metavar="PX|WxH", help="(default: 512)")
-    command.add_argument("--quality", type=count, default=85, metavar="N", help="1 to 100 (gif: colours)")
+    command.add_argument("--quality", type=whole_from(1, 100), default=85, metavar="N", help="1 to 100 (gif: colours)")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument("--shadow", action="store_true", help="the object's shadow on the ground (no transparent gif)")
     command.add_argument(
@@ -132,7 +147,9 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         help="glb: width of a colour image, approximately (default: colours at the vertices)",
     )
     command.add_argument("--triangles", type=count, metavar="N", help="at most (default: all; 8,000 with a texture)")
-    command.add_argument("--metres", type=float, metavar="M", help="longest side, on the ground (default: scene units)")
+    command.add_argument(
+        "--metres", type=number_from(1e-4, 1e6), metavar="M", help="longest side, on the ground (default: scene units)"
+    )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
 
@@ -197,17 +214,21 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     )
     meshes = add_command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
-    meshes.add_argument("--variants", type=int, default=0, metavar="N", help="deformed, recoloured variants of each")
+    meshes.add_argument(
+        "--variants", type=whole_from(0, 10_000), default=0, metavar="N", help="deformed, recoloured variants of each"
+    )
     pairs = add_command(kinds, "pairs", "train.dataset_pairs", "render pairs for evaluate --disentanglement")
     pairs.add_argument("folder", type=Path, metavar="DIR")
-    pairs.add_argument("--variants", type=count, default=3, metavar="N", help="as for the training dataset")
+    pairs.add_argument(
+        "--variants", type=whole_from(1, 10_000), default=3, metavar="N", help="as for the training dataset"
+    )
     pairs.add_argument("--meshes", type=count, default=4, metavar="N", help="training meshes, evenly spaced")
-    pairs.add_argument("--views", type=count, default=24, help="per object")
+    pairs.add_argument("--views", type=whole_from(1, 10_000), default=24, help="per object")
     meshes.add_argument("--split", choices=SPLITS, default="train", help="split that the objects belong to")
-    meshes.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
+    meshes.add_argument("--views", type=whole_from(1, 10_000), help="per object (default: 50 to train on, else 251)")
     for command in (meshes, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
-        command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
+        command.add_argument("--size", type=whole_from(8, 4096), default=128, metavar="PX", help="width and height")
         command.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
 
 
@@ -217,7 +238,9 @@ _DEFAULT_FIELD = RECIPES["default"].field
 def _add_train(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "train", "train.train", "train a category model; --resume continues a run")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
-    command.add_argument("--shares", type=float, nargs="+", default=(), help="fraction of the rays for each dataset")
+    command.add_argument(
+        "--shares", type=number_from(1e-6, 1e6), nargs="+", default=(), help="fraction of the rays for each dataset"
+    )
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
     command.add_argument(
@@ -227,12 +250,16 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "the datasets contain new objects",
     )
     command.add_argument("--steps", type=count, default=100_000, help="length of the schedule")
-    command.add_argument("--rays", type=count, help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)")
+    command.add_argument(
+        "--rays", type=whole_from(1, 1_000_000), help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)"
+    )
     command.add_argument("--recipe", choices=tuple(RECIPES), default="default", help="M1, M2: the entangled ablations")
-    command.add_argument("--width", type=count, help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)")
+    command.add_argument(
+        "--width", type=whole_from(1, 8192), help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)"
+    )
     command.add_argument(
         "--latent",
-        type=count,
+        type=whole_from(1, 8192),
         nargs=2,
         metavar=("SHAPE", "TEXTURE"),
         help="dimensions of a code (default: the recipe's; "
