@@ -141,7 +141,7 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: _Stopwat
             with clock("cut_out"):
                 cut = cut_out(image, hints)
         _say(path, cut.note)
-        if cut.confidence < DOUBTFUL_MASK:
+        if not mask and cut.confidence < DOUBTFUL_MASK:
             doubt = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by})"
             _say(path, f"{doubt}: --point, --box or --mask helps")
         if not mask and (said := _other_objects(cut, hints)):

@@ -422,7 +422,7 @@ def test_a_point_or_a_mask_says_where_the_object_is(file, capsys, monkeypatch):
     printed = capsys.readouterr().err
     assert "outside the image of 400x200 px" in printed
     assert "a point is two numbers X,Y, not '1'" in printed
-    assert "white.png: the mask is all black or all white; it must be white on the object only" in printed
+    assert "white.png: the mask has 1 value (255); it must be white on the object, black elsewhere" in printed
     assert "1 images need as many masks, got 2" in printed
 
 
