@@ -21,7 +21,7 @@ from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
-from core.geometry.pose_files import read_pose
+from core.geometry.pose_files import PosedImage, find_pose, require_scale
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
@@ -40,9 +40,9 @@ def fit(chosen: argparse.Namespace) -> None:
     """Run ``fit``: estimate camera and codes of the object in the images; end with a line of JSON."""
     _check(chosen)
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
-    poses = chosen.pose or [None] * len(chosen.images)
     nothing = [None] * len(chosen.images)
     hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
+    poses = _poses(chosen) or nothing
     clock = _Stopwatch()
     masks = chosen.mask or nothing
     cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
@@ -50,7 +50,7 @@ def fit(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
         bank = wait_for_view_bank(model)
-    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), repeat(bank), poses, repeat(chosen.pose_axes)))
+    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), repeat(bank), poses, repeat(chosen.pose_scale)))
     _say_category(chosen, model, cuts[0].categories)
     with clock("search"):
         last = _search(model, FitJob(photos, bank, settings, chosen.seed), chosen.log)
@@ -79,7 +79,8 @@ def _check(chosen: argparse.Namespace) -> None:
     """Raise ``ValueError`` for options that contradict each other or files that cannot be written."""
     count, kinds = len(chosen.images), {"pose": "poses", "box": "boxes", "point": "points", "mask": "masks"}
     for name, plural in (kinds | {"object": "object numbers"}).items():
-        if (given := getattr(chosen, name)) and len(given) != count:
+        given = getattr(chosen, name)
+        if given and len(given) != count and not (name == "pose" and _is_transforms(given)):
             raise ValueError(f"{count} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
@@ -157,9 +158,23 @@ def _say(path: Path, text: str) -> None:
         say(f"{path}: {text}")
 
 
-def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, pose: Path | None, axes: str) -> Photo:
+def _poses(chosen: argparse.Namespace) -> list[PosedImage]:
+    """Return the images' known cameras; none without ``--pose``."""
+    files = chosen.pose * len(chosen.images) if _is_transforms(chosen.pose) else chosen.pose
+    return list(map(find_pose, files, chosen.images, repeat(chosen.pose_axes), repeat(chosen.pose_scale)))
+
+
+def _is_transforms(poses: Sequence[Path]) -> bool:
+    """True for one file with the cameras of several images."""
+    return len(poses) == 1 and poses[0].suffix.lower() == ".json"
+
+
+def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, posed: PosedImage | None, scale: float) -> Photo:
     with naming(path):
-        return prepare_photo(cut, model, bank, read_pose(pose, axes) if pose else None)
+        photo = prepare_photo(cut, model, bank, posed)
+        if posed and posed.focal and photo.camera:  # SRN's poses are in a model's units
+            require_scale([photo.mask.numpy()], [photo.camera], scale)
+        return photo
 
 
 def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:

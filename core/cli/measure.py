@@ -53,7 +53,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
             "no --input-views, --pose, --preset or --view-stride"
         )
     model = load_model(chosen.model, chosen.device)
-    entries = _index_entries(model, chosen.datasets)
+    entries = _index_entries(model, chosen.datasets, chosen.pose_scale)
     if chosen.report:
         require_writable(chosen.report)
     wait_for_view_bank(model)
@@ -218,9 +218,9 @@ def _evaluate_disentanglement(
     print(format_disentanglement(scores), flush=True)
 
 
-def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
+def _index_entries(model: Model, datasets: Sequence[Path], scale: float = 1.0) -> tuple[ObjectEntry, ...]:
     """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
-    category, entries = index_objects(datasets)
+    category, entries = index_objects(datasets, scale)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, but the model {model.category}")
     return entries

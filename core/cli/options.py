@@ -2,7 +2,7 @@
 
 import argparse
 
-from core.cli.argument_types import whole_from
+from core.cli.argument_types import number_from, whole_from
 
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
@@ -31,6 +31,12 @@ def add_model(command: argparse.ArgumentParser) -> None:
 def add_device(command: argparse.ArgumentParser) -> None:
     """Add ``--device``."""
     command.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs")
+
+
+def add_pose_scale(command: argparse.ArgumentParser) -> None:
+    """Add ``--pose-scale``."""
+    about = "scene units of a unit of the pose files; an object's diagonal is 1 scene unit"
+    command.add_argument("--pose-scale", type=number_from(1e-6, 1e6), default=1.0, metavar="X", help=about)
 
 
 def add_seed(command: argparse.ArgumentParser) -> None:

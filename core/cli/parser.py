@@ -19,7 +19,7 @@ from core.cli.argument_types import (
     whole_from,
 )
 from core.cli.bench_parser import add_bench
-from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_seed
+from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_pose_scale, add_seed
 from core.fitting.settings import PRESETS
 from core.lab.datasets.categories import SPLITS
 from core.lab.training.recipes import RECIPES
@@ -166,11 +166,20 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
     add_device(command)
     command.add_argument(
-        "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
+        "--pose",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="POSE",
+        help="known cameras: an SRN file for each image, or one transforms.json with the images' names",
     )
     command.add_argument(
-        "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="camera axes of --pose; opengl is Blender's"
+        "--pose-axes",
+        choices=("opencv", "opengl"),
+        default="opencv",
+        help="camera axes of SRN files; opengl: Blender's",
     )
+    add_pose_scale(command)
     where = command.add_mutually_exclusive_group()
     where.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
     where.add_argument("--mask", type=Path, nargs="+", default=[], metavar="MASK", help="one per image, white on it")
@@ -237,7 +246,9 @@ _DEFAULT_FIELD = RECIPES["default"].field
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "train", "train.train", "train a category model; --resume continues a run")
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    command.add_argument(
+        "datasets", type=Path, nargs="+", metavar="DATASET", help="folders in the layout of SRN or NeRF"
+    )
     command.add_argument(
         "--shares", type=number_from(1e-6, 1e6), nargs="+", default=(), help="fraction of the rays for each dataset"
     )
@@ -266,6 +277,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default)",
     )
     add_device(command)
+    add_pose_scale(command)
     add_seed(command)
 
 
@@ -276,10 +288,13 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
         "train.train_viewpoint_classifier",
         "train a model's viewpoint classifier, as train does last",
     )
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    command.add_argument(
+        "datasets", type=Path, nargs="+", metavar="DATASET", help="folders in the layout of SRN or NeRF"
+    )
     add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=count, default=8000, help="of training")
+    add_pose_scale(command)
     add_seed(command)
 
 
@@ -304,7 +319,7 @@ def _add_convert(commands: argparse._SubParsersAction) -> None:
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, score others")
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders of objects to test on")
     add_model(command)
     command.add_argument(
         "--disentanglement", action="store_true", help="test untrained shape-texture pairs, and leaks of codes, instead"
@@ -315,4 +330,5 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
     command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
     command.add_argument("--report", type=Path, metavar="R.json", help="write the scores; of pairs also an image (PNG)")
+    add_pose_scale(command)
     add_seed(command)

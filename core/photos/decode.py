@@ -98,7 +98,7 @@ def _mask_values(image: Image.Image) -> Image.Image:
         return _object_of_palette(image)
     if transparent or "A" in image.getbands():
         alpha = image.convert("RGBA").getchannel("A")
-        image = alpha if alpha.getextrema()[0] < 255 else image
+        image = alpha if np.asarray(alpha).min() < 255 else image
     grey = _eight_bits(image) if image.mode.startswith(("I", "F")) else image.convert("L")
     values = [value for value, pixels in enumerate(grey.histogram()) if pixels]
     if len(values) == 2:
@@ -115,7 +115,7 @@ def _has_grey_palette(image: Image.Image) -> bool:
 
 def _palette(image: Image.Image) -> dict[int, tuple[int, ...]]:
     """Return the colour of each index in use, without Pascal VOC's colour of pixels of unknown class."""
-    colours = np.reshape(image.getpalette("RGB"), (-1, 3)).tolist()
+    colours = np.array(image.getpalette("RGB")).reshape(-1, 3).tolist()
     used = [index for index, pixels in enumerate(image.histogram()) if pixels]
     return {index: tuple(colours[index]) for index in used if index < len(colours) and tuple(colours[index]) != _VOID}
 

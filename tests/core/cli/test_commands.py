@@ -1,6 +1,7 @@
 """The command line as a person types it, in this process."""
 
 import json
+import math
 import re
 import shutil
 from collections.abc import Callable
@@ -139,6 +140,41 @@ def write_stools() -> None:
     tiny_model().save(Path("m.safetensors"))
     for index in range(3):
         write_object(Path("d"), views_of(tiny_model(), index, 3))
+
+
+def write_nerf_stools(scale: float) -> None:
+    """The tiny model, and two of its objects in NeRF's layout and units of ``scale``."""
+    tiny_model().save(Path("m.safetensors"))
+    for index in range(2):
+        views, frames = views_of(tiny_model(), index, 3), []
+        Path(f"d/stool{index}/train").mkdir(parents=True)
+        for number, camera in enumerate(views.cameras):
+            alpha = Image.fromarray(views.masks[number].astype(np.uint8) * 255)
+            image = Image.fromarray(views.images[number])
+            image.putalpha(alpha)
+            image.save(f"d/stool{index}/train/r_{number}.png")
+            matrix = camera.pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
+            matrix[:3, 3] /= scale
+            frames.append({"file_path": f"./train/r_{number}", "transform_matrix": matrix.tolist()})
+        angle = 2 * math.atan(camera.width / 2 / camera.focal)
+        about = json.dumps({"camera_angle_x": angle, "frames": frames})
+        Path(f"d/stool{index}/transforms_train.json").write_text(about)
+
+
+@pytest.mark.usefixtures("quick")
+def test_nerf_folders_are_fitted_evaluated_and_trained_on(capsys: pytest.CaptureFixture[str]):
+    write_nerf_stools(0.3)
+    photos = "d/stool0/train/r_0.png d/stool0/train/r_1.png --pose d/stool0/transforms_train.json"
+    assert "across instead of 1: --pose-scale 0." in refused(capsys, f"fit {photos} --model m.safetensors")
+    run(f"fit {photos} --model m.safetensors --pose-scale 0.3 --preset draft")
+    fitted = json.loads(capsys.readouterr().out)
+    assert fitted["distance"] == pytest.approx(tiny_model().distance, rel=1e-3)
+    assert fitted["psnr"] > 20
+    run("evaluate d --model m.safetensors --input-views 0,1 --pose-scale 0.3 --report r.json")
+    assert evaluated("r.json") == ["stool0", "stool1"]
+    assert json.loads(Path("r.json").read_text())["summary"]["psnr"][0] > 20
+    run("train d --pose-scale 0.3 --width 16 --latent 4 4 --steps 2 --out n.safetensors")
+    assert len(load_model("n.safetensors").codes) == 2
 
 
 def evaluated(report: str) -> list[str]:
