@@ -100,6 +100,13 @@ def test_a_turntable_becomes_another_object_and_turns_back(file: str):
     assert np.abs(np.asarray(white.convert("RGB")).astype(int) - pixels("there.png")).max() <= 3
 
 
+def test_a_gif_keeps_the_frames_that_browsers_show(file: str, capsys: pytest.CaptureFixture[str]):
+    run(f"turntable --model {file} --frames 12 --fps 60 --size 16 --out t.gif")
+    assert "t.gif: browsers show at most 50 frames a second of it, so 10 of 12 are kept" in capsys.readouterr().err
+    run(f"turntable --model {file} --frames 12 --fps 60 --size 16 --out t.webp")
+    assert "browsers" not in capsys.readouterr().err
+
+
 def test_mesh_writes_the_object():
     tiny_model().save(Path("m.safetensors"))
     run("mesh --model m.safetensors --object 1 --resolution 24 --out a.ply")
