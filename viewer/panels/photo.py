@@ -15,6 +15,7 @@ from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import packed
 from viewer.values.fit_history import FitHistory, Question
+from viewer.values.printable import as_label
 from viewer.widgets import user_objects
 from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
@@ -83,7 +84,7 @@ def _draw_question(context: PanelContext, question: Question) -> None:
     models = [*session.listed_models] if question.cut else []
     for model in sorted(models, key=lambda one: one.fingerprint != question.model):
         likely = model.fingerprint == question.model
-        label = "This one###this one" if likely else f"As a {model.noun}###as {model.category}"
+        label = "This one###this one" if likely else f"As a {as_label(model.noun)}###as {model.category}"
         colour = context.palette.accent if likely else None
         if button(label, f"Fit what is outlined, as a {model.noun}", colour=colour):
             fitting.answer(question, model.fingerprint)
@@ -168,7 +169,7 @@ def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> N
         ("With another photo…###add photo", "One of the same object", lambda: context.files.ask(more), True),
     ]
     ways += [
-        (f"As a {model.noun}###as {model.category}", "", partial(fitting.refit, model), True)
+        (f"As a {as_label(model.noun)}###as {model.category}", "", partial(fitting.refit, model), True)
         for model in context.session.listed_models
         if model.fingerprint != shown.model
     ]

@@ -6,6 +6,7 @@ from core.fitting.confidence import in_words
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
+from viewer.values.printable import as_label
 from viewer.widgets.controls import NameField
 
 COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
@@ -50,7 +51,7 @@ class UserObjectMenu:
         imgui.separator()
         self._draw_rename(name)
         if imgui.begin_menu("Remove###remove object"):
-            if imgui.menu_item_simple(f"Remove {name}###remove for good"):
+            if imgui.menu_item_simple(f"Remove {as_label(name)}###remove for good"):
                 context.session.remove(name)
             imgui.end_menu()
 

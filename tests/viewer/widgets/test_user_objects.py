@@ -1,8 +1,10 @@
 from pathlib import Path
 
 import numpy as np
+from imgui_bundle import imgui
 
-from tests.viewer.driver import Drive, Driver
+from tests.viewer.driver import Drive, Driver, in_window
+from viewer.values.printable import as_label
 from viewer.widgets import user_objects
 
 
@@ -44,3 +46,23 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
 
     drive(first, folder=folder)
     drive(second, folder=folder)
+
+
+@in_window()
+def test_names_with_signs_of_imgui_are_shown_whole(window: Driver, photo: Path) -> None:
+    """Their tiles are not one, though imgui forgets what precedes ###, and their menus hide nothing after ##."""
+    editor = window.session.editor
+    tiles = {}
+    for name in ("left###chair", "right###chair"):
+        window.fit(photo)
+        window.session.rename(editor.state.mix.a.shape, name)
+        window.ctx.yield_(3)
+        tiles[name] = f"Library/**/{as_label(f'show {name}')}"
+    for name in (*tiles, *reversed(tiles)):
+        window.click(tiles[name])
+        assert editor.state.mix.a.shape == name
+    window.click(tiles["left###chair"], 1)
+    window.ctx.item_click("//**/###remove object")
+    label = window.ctx.item_info("//**/###remove for good").rect_full
+    assert label.get_width() > imgui.calc_text_size(as_label("Remove left###chair")).x
+    window.ctx.key_press(imgui.Key.escape)
