@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
+from core.runtime.raw_previews import RAW_SIZE
 from core.runtime.reading import open_image, optional, reading
 
 WORKING_SIDE = 1024  # px: longer side at which images are cut out
 _NARROWEST = 128  # largest aspect ratio; beyond, the shorter side would be under 8 px at the working size
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif")
-"""offered by file dialogs"""
+_RAW_SUFFIXES = ".dng", ".nef", ".arw", ".cr2"  # camera raws, which hold a JPEG
+IMAGE_SUFFIXES = (
+    *(".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif"),
+    *_RAW_SUFFIXES,
+)  # offered by file dialogs
 _FILM_DIAGONAL = math.hypot(36, 24)  # mm
 _LENSES = 8, 600  # mm, plausible focal lengths
 _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
@@ -49,8 +53,12 @@ def read_rgba(path: Path) -> Image.Image:
             if max(image.size) > _NARROWEST * min(image.size):
                 raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
             number, count = image.tell() + 1, getattr(image, "n_frames", 1)
+            raw = image.info.get(RAW_SIZE)
             found = _small_rgba(image)
-            if count > 1:
+            if raw:
+                sizes = f"{image.width}x{image.height} px of {raw[0]}x{raw[1]}"
+                found.info[NOTE] = f"only the preview of this camera raw is read ({sizes}): export it as JPEG"
+            elif count > 1:
                 found.info[NOTE] = f"image {number} of the {count} in this file is used"
             return found
 
