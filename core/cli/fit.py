@@ -86,10 +86,22 @@ def _check(chosen: argparse.Namespace) -> None:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
+    _check_apart(chosen)
     if chosen.explain:
+        if chosen.explain.exists() and not chosen.explain.is_dir():
+            raise ValueError(f"cannot write {chosen.explain}: it is not a folder")
         chosen.explain.mkdir(parents=True, exist_ok=True)
     for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):
         require_writable(path)
+
+
+def _check_apart(chosen: argparse.Namespace) -> None:
+    """Raise ``ValueError`` if a file to write is also another one of the command, which would be lost."""
+    taken = {path.resolve(): path for path in (*chosen.images, *(chosen.mask or ()), *(chosen.pose or ()))}
+    for path in filter(None, (chosen.out, chosen.log)):
+        if path.resolve() in taken:
+            raise ValueError(f"cannot write {path}: this command needs it for something else; choose another name")
+        taken[path.resolve()] = path
 
 
 def _compare_categories(chosen: argparse.Namespace, cuts: Sequence[CutOut]) -> None:

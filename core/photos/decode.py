@@ -35,6 +35,8 @@ _TURNS = {
     8: Image.Transpose.ROTATE_90,
 }  # transform to upright, by EXIF orientation
 _GREY = 127  # largest value of a mask's background
+_DARK = 32  # a grey value closer to 0 or 255 counts as black or white
+_MOST_BETWEEN = 0.25  # largest fraction of other pixels, which soft edges have; photographs have more
 _BLACK, _WHITE = (0, 0, 0), (255, 255, 255)
 _VOID = (224, 224, 192)  # colour of Pascal VOC's index 255: edges of objects
 _FEW = 8  # values in a message
@@ -113,6 +115,9 @@ def _mask_values(image: Image.Image) -> Image.Image:
         return grey.point(lambda value: 255 * (value == values[1]))
     if len(values) == 1 or values[-1] <= _GREY or values[0] > _GREY:
         raise ValueError(f"the mask has {_listed('value', values)}; it must be white on the object, black elsewhere")
+    between = sum(grey.histogram()[_DARK:-_DARK]) / (grey.width * grey.height)
+    if between > _MOST_BETWEEN:
+        raise ValueError(f"this is no mask: {between:.0%} of its pixels are neither black nor white")
     return grey
 
 

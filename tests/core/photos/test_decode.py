@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import ExifTags, Image
+from PIL import ExifTags, Image, ImageFilter
 
 from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.segmentation import cut_out
@@ -112,6 +112,17 @@ def test_a_mask_of_several_objects_lists_them(palette: list[int] | None, said: s
     image.save(tmp_path / "mask.png")
     with pytest.raises(ValueError, match=rf"mask\.png: the mask has {said}; it must"):
         read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+
+
+def test_a_photograph_is_no_mask_and_soft_edges_are_one(tmp_path: Path) -> None:
+    drawing().save(tmp_path / "photo.png")
+    ramp = Image.linear_gradient("L").resize((300, 200))
+    ramp.save(tmp_path / "mask.png")
+    with pytest.raises(ValueError, match=r"mask\.png: this is no mask: 7\d% of its pixels are neither black nor white"):
+        read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+    mask_of(drawing()).filter(ImageFilter.GaussianBlur(6)).save(tmp_path / "mask.png")
+    found = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+    assert (inside(found) == INSIDE).mean() > 0.98
 
 
 @pytest.mark.parametrize("name", ["mask_zero_one", "mask_voc_palette"])
