@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from importlib import import_module
 
+from core.cli.output import lasting_output, say
 from core.cli.parser import parse
 from core.runtime.signals import on_signals
 from core.runtime.threads import use_one_torch_thread, use_threads
@@ -15,20 +16,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     began = time.perf_counter()
     use_one_torch_thread()
     on_signals()
-    chosen = parse(sys.argv[1:] if arguments is None else arguments)
-    chosen.began = began
-    use_threads(chosen.threads)
-    # Imported late, so that a command loads only its own modules.
-    module, _, name = chosen.run.partition(".")
-    run = getattr(import_module(f"core.cli.{module}"), name)
-
-    try:
-        run(chosen)
-    except (ValueError, OSError) as error:
-        print(f"python -m core: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    with lasting_output():
+        chosen = parse(sys.argv[1:] if arguments is None else arguments)
+        chosen.began = began
+        use_threads(chosen.threads)
+        # Imported late, so that a command loads only its own modules.
+        module, _, name = chosen.run.partition(".")
+        run = getattr(import_module(f"core.cli.{module}"), name)
+        try:
+            run(chosen)
+        except (ValueError, OSError) as error:
+            say(" ".join(str(error).split()))
+            sys.exit(2)
+        except KeyboardInterrupt:
+            sys.exit(130)
 
 
 if __name__ == "__main__":

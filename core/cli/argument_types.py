@@ -3,14 +3,59 @@
 import argparse
 import math
 import re
+from collections.abc import Callable
+
+_FARTHEST_EDIT = 10.0  # standard deviations; beyond, nothing is left of an object
+_ENDLESS = 10**9  # limit of counts that nothing else limits
+
+
+def number_from(low: float, high: float, unit: str = "") -> Callable[[str], float]:
+    """Return a parser of numbers in a range, with its unit for messages."""
+
+    def parse(text: str) -> float:
+        value = _as_number(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"must be a number from {low:g} to {high:g}{unit}, not {text!r}")
+        return value
+
+    return parse
+
+
+def whole_from(first: int, last: int) -> Callable[[str], int]:
+    """Return a parser of whole numbers in a range."""
+
+    def parse(text: str) -> int:
+        value = _as_number(text)
+        if not (first <= value <= last and value.is_integer()):
+            raise argparse.ArgumentTypeError(f"must be a whole number from {first} to {last}, not {text!r}")
+        return int(value)
+
+    return parse
+
+
+count = whole_from(1, _ENDLESS)
+
+
+def degrees_up_to(most: float) -> Callable[[str], float]:
+    """Return a parser of angles from ``-most`` to ``most`` degrees, in radians."""
+    parse = number_from(-most, most, " degrees")
+    return lambda text: math.radians(parse(text))
+
+
+def _as_number(text: str) -> float:
+    """Return a number; NaN, which is in no range, for other text."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def view_numbers(text: str) -> tuple[int, ...]:
     """Parse whole numbers separated by commas, ``V,V``."""
     try:
-        return tuple(int(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"views are whole numbers V,V, not {text!r}") from None
+        return tuple(map(whole_from(0, _ENDLESS), text.split(",")))
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"views are whole numbers V,V from 0, not {text!r}") from None
 
 
 def part(text: str) -> tuple[int, int]:
@@ -32,20 +77,18 @@ def image_size(text: str) -> tuple[int, int]:
 
 def box(text: str) -> tuple[float, ...]:
     """Parse left, top, right and bottom, ``X0,Y0,X1,Y1``."""
-    try:
-        left, top, right, bottom = (float(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"a box is four numbers X0,Y0,X1,Y1, not {text!r}") from None
-    return left, top, right, bottom
+    numbers = tuple(map(_as_number, text.split(",")))
+    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
+        raise argparse.ArgumentTypeError(f"a box is four numbers X0,Y0,X1,Y1, not {text!r}")
+    return numbers
 
 
 def point(text: str) -> tuple[float, float]:
     """Parse two numbers ``X,Y``."""
-    try:
-        x, y = (float(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"a point is two numbers X,Y, not {text!r}") from None
-    return x, y
+    numbers = tuple(map(_as_number, text.split(",")))
+    if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
+        raise argparse.ArgumentTypeError(f"a point is two numbers X,Y, not {text!r}")
+    return numbers[0], numbers[1]
 
 
 def edits(text: str) -> tuple[tuple[str, float], ...]:
@@ -53,12 +96,12 @@ def edits(text: str) -> tuple[tuple[str, float], ...]:
     found = []
     for word in text.split(","):
         name, _, amount = word.partition("=")
-        try:
-            value = float(amount)
-        except ValueError:
-            value = math.nan
-        if not (name.strip() and math.isfinite(value)):
+        value = _as_number(amount)
+        if not name.strip() or math.isnan(value):
             raise argparse.ArgumentTypeError(f"edits are NAME=X, like taller=1.5,darker=-1, not {text!r}")
+        if abs(value) > _FARTHEST_EDIT:
+            limits = f"from -{_FARTHEST_EDIT:g} to {_FARTHEST_EDIT:g} standard deviations"
+            raise argparse.ArgumentTypeError(f"an edit is {limits}, not {word!r}")
         found.append((name.strip(), value))
     return tuple(found)
 
@@ -77,21 +120,3 @@ def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
         red, green, blue = (int(channel, 16) / 255 for channel in match.groups())
         found.append((part.strip(), (red, green, blue)))
     return tuple(found)
-
-
-def degrees(text: str) -> float:
-    """Parse a finite angle in degrees; return radians."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"an angle is a number of degrees, not {text!r}")
-    return math.radians(value)
-
-
-def count(text: str) -> int:
-    """Parse a whole number of at least 1."""
-    if not text.strip().isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, not {text!r}")
-    return int(text)

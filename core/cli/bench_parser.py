@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from core.cli.argument_types import count, part
+from core.cli.argument_types import count, part, whole_from
 from core.cli.options import add_command, add_model, add_seed
 
 
@@ -46,7 +46,7 @@ def _add_detail(kind: argparse.ArgumentParser) -> None:
     kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of held-out objects")
     kind.add_argument("--renderer", default="own", metavar="NAME", help="renderer of the images")
     kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
-    kind.add_argument("--input-view", type=int, default=3, metavar="I", help="index of that view")
+    kind.add_argument("--input-view", type=whole_from(0, 10_000), default=3, metavar="I", help="index of that view")
     kind.add_argument("--view-stride", type=count, default=2, metavar="N", help="only every Nth other view")
 
 

@@ -4,9 +4,8 @@ import argparse
 import io
 import json
 import math
-import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import repeat
@@ -15,13 +14,14 @@ from pathlib import Path
 from tqdm import tqdm
 
 from core.cli.explain import draw_detections, write_page
+from core.cli.output import LastingOutput, say
 from core.cli.progress import wait_for_view_bank
 from core.fitting.category_check import describe_ambiguity, describe_category, describe_difference, likeliest_model
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
-from core.geometry.pose_files import read_pose
+from core.geometry.pose_files import PosedImage, find_pose, require_scale
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
@@ -40,56 +40,83 @@ def fit(chosen: argparse.Namespace) -> None:
     """Run ``fit``: estimate camera and codes of the object in the images; end with a line of JSON."""
     _check(chosen)
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
-    poses = chosen.pose or [None] * len(chosen.images)
     nothing = [None] * len(chosen.images)
     hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
+    poses = _poses(chosen) or nothing
     clock = _Stopwatch()
     masks = chosen.mask or nothing
     cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
+    _compare_categories(chosen, cuts)
     model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
         bank = wait_for_view_bank(model)
-    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), repeat(bank), poses, repeat(chosen.pose_axes)))
-    _say_categories(chosen, model, photos)
+    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), repeat(bank), poses, repeat(chosen.pose_scale)))
+    _say_category(chosen, model, cuts[0].categories)
     with clock("search"):
         last = _search(model, FitJob(photos, bank, settings, chosen.seed), chosen.log)
-    if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
-        print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
-    if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
-        print(f"python -m core: {_TOGETHER}", file=sys.stderr)
-    seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
-    print(json.dumps(_to_dict(last) | seconds), flush=True)
-    if chosen.explain:
-        seen = draw_detections(read_rgba(chosen.images[0]), cuts[0])
-        write_page(model, photos[0], last, seen, chosen.explain)
+    try:
+        _write_files(chosen, model, photos[0], cuts[0], last)
+    finally:  # files first, as words may have no reader; but a file that fails takes no words away
+        if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
+            say(_doubt(last.confidence, last.runner_up))
+        if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
+            say(_TOGETHER)
+        seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
+        print(json.dumps(_to_dict(last) | seconds), flush=True)
+
+
+def _write_files(chosen: argparse.Namespace, model: Model, photo: Photo, cut: CutOut, last: FitStep) -> None:
+    """Write the scene (``--out``) and the page (``--explain``)."""
     if chosen.out:
         codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
         save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)
+    if chosen.explain:
+        seen = draw_detections(read_rgba(chosen.images[0]), cut)
+        write_page(model, photo, last, seen, chosen.explain)
 
 
 def _check(chosen: argparse.Namespace) -> None:
     """Raise ``ValueError`` for options that contradict each other or files that cannot be written."""
     count, kinds = len(chosen.images), {"pose": "poses", "box": "boxes", "point": "points", "mask": "masks"}
     for name, plural in (kinds | {"object": "object numbers"}).items():
-        if (given := getattr(chosen, name)) and len(given) != count:
+        given = getattr(chosen, name)
+        if given and len(given) != count and not (name == "pose" and _is_transforms(given)):
             raise ValueError(f"{count} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
+    _check_apart(chosen)
     if chosen.explain:
+        if chosen.explain.exists() and not chosen.explain.is_dir():
+            raise ValueError(f"cannot write {chosen.explain}: it is not a folder")
         chosen.explain.mkdir(parents=True, exist_ok=True)
     for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):
         require_writable(path)
 
 
-def _say_categories(chosen: argparse.Namespace, model: Model, photos: Sequence[Photo]) -> None:
-    """Print a warning unless all images show one object of the model's category."""
-    guess, *others = (photo.categories for photo in photos)
-    for path, other in zip(chosen.images[1:], others, strict=True):
-        _say(path, describe_difference(guess, other))
+def _check_apart(chosen: argparse.Namespace) -> None:
+    """Raise ``ValueError`` if a file to write is also another one of the command, which would be lost."""
+    taken = {path.resolve(): path for path in (*chosen.images, *(chosen.mask or ()), *(chosen.pose or ()))}
+    for path in filter(None, (chosen.out, chosen.log)):
+        if path.resolve() in taken:
+            raise ValueError(f"cannot write {path}: this command needs it for something else; choose another name")
+        taken[path.resolve()] = path
+
+
+def _compare_categories(chosen: argparse.Namespace, cuts: Sequence[CutOut]) -> None:
+    """Raise ``ValueError`` if an image shows another category than the first; with ``--model`` print a warning."""
+    for path, cut in zip(chosen.images[1:], cuts[1:], strict=True):
+        difference = describe_difference(cuts[0].categories, cut.categories)
+        if difference and not chosen.model:
+            raise ValueError(f"{path}: {difference}. Fit each object by itself, or choose one model with --model")
+        _say(path, difference)
+
+
+def _say_category(chosen: argparse.Namespace, model: Model, guess: Mapping[str, float]) -> None:
+    """Print a warning unless an image clearly shows the model's category."""
     if said := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
-        print(f"python -m core: {said}", file=sys.stderr)
+        say(said)
 
 
 def _other_objects(cut: CutOut, hints: Hints | None) -> str:
@@ -127,7 +154,7 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: _Stopwat
             with clock("cut_out"):
                 cut = cut_out(image, hints)
         _say(path, cut.note)
-        if cut.confidence < DOUBTFUL_MASK:
+        if not mask and cut.confidence < DOUBTFUL_MASK:
             doubt = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by})"
             _say(path, f"{doubt}: --point, --box or --mask helps")
         if not mask and (said := _other_objects(cut, hints)):
@@ -140,18 +167,34 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: _Stopwat
 def _say(path: Path, text: str) -> None:
     """Print a line about an image to stderr, unless it is empty."""
     if text:
-        print(f"python -m core: {path}: {text}", file=sys.stderr)
+        say(f"{path}: {text}")
 
 
-def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, pose: Path | None, axes: str) -> Photo:
+def _poses(chosen: argparse.Namespace) -> list[PosedImage]:
+    """Return the images' known cameras; none without ``--pose``."""
+    files = chosen.pose * len(chosen.images) if _is_transforms(chosen.pose) else chosen.pose
+    return list(map(find_pose, files, chosen.images, repeat(chosen.pose_axes), repeat(chosen.pose_scale)))
+
+
+def _is_transforms(poses: Sequence[Path]) -> bool:
+    """True for one file with the cameras of several images."""
+    return len(poses) == 1 and poses[0].suffix.lower() == ".json"
+
+
+def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, posed: PosedImage | None, scale: float) -> Photo:
     with naming(path):
-        return prepare_photo(cut, model, bank, read_pose(pose, axes) if pose else None)
+        photo = prepare_photo(cut, model, bank, posed)
+        if posed and posed.focal and photo.camera:  # SRN's poses are in a model's units
+            require_scale([photo.mask.numpy()], [photo.camera], scale)
+        return photo
 
 
 def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
     """Run a fit under a progress bar and return its last step; write all steps to ``log`` if given."""
-    step, bar = None, tqdm(unit="step", leave=False, disable=None)
-    with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as lines:
+    step = None
+    bar = tqdm(unit="step", leave=False, disable=None)
+    with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as file:
+        lines = file and LastingOutput(file, str(log))
         for step in fit_as_set(model, job):
             bar.total = step.steps
             bar.set_postfix_str(f"{step.psnr:.2f} dB")

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import torch
 from tqdm import tqdm
 
+from core.cli.output import say
 from core.cli.progress import wait_for_view_bank
 from core.fitting.settings import PRESETS
 from core.lab.benchmarks import (
@@ -52,7 +53,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
             "no --input-views, --pose, --preset or --view-stride"
         )
     model = load_model(chosen.model, chosen.device)
-    entries = _index_entries(model, chosen.datasets)
+    entries = _index_entries(model, chosen.datasets, chosen.pose_scale)
     if chosen.report:
         require_writable(chosen.report)
     wait_for_view_bank(model)
@@ -72,9 +73,9 @@ def evaluate(chosen: argparse.Namespace) -> None:
     _gather(scored(model, views, protocol), len(entries), keep)
     if not scores:
         raise ValueError("all objects of the dataset are blank")
-    print(format_table(scores, protocol), flush=True)
     if chosen.report and is_stream(chosen.report):
         write_report(chosen.report, scores, protocol, about)
+    print(format_table(scores, protocol), flush=True)
 
 
 def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:
@@ -82,7 +83,7 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
     for views in objects:
         blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
         if blank:
-            print(f"python -m core: {views.name} is skipped: view {blank[0]} shows no object", file=sys.stderr)
+            say(f"{views.name} is skipped: view {blank[0]} shows no object")
         else:
             yield views
 
@@ -212,14 +213,14 @@ def _evaluate_disentanglement(
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
     some = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
     scores = _gather(score_pairs(model, some, chosen.seed), len(some))
-    print(format_disentanglement(scores), flush=True)
     if chosen.report:
         write_disentanglement_report(chosen.report, scores, about)
+    print(format_disentanglement(scores), flush=True)
 
 
-def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
+def _index_entries(model: Model, datasets: Sequence[Path], scale: float = 1.0) -> tuple[ObjectEntry, ...]:
     """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
-    category, entries = index_objects(datasets)
+    category, entries = index_objects(datasets, scale)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, but the model {model.category}")
     return entries

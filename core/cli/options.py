@@ -2,7 +2,7 @@
 
 import argparse
 
-from core.cli.argument_types import count
+from core.cli.argument_types import number_from, whole_from
 
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
@@ -18,7 +18,7 @@ def add_command(commands: argparse._SubParsersAction, name: str, run: str, about
     command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
     command.set_defaults(run=run)
     about = "threads that compute (default: $CODENERF_THREADS, else one for each core)"
-    command.add_argument("--threads", type=count, metavar="N", help=about)
+    command.add_argument("--threads", type=whole_from(1, 1024), metavar="N", help=about)
     return command
 
 
@@ -33,9 +33,15 @@ def add_device(command: argparse.ArgumentParser) -> None:
     command.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs")
 
 
+def add_pose_scale(command: argparse.ArgumentParser) -> None:
+    """Add ``--pose-scale``."""
+    about = "scene units of a unit of the pose files; an object's diagonal is 1 scene unit"
+    command.add_argument("--pose-scale", type=number_from(1e-6, 1e6), default=1.0, metavar="X", help=about)
+
+
 def add_seed(command: argparse.ArgumentParser) -> None:
     """Add ``--seed``."""
-    command.add_argument("--seed", type=int, default=0, help="random seed")
+    command.add_argument("--seed", type=whole_from(0, 2**32 - 1), default=0, help="random seed")
 
 
 def add_no_photo_detail(command: argparse.ArgumentParser, about: str) -> None:

@@ -6,9 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from core.cli.argument_types import box, count, degrees, edits, image_size, paints, point, view_numbers
+from core.cli.argument_types import (
+    box,
+    count,
+    degrees_up_to,
+    edits,
+    image_size,
+    number_from,
+    paints,
+    point,
+    view_numbers,
+    whole_from,
+)
 from core.cli.bench_parser import add_bench
-from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_seed
+from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_pose_scale, add_seed
 from core.fitting.settings import PRESETS
 from core.lab.datasets.categories import SPLITS
 from core.lab.training.recipes import RECIPES
@@ -74,11 +85,15 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     _add_object_options(command)
-    command.add_argument("--azimuth", type=degrees, metavar="D", help="degrees; 90: the front (default: 60 or scene's)")
-    command.add_argument("--elevation", type=degrees, metavar="D", help="degrees, -90 to 90 (default: 20 or scene's)")
+    command.add_argument(
+        "--azimuth", type=degrees_up_to(3600), metavar="D", help="degrees; 90: the front (default: 60 or scene's)"
+    )
+    command.add_argument(
+        "--elevation", type=degrees_up_to(90), metavar="D", help="degrees, -90 to 90 (default: 20 or scene's)"
+    )
     command.add_argument(
         "--distance",
-        type=float,
+        type=number_from(0.05, 100, " scene units"),
         metavar="X",
         help="scene units; an object's diagonal is 1 (default: fill the frame, but the scene's for an image)",
     )
@@ -96,10 +111,10 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
-    command.add_argument("--frames", type=count, default=72, metavar="N", help="number of frames")
-    command.add_argument("--fps", type=count, default=24, metavar="N", help="frames per second")
+    command.add_argument("--frames", type=whole_from(1, 100_000), default=72, metavar="N", help="number of frames")
+    command.add_argument("--fps", type=whole_from(1, 100), default=24, metavar="N", help="frames per second")
     command.add_argument("--size", type=image_size, default=(512, 512), metavar="PX|WxH", help="(default: 512)")
-    command.add_argument("--quality", type=count, default=85, metavar="N", help="1 to 100 (gif: colours)")
+    command.add_argument("--quality", type=whole_from(1, 100), default=85, metavar="N", help="1 to 100 (gif: colours)")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument("--shadow", action="store_true", help="the object's shadow on the ground (no transparent gif)")
     command.add_argument(
@@ -132,7 +147,9 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         help="glb: width of a colour image, approximately (default: colours at the vertices)",
     )
     command.add_argument("--triangles", type=count, metavar="N", help="at most (default: all; 8,000 with a texture)")
-    command.add_argument("--metres", type=float, metavar="M", help="longest side, on the ground (default: scene units)")
+    command.add_argument(
+        "--metres", type=number_from(1e-4, 1e6), metavar="M", help="longest side, on the ground (default: scene units)"
+    )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
 
@@ -149,11 +166,20 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
     add_device(command)
     command.add_argument(
-        "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
+        "--pose",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="POSE",
+        help="known cameras: an SRN file for each image, or one transforms.json with the images' names",
     )
     command.add_argument(
-        "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="camera axes of --pose; opengl is Blender's"
+        "--pose-axes",
+        choices=("opencv", "opengl"),
+        default="opencv",
+        help="camera axes of SRN files; opengl: Blender's",
     )
+    add_pose_scale(command)
     where = command.add_mutually_exclusive_group()
     where.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
     where.add_argument("--mask", type=Path, nargs="+", default=[], metavar="MASK", help="one per image, white on it")
@@ -197,17 +223,21 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     )
     meshes = add_command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
-    meshes.add_argument("--variants", type=int, default=0, metavar="N", help="deformed, recoloured variants of each")
+    meshes.add_argument(
+        "--variants", type=whole_from(0, 10_000), default=0, metavar="N", help="deformed, recoloured variants of each"
+    )
     pairs = add_command(kinds, "pairs", "train.dataset_pairs", "render pairs for evaluate --disentanglement")
     pairs.add_argument("folder", type=Path, metavar="DIR")
-    pairs.add_argument("--variants", type=count, default=3, metavar="N", help="as for the training dataset")
+    pairs.add_argument(
+        "--variants", type=whole_from(1, 10_000), default=3, metavar="N", help="as for the training dataset"
+    )
     pairs.add_argument("--meshes", type=count, default=4, metavar="N", help="training meshes, evenly spaced")
-    pairs.add_argument("--views", type=count, default=24, help="per object")
+    pairs.add_argument("--views", type=whole_from(1, 10_000), default=24, help="per object")
     meshes.add_argument("--split", choices=SPLITS, default="train", help="split that the objects belong to")
-    meshes.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
+    meshes.add_argument("--views", type=whole_from(1, 10_000), help="per object (default: 50 to train on, else 251)")
     for command in (meshes, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
-        command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
+        command.add_argument("--size", type=whole_from(8, 4096), default=128, metavar="PX", help="width and height")
         command.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
 
 
@@ -216,8 +246,12 @@ _DEFAULT_FIELD = RECIPES["default"].field
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "train", "train.train", "train a category model; --resume continues a run")
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
-    command.add_argument("--shares", type=float, nargs="+", default=(), help="fraction of the rays for each dataset")
+    command.add_argument(
+        "datasets", type=Path, nargs="+", metavar="DATASET", help="folders in the layout of SRN or NeRF"
+    )
+    command.add_argument(
+        "--shares", type=number_from(1e-6, 1e6), nargs="+", default=(), help="fraction of the rays for each dataset"
+    )
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
     command.add_argument(
@@ -227,18 +261,23 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "the datasets contain new objects",
     )
     command.add_argument("--steps", type=count, default=100_000, help="length of the schedule")
-    command.add_argument("--rays", type=count, help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)")
+    command.add_argument(
+        "--rays", type=whole_from(1, 1_000_000), help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)"
+    )
     command.add_argument("--recipe", choices=tuple(RECIPES), default="default", help="M1, M2: the entangled ablations")
-    command.add_argument("--width", type=count, help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)")
+    command.add_argument(
+        "--width", type=whole_from(1, 8192), help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)"
+    )
     command.add_argument(
         "--latent",
-        type=count,
+        type=whole_from(1, 8192),
         nargs=2,
         metavar=("SHAPE", "TEXTURE"),
         help="dimensions of a code (default: the recipe's; "
         f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default)",
     )
     add_device(command)
+    add_pose_scale(command)
     add_seed(command)
 
 
@@ -249,10 +288,13 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
         "train.train_viewpoint_classifier",
         "train a model's viewpoint classifier, as train does last",
     )
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    command.add_argument(
+        "datasets", type=Path, nargs="+", metavar="DATASET", help="folders in the layout of SRN or NeRF"
+    )
     add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=count, default=8000, help="of training")
+    add_pose_scale(command)
     add_seed(command)
 
 
@@ -277,7 +319,7 @@ def _add_convert(commands: argparse._SubParsersAction) -> None:
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, score others")
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders of objects to test on")
     add_model(command)
     command.add_argument(
         "--disentanglement", action="store_true", help="test untrained shape-texture pairs, and leaks of codes, instead"
@@ -288,4 +330,5 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
     command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
     command.add_argument("--report", type=Path, metavar="R.json", help="write the scores; of pairs also an image (PNG)")
+    add_pose_scale(command)
     add_seed(command)

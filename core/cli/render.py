@@ -2,18 +2,20 @@
 
 import argparse
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, pairwise
 
 from tqdm import tqdm
 
+from core.cli.output import say
 from core.cli.progress import run_with_progress
 from core.detail.paint import Paint, paint
 from core.detail.rendering import render_frame, render_reference
 from core.export import keyframes as timeline
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
-from core.export.video import WHITE, VideoSettings, write_video
+from core.export.video import FORMATS, WHITE, VideoSettings, shown_views, write_video
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
@@ -55,9 +57,19 @@ def turntable(chosen: argparse.Namespace) -> None:
     if chosen.distance is None:
         shots = filling_frame(model, shots)
     written = write_video(model, shots, chosen.out, settings)
-    run_with_progress(
-        (count for before, count in pairwise(chain((0,), written)) if count > before), len(shots), "frame"
-    )
+    counts = (count for before, count in pairwise(chain((0,), written)) if count > before)
+    run_with_progress(counts, _shown_frames(shots, chosen), "frame")
+
+
+def _shown_frames(shots: Sequence[View], chosen: argparse.Namespace) -> int:
+    """Return the number of frames of a video; print a warning if its format shows fewer than were asked for."""
+    if chosen.out.suffix.lower() not in FORMATS:
+        return len(shots)  # the writer refuses it
+    count = len(shown_views(shots, chosen.out, chosen.fps))
+    if count < len(shots):
+        most = FORMATS[chosen.out.suffix.lower()].most_rate
+        say(f"{chosen.out}: browsers show at most {most} frames a second of it, so {count} of {len(shots)} are kept")
+    return count
 
 
 def mesh(chosen: argparse.Namespace) -> None:

@@ -57,7 +57,7 @@ def train(chosen: argparse.Namespace) -> None:
     rays = chosen.rays or recipe.rays
     field = _field_config(chosen, recipe.field, initial)
     settings = replace(recipe, field=field, steps=chosen.steps, rays=rays, seed=chosen.seed)
-    training, held_out = hold_out(read_dataset(chosen.datasets, chosen.shares))
+    training, held_out = hold_out(read_dataset(chosen.datasets, chosen.shares, chosen.pose_scale))
     if initial:
         known = all(views.name in initial.codes.index for views in training.objects)
         settings = settings.finetuning if known else settings.extending
@@ -91,7 +91,7 @@ def train(chosen: argparse.Namespace) -> None:
 def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
     """Run ``train-viewpoint``: train a model's viewpoint classifier, as ``train`` does last."""
     require_writable(chosen.out)
-    model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
+    model, dataset = load_model(chosen.model), read_dataset(chosen.datasets, scale=chosen.pose_scale)
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, but the model {model.category}")
     _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)

@@ -1,18 +1,19 @@
 """Videos of an object as mp4 (H.264), gif, webp or a folder of png images, by the name's ending."""
 
+import struct
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image
+from PIL import Image, ImageChops
+from PIL.GifImagePlugin import getdata
 
 from core.export.keyframes import View
 from core.export.video_frames import render_frames
@@ -23,6 +24,7 @@ from core.runtime.files import atomic_file, atomic_folder
 
 WHITE: Rgb = (255, 255, 255)
 _BT709, _LIMITED_RANGE = 1, 1  # numbers of H.264 and FFmpeg
+_ENDLESS = b"!\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"  # of a gif: it plays again and again
 _WAITING = 4  # frames queued for the encoder, at most
 
 
@@ -46,6 +48,8 @@ def write_video(
 ) -> Generator[int, None, None]:
     """Render and write views in order, as large as their cameras.
 
+    Where a format shows fewer frames a second, others are left out (:func:`shown_views`), and the duration stays.
+
     Yields the number of finished frames, many times a frame so that a worker can interleave other tasks. The file
     appears only when it is complete: to cancel, close the generator. Another thread encodes.
 
@@ -62,6 +66,8 @@ def write_video(
     sizes = {(view.camera.width, view.camera.height) for view in views}
     if len(sizes) != 1 or min(min(sizes)) < 2:
         raise ValueError(f"frames of a video have one size, of at least 2 px, got {sorted(sizes)}")
+    views = shown_views(views, path, settings.rate)
+    settings = replace(settings, rate=min(settings.rate, chosen.most_rate))
     atomic = atomic_folder if chosen.folder else atomic_file
     shadow = settings.shadow and chosen.shows_shadow(settings.background)
     frames = render_frames(models, views, settings.background, settings.exact, shadow)
@@ -73,6 +79,14 @@ def write_video(
                 done += 1
             yield done
         encoder.finish()
+
+
+def shown_views(views: Sequence[View], path: Path, rate: int) -> Sequence[View]:
+    """Return the views, ``rate`` a second, that the format of a name shows at its own rate: one for each interval."""
+    most = FORMATS[path.suffix.lower()].most_rate
+    if rate <= most:
+        return views
+    return [view for index, view in enumerate(views) if index * most // rate != (index - 1) * most // rate]
 
 
 class _Sink:
@@ -145,43 +159,84 @@ class _Mp4(_Sink):
         self._container.close()
 
 
-class _Pillow(_Sink):
+class _Gif(_Sink):
+    """Writes each frame as it comes, with a palette of its own: the part that differs from the frame before it."""
+
     def __init__(self, path: Path, settings: VideoSettings) -> None:
-        self._path, self._settings, self._images = path, settings, list[Image.Image]()
+        self._file = path.open("wb")
+        self._settings = settings
+        self._count = 0
+        self._previous: Image.Image | None = None
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        self._images.append(Image.fromarray(image))
+        if not self._count:
+            self._file.write(b"GIF89a" + struct.pack("<HHBBB", image.shape[1], image.shape[0], 0, 0, 0) + _ENDLESS)
+        frame = self._reduced(Image.fromarray(image))
+        box = self._changed(frame)
+        duration = 10 * (self._centiseconds(self._count + 1) - self._centiseconds(self._count))
+        about = {"transparency": 255, "disposal": 2} if self._settings.background is None else {}
+        part = frame.crop(box)
+        self._file.writelines(getdata(part, box[:2], duration=duration, include_color_table=True, **about))
+        self._previous = frame
+        self._count += 1
 
-    def _save(self, unit: int, **options: Any) -> None:
-        """Write the images with durations in whole units (ms)."""
-        first, *rest = self._images
-        ends = [round(1000 / unit * index / self._settings.rate) * unit for index in range(len(self._images) + 1)]
-        durations = [after - before for before, after in pairwise(ends)]
-        first.save(self._path, save_all=True, append_images=rest, duration=durations, loop=0, **options)
-
-    def close(self) -> None:
-        self._images.clear()
-
-
-class _Gif(_Pillow):
-    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+    def _reduced(self, frame: Image.Image) -> Image.Image:
+        """Reduce a frame to its palette; index 255 marks transparent pixels, as gif has no partial opacity."""
         colours = max(8, round(2.55 * self._settings.quality))
-        frame = Image.fromarray(image)
         if self._settings.background is not None:
-            self._images.append(frame.quantize(colours))
-            return
-        # Gif has no partial opacity; index 255 marks transparent pixels.
+            return frame.quantize(colours)
         reduced = frame.convert("RGB").quantize(min(255, colours))
         reduced.paste(255, mask=frame.getchannel("A").point(lambda opacity: 255 * (opacity < 128)))
-        self._images.append(reduced)
+        return reduced
+
+    def _changed(self, frame: Image.Image) -> tuple[int, int, int, int]:
+        """Return the box to write: that of changes, or with a transparent background that of the object."""
+        if self._settings.background is None:
+            box = frame.point(lambda index: index != 255, "L").getbbox()
+        elif self._previous is None:
+            return (0, 0, *frame.size)
+        else:
+            box = ImageChops.difference(frame.convert("RGB"), self._previous.convert("RGB")).getbbox()
+        return box or (0, 0, 1, 1)
+
+    def _centiseconds(self, index: int) -> int:
+        """Return when a frame begins."""
+        return round(100 * index / self._settings.rate)
 
     def finish(self) -> None:
-        self._save(10, **({"transparency": 255, "disposal": 2} if self._settings.background is None else {}))
+        self._file.write(b";")
+
+    def close(self) -> None:
+        self._file.close()
 
 
-class _Webp(_Pillow):
+class _Webp(_Sink):
+    def __init__(self, path: Path, settings: VideoSettings) -> None:
+        import av
+
+        self._av, self._container = av, av.open(str(path), "w", format="webp", options={"loop": "0"})
+        options = {"quality": str(settings.quality), "compression_level": "0"}  # higher levels take much longer
+        self._stream = self._container.add_stream("libwebp_anim", rate=settings.rate, options=options)
+        self._stream.pix_fmt = "bgra"
+        self._stream.codec_context.time_base = Fraction(1, 1000)
+        self._settings = settings
+        self._count = 0
+
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        if not self._count:
+            self._stream.height, self._stream.width = image.shape[:2]
+        frame = self._av.VideoFrame.from_ndarray(image, format="rgb24" if image.shape[2] == 3 else "rgba")
+        frame = frame.reformat(format="bgra")
+        frame.pts = round(1000 * self._count / self._settings.rate)
+        frame.time_base = Fraction(1, 1000)
+        self._container.mux(self._stream.encode(frame))
+        self._count += 1
+
     def finish(self) -> None:
-        self._save(1, quality=self._settings.quality)
+        self._container.mux(self._stream.encode())
+
+    def close(self) -> None:
+        self._container.close()
 
 
 class _Frames(_Sink):
@@ -201,6 +256,7 @@ class VideoFormat(NamedTuple):
     transparent: bool = True  # supports a transparent background
     folder: bool = False  # a folder of files instead of one
     translucent: bool = True  # supports partial opacity, which a soft shadow needs
+    most_rate: int = 100  # frames per second that browsers show: they take delays up to 10 ms for 100 ms
 
     def shows_shadow(self, background: Background | None) -> bool:
         """True if frames on this background can have a soft shadow."""
@@ -209,7 +265,7 @@ class VideoFormat(NamedTuple):
 
 FORMATS = {
     ".mp4": VideoFormat("mp4", _Mp4, transparent=False),
-    ".gif": VideoFormat("gif", _Gif, translucent=False),
-    ".webp": VideoFormat("webp", _Webp),
+    ".gif": VideoFormat("gif", _Gif, translucent=False, most_rate=50),
+    ".webp": VideoFormat("webp", _Webp, most_rate=90),
     ".frames": VideoFormat("png frames", _Frames, folder=True),
 }  # by the name's ending

@@ -1,13 +1,17 @@
-"""Pose files: the 16 numbers of a camera's matrix, with ShapeNet-SRN's axes or OpenGL's."""
+"""Pose files: the 16 numbers of a camera's matrix, as in ShapeNet-SRN, or ``transforms.json``, as in NeRF-synthetic."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.geometry.camera import OPENCV_FROM_OPENGL, Camera
-from core.runtime.reading import optional, read_numbers, reading
+from core.runtime.reading import optional, read_json, read_numbers, reading, typed
 
 _LIKELY = {  # error messages for poses with other axes
     "opengl": "it is a pose in OpenGL axes (--pose-axes opengl reads it)",
@@ -15,6 +19,133 @@ _LIKELY = {  # error messages for poses with other axes
     "opencv inverse": "it goes from world to camera; its inverse is wanted",
     "opengl inverse": "it goes from world to camera, in OpenGL axes; its inverse is wanted",
 }
+
+_RADII = 0.15, 0.55  # scene units: plausible distances of an object's outermost point from the origin
+_RADIUS = 0.5  # scene units: that of a box with a diagonal of 1
+
+
+class PosedImage(NamedTuple):
+    """An image file with its known camera."""
+
+    image: Path  # perhaps without its ending, in transforms.json
+    pose: Float[Tensor, "4 4"]  # camera to world, OpenCV axes, float64
+    focal: float | None = None  # in image widths; None: the model's
+    mask: Path | None = None  # white on the object; None: none beside the image
+
+    def camera(self, width: int, height: int, focal: float = 1.0) -> Camera:
+        """Return the camera of an image of a size in px; ``focal`` (px) is used unless the file gives one."""
+        return Camera.from_pose(self.pose, focal if self.focal is None else self.focal * width, width, height)
+
+
+class _Frame(NamedTuple):
+    """JSON of a frame."""
+
+    file_path: str
+    transform_matrix: tuple[tuple[float, float, float, float], ...]  # three or four rows
+
+
+class _Transforms(NamedTuple):
+    """JSON of ``transforms.json``."""
+
+    frames: tuple[_Frame, ...]
+    camera_angle_x: float | None = None  # rad, horizontal field of view
+    fl_x: float | None = None  # px, instead of the angle
+    w: float | None = None  # px
+
+
+def find_pose(path: Path, image: Path, axes: str = "opencv", scale: float = 1.0) -> PosedImage:
+    """Return an image's camera from a pose file, or from its frame of a ``transforms.json``.
+
+    Args:
+        axes: see :func:`read_pose`; a JSON file has OpenGL's.
+        scale: scene units of a unit of the file.
+
+    Raises ``ValueError`` naming the file if it is not a pose, or no frame has the image's name.
+    """
+    if path.suffix.lower() != ".json":
+        return PosedImage(image, scaled(read_pose(path, axes), scale))
+    frames = read_transforms(path, scale)
+    named = [frame for frame in frames if image.name in (frame.image.name, f"{frame.image.name}{image.suffix}")]
+    same = [frame for frame in named if frame.image.with_name(image.name).resolve() == image.resolve()]
+    if len(same or named) != 1:
+        examples = ", ".join(frame.image.name for frame in frames[:3])
+        raise ValueError(f"{path}: {len(same or named)} frames are named {image.name}; it has {examples}, …")
+    return (same or named)[0]
+
+
+def read_transforms(path: Path, scale: float = 1.0) -> tuple[PosedImage, ...]:
+    """Read the frames of a ``transforms.json``: camera to world with OpenGL axes, z up, one field of view.
+
+    Args:
+        scale: scene units of a unit of the file.
+
+    Raises ``ValueError`` naming the file unless every camera is upright and looks at the origin.
+    """
+    with reading(path, "a file of poses (transforms.json)"):
+        content = typed(_Transforms, read_json(path), name="transforms")
+        if not content.frames:
+            raise ValueError("it has no frames")
+        focal = _focal(content)
+        return tuple(
+            PosedImage(path.parent / frame.file_path.replace("\\", "/"), _pose_of(frame, scale), focal)
+            for frame in content.frames
+        )
+
+
+def scaled(pose: Float[Tensor, "4 4"], scale: float) -> Float[Tensor, "4 4"]:
+    """Return a pose in other units: ``scale`` of the new for one of the old."""
+    factors = torch.ones(4, 4, dtype=pose.dtype)
+    factors[:3, 3] = scale
+    return pose * factors
+
+
+def require_scale(
+    masks: Sequence[Bool[np.ndarray, "height width"]], cameras: Sequence[Camera], scale: float = 1.0
+) -> None:
+    """Raise ``ValueError`` unless masks show an object as large as those of models, whose box has a diagonal of 1.
+
+    Args:
+        scale: already applied to the cameras; the message names a better one.
+    """
+    radius = max(map(_seen_radius, masks, cameras))
+    if radius and not _RADII[0] <= radius <= _RADII[1]:
+        better = f"{scale * _RADIUS / radius:.2g}"
+        raise ValueError(
+            f"with these poses the object is {2 * radius:.3g} scene units across instead of 1: --pose-scale {better}"
+        )
+
+
+def _seen_radius(mask: Bool[np.ndarray, "height width"], camera: Camera) -> float:
+    """Return the largest distance of a mask's rays from the origin, at which the camera looks; 0 for no object."""
+    rows, columns = mask.nonzero()
+    if not len(rows):
+        return 0.0
+    offset = np.hypot(columns + 0.5 - camera.width / 2, rows + 0.5 - camera.height / 2).max()
+    return camera.distance * math.sin(math.atan(float(offset) / camera.focal))
+
+
+def _focal(content: _Transforms) -> float:
+    """Return the focal length in image widths."""
+    angle = content.camera_angle_x
+    if angle is not None and 0 < angle < math.pi:
+        return 0.5 / math.tan(angle / 2)
+    if content.fl_x and content.w and content.fl_x > 0 and content.w > 0:
+        return content.fl_x / content.w
+    raise ValueError("it needs camera_angle_x (the horizontal field of view, 0 to 3.14), or fl_x and w")
+
+
+def _pose_of(frame: _Frame, scale: float) -> Float[Tensor, "4 4"]:
+    """Return a frame's pose."""
+    rows = frame.transform_matrix
+    if len(rows) not in (3, 4):
+        raise ValueError(f"the transform_matrix of {frame.file_path} has 3 or 4 rows, got {len(rows)}")
+    matrix = torch.tensor([*rows[:3], (0, 0, 0, 1)], dtype=torch.float64)
+    pose = scaled(_as_opencv(matrix, "opengl"), scale)
+    try:
+        Camera.from_pose(pose, 1.0, 1, 1)
+    except ValueError as error:
+        raise ValueError(f"{frame.file_path}: {error}") from error
+    return pose
 
 
 def read_pose(path: Path, axes: str = "opencv") -> Float[Tensor, "4 4"]:

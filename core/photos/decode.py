@@ -3,17 +3,22 @@
 import io
 import math
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
+from core.runtime.raw_previews import RAW_SIZE
 from core.runtime.reading import open_image, optional, reading
 
 WORKING_SIDE = 1024  # px: longer side at which images are cut out
 _NARROWEST = 128  # largest aspect ratio; beyond, the shorter side would be under 8 px at the working size
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif")
-"""offered by file dialogs"""
+_RAW_SUFFIXES = ".dng", ".nef", ".arw", ".cr2"  # camera raws, which hold a JPEG
+IMAGE_SUFFIXES = (
+    *(".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif"),
+    *_RAW_SUFFIXES,
+)  # offered by file dialogs
 _FILM_DIAGONAL = math.hypot(36, 24)  # mm
 _LENSES = 8, 600  # mm, plausible focal lengths
 _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
@@ -29,6 +34,12 @@ _TURNS = {
     7: Image.Transpose.TRANSVERSE,
     8: Image.Transpose.ROTATE_90,
 }  # transform to upright, by EXIF orientation
+_GREY = 127  # largest value of a mask's background
+_DARK = 32  # a grey value closer to 0 or 255 counts as black or white
+_MOST_BETWEEN = 0.25  # largest fraction of other pixels, which soft edges have; photographs have more
+_BLACK, _WHITE = (0, 0, 0), (255, 255, 255)
+_VOID = (224, 224, 192)  # colour of Pascal VOC's index 255: edges of objects
+_FEW = 8  # values in a message
 _NO_COLOURS_OF_SCREENS = ("L", "CMYK")  # modes with colour profiles of their own
 
 
@@ -44,8 +55,12 @@ def read_rgba(path: Path) -> Image.Image:
             if max(image.size) > _NARROWEST * min(image.size):
                 raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
             number, count = image.tell() + 1, getattr(image, "n_frames", 1)
+            raw = image.info.get(RAW_SIZE)
             found = _small_rgba(image)
-            if count > 1:
+            if raw:
+                sizes = f"{image.width}x{image.height} px of {raw[0]}x{raw[1]}"
+                found.info[NOTE] = f"only the preview of this camera raw is read ({sizes}): export it as JPEG"
+            elif count > 1:
                 found.info[NOTE] = f"image {number} of the {count} in this file is used"
             return found
 
@@ -58,30 +73,85 @@ def on_white(image: Image.Image) -> Image.Image:
 def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     """Read a photo's mask from an image that is white on the object, or transparent elsewhere.
 
-    A mask drawn on the pixels of a photo before its rotation by 90 degrees is rotated, too, as ``info[NOTE]`` tells.
+    Of two values of any kind, such as 0 and 1, the brighter one is the object; of two colours of a palette, as in
+    Pascal VOC, the one that is not black, or white, or else has the higher index. A mask drawn on the pixels of a photo
+    before its rotation by 90 degrees is rotated, too, as ``info[NOTE]`` tells.
 
     Args:
         size: of the result in px, upright.
 
-    Raises ``ValueError`` naming the file if it is not an image, has other proportions than the photo, or is all object
-    or all background.
+    Raises ``ValueError`` naming the file if it is not an image, has other proportions than the photo, more than two
+    classes, or no object or no background.
     """
-    image, note = read_rgba(path), ""
+    with reading(path, "an image"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with open_image(path, WORKING_SIDE) as image:
+            mask = _shrunk(_mask_values(image), WORKING_SIDE, Image.Resampling.BOX)
+    mask = _turned(mask, _orientation(path))
+    note = ""
     drawn, upright, orientation = upright_size(path), upright_size(photo), _orientation(photo)
     if not _same_proportions(drawn, upright):
         if orientation not in _TRANSPOSED or not _same_proportions(drawn[::-1], upright):
             sizes = f"a mask of {drawn[0]}x{drawn[1]} px does not fit a photo of {upright[0]}x{upright[1]} px"
             raise ValueError(f"{path}: {sizes}")
-        image = image.transpose(_TURNS[orientation])
+        mask = _turned(mask, orientation)
         note = f"{path.name} is turned as {photo.name} is: it was drawn on pixels that are not upright"
-    alpha = image.getchannel("A")
-    mask = alpha if (np.asarray(alpha) < 255).any() else image.convert("L")
-    object_there = np.asarray(mask) > 127
-    if object_there.all() or not object_there.any():
-        raise ValueError(f"{path}: the mask is all black or all white; it must be white on the object only")
     mask = mask.resize(size, Image.Resampling.BILINEAR)
     mask.info = {NOTE: note}
     return mask
+
+
+def _mask_values(image: Image.Image) -> Image.Image:
+    """Return grey values of a mask, white on the object, from any image."""
+    transparent = "transparency" in image.info
+    if image.mode == "P" and not transparent and not _has_grey_palette(image):
+        return _object_of_palette(image)
+    if transparent or "A" in image.getbands():
+        alpha = image.convert("RGBA").getchannel("A")
+        image = alpha if np.asarray(alpha).min() < 255 else image
+    grey = _eight_bits(image) if image.mode.startswith(("I", "F")) else image.convert("L")
+    values = [value for value, pixels in enumerate(grey.histogram()) if pixels]
+    if len(values) == 2:
+        return grey.point(lambda value: 255 * (value == values[1]))
+    if len(values) == 1 or values[-1] <= _GREY or values[0] > _GREY:
+        raise ValueError(f"the mask has {_listed('value', values)}; it must be white on the object, black elsewhere")
+    between = sum(grey.histogram()[_DARK:-_DARK]) / (grey.width * grey.height)
+    if between > _MOST_BETWEEN:
+        raise ValueError(f"this is no mask: {between:.0%} of its pixels are neither black nor white")
+    return grey
+
+
+def _has_grey_palette(image: Image.Image) -> bool:
+    """True if all colours in use are grey, as when a program that saves small files wrote a mask with soft edges."""
+    return all(red == green == blue for red, green, blue in _palette(image).values())
+
+
+def _palette(image: Image.Image) -> dict[int, tuple[int, ...]]:
+    """Return the colour of each index in use, without Pascal VOC's colour of pixels of unknown class."""
+    colours = np.array(image.getpalette("RGB")).reshape(-1, 3).tolist()
+    used = [index for index, pixels in enumerate(image.histogram()) if pixels]
+    return {index: tuple(colours[index]) for index in used if index < len(colours) and tuple(colours[index]) != _VOID}
+
+
+def _object_of_palette(image: Image.Image) -> Image.Image:
+    """Return a mask of the object's index, grey on pixels of unknown class."""
+    colours = _palette(image)
+    if len(colours) != 2:
+        raise ValueError(f"the mask has {_listed('palette index', list(colours))}; it must have the object's and 0")
+    background, thing = sorted(colours, key=lambda index: (colours[index] == _WHITE, colours[index] != _BLACK, index))
+    return image.point(lambda index: 0 if index == background else 255 if index == thing else _GREY, "L")
+
+
+def _listed(name: str, values: Sequence[int]) -> str:
+    """Count and list values, at most eight of them.
+
+    Example:
+        >>> _listed("palette index", [0, 7, 15])
+        '3 palette indices (0, 7, 15)'
+    """
+    plural = name.replace("index", "indices") if "index" in name else f"{name}s"
+    few = ", ".join(map(str, values[:_FEW]))
+    return f"{len(values)} {plural if len(values) != 1 else name} ({few}{', …' if len(values) > _FEW else ''})"
 
 
 def upright_size(path: Path) -> tuple[int, int]:
@@ -134,12 +204,16 @@ def _small_rgba(image: Image.Image) -> Image.Image:
         image = _in_srgb(image, profile)
     # Pillow resizes RGBA with the colours weighted by alpha.
     image = _in_srgb(_shrunk(image.convert("RGBA"), WORKING_SIDE, Image.Resampling.LANCZOS), profile)
-    turn = _TURNS.get(exif.pop(ExifTags.Base.Orientation, None))
-    if turn is not None:  # Pillow counts them from 0
-        image = image.transpose(turn)
+    image = _turned(image, exif.pop(ExifTags.Base.Orientation, 1))
     written = optional(exif.tobytes)
     image.info = {"exif": written} if written else {}
     return image
+
+
+def _turned(image: Image.Image, orientation: int) -> Image.Image:
+    """Turn an image upright."""
+    turn = _TURNS.get(orientation)
+    return image if turn is None else image.transpose(turn)  # Pillow counts them from 0
 
 
 def _in_srgb(image: Image.Image, profile: bytes | None) -> Image.Image:

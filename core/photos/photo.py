@@ -14,7 +14,7 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
-from core.geometry.pose_files import read_pose
+from core.geometry.pose_files import PosedImage, find_pose
 from core.models.model import Model
 from core.models.photo_detail import SIDE, compressed
 from core.photos.decode import read_rgba
@@ -84,18 +84,18 @@ def load_photo(
 
     Args:
         bank: the model's view bank (:func:`core.photos.view_bank.build_view_bank`), which gives the usual size.
-        pose: a text file with SRN's camera-to-world matrix (16 numbers); the image is then only resized.
+        pose: SRN's camera-to-world matrix (16 numbers), or a transforms.json; the image is then only resized.
         hints: to the object, for an image without a plain background.
-        pose_axes: of the pose, see :func:`core.geometry.pose_files.read_pose`.
+        pose_axes: of the pose, see :func:`core.geometry.pose_files.find_pose`.
 
     Raises ``ValueError`` naming the file for anything but an image of an object, and
     :class:`core.photos.plain_background.NoBackgroundError` if hints could help.
     """
     path = Path(path)
-    matrix = None if pose is None else read_pose(pose, pose_axes)
+    posed = None if pose is None else find_pose(pose, path, pose_axes)
     cut = read_cut_out(path, hints)
     with naming(path):
-        return prepare_photo(cut, model, bank, matrix)
+        return prepare_photo(cut, model, bank, posed)
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
@@ -114,14 +114,14 @@ def naming(path: Path) -> Iterator[None]:
         raise kind(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, pose: Float[Tensor, "4 4"] | None = None) -> Photo:
+def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, posed: PosedImage | None = None) -> Photo:
     """Prepare a cut-out at the model's size like a training image; with a pose it is only resized."""
     height, width = cut.mask.shape
     size = model.image_size
-    if pose is not None:
+    if posed is not None:
         across = max(1, round(size * width / height))
         photo = _resampled(cut, (0, 0, width, height), (across, size))
-        return replace(photo, camera=Camera.from_pose(pose, model.focal, across, size))
+        return replace(photo, camera=posed.camera(across, size, model.focal))
     usual = apparent_size(bank, model)
     left, top, right, bottom = bounding_box(cut.mask)
     scaled, half = True, max(right - left, bottom - top) / usual.median / 2

@@ -29,6 +29,9 @@ _FRAMED = 0.5  # fraction of an image's width and height that a framed photo tak
 _RINGING = 3  # px beside a frame in which JPEG mixes colours
 _SAME_BOX = 0.5  # overlap with the detected box below which a frame was taken for a plain background
 _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
+_WHOLE_EDGE = 0.97  # fraction of an image's edge; an object that is cut off or trimmed covers less of three edges
+_NEARLY_ALL = 0.9  # fraction of an image; chairs and cars fill less of their bounding box
+_ODD_MASK = 0.3  # confidence of a given mask that is rather a mistake
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
 
@@ -45,7 +48,7 @@ class CutOut:
     confidence: float = 1.0  # probability that the mask is the whole object and little else
     others: tuple["CutOut", ...] = ()  # alternative masks, the likeliest first
     focal: float | None = None  # px, if the image tells
-    note: str = ""  # how an ambiguous file was read
+    note: str = ""  # how an ambiguous file was read, and why its mask is rather a mistake
     detections: tuple[Detection, ...] = ()  # chairs and cars, the most prominent first
     categories: dict[str, float] = field(default_factory=dict)  # probability of each; empty if unknown
     corners: Float[np.ndarray, "9 2"] | None = None  # of the 3D box of a chair in a photograph
@@ -105,7 +108,8 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     cut = _cut_out(rgb, np.asarray(image.getchannel("A"), np.float32) / 255, hints, found or ())
     if hints.strokes:
         cut = _stroked(cut, rgb, hints.strokes)
-    cut = replace(cut, focal=lens_focal(image), note=image.info.get(NOTE, ""), detections=found or ())
+    note = "; ".join(filter(None, (image.info.get(NOTE), cut.note)))
+    cut = replace(cut, focal=lens_focal(image), note=note, detections=found or ())
     return _described(cut, rgb, found)
 
 
@@ -129,7 +133,10 @@ def _cut_out(
         return _in_boxes(rgb, boxes, hints)
     colours = np.asarray(rgb, np.float32) / 255
     if _is_cut_out(alpha < 0.5):
-        return _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True))
+        doubt = _describe_mask(alpha > _THRESHOLD)
+        sure = _ODD_MASK if doubt else 1.0
+        cut = _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True, confidence=sure))
+        return replace(cut, note=doubt)
     plain = _plain_background(colours, found)
     if plain is None:
         return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints)
@@ -137,6 +144,16 @@ def _cut_out(
         raise ValueError("no object found: nothing differs from the background")
     opacity = (~plain.mask).astype(np.float32)
     return _on_white(colours, Candidate("plain background", opacity, white=plain.white, certain=True))
+
+
+def _describe_mask(mask: Bool[np.ndarray, "height width"]) -> str:
+    """Return why a given mask is rather a mistake, or ""."""
+    edges = mask[0], mask[-1], mask[:, 0], mask[:, -1]
+    if sum(edge.mean() > _WHOLE_EDGE for edge in edges) >= 3:
+        return "the mask holds three edges of the image: it may be that of the background (invert it)"
+    if mask.mean() > _NEARLY_ALL:
+        return f"the mask holds {mask.mean():.0%} of the image: it may hold more than the object"
+    return ""
 
 
 def _is_cut_out(clear: Bool[np.ndarray, "height width"]) -> bool:

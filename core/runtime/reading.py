@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get
 
 from PIL import Image, PngImagePlugin
 
+from core.runtime.raw_previews import raw_preview
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -265,7 +267,7 @@ def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
 
 @contextmanager
 def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
-    """Open an image after checking its header against the memory limit.
+    """Open an image after checking its header against the memory limit; of a camera raw, its largest preview.
 
     Args:
         side: px that suffice; a JPEG may be decoded at a fraction of its size.
@@ -273,7 +275,8 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
 
     Raises ``ValueError`` for other files and for images that are too large; decoding may raise anything.
     """
-    with _opened(file) as image:
+    with _opened(file) as opened:
+        image = raw_preview(opened)
         _seek_largest(image)
         full = image.size
         if side:

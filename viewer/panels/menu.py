@@ -7,7 +7,7 @@ from imgui_bundle import hello_imgui, imgui
 
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
-from viewer.values.printable import printable
+from viewer.values.printable import as_label, printable
 from viewer.widgets.controls import draw_progress, tooltip
 
 _EXPORT, _BAR = 19, 6  # em: width of an export's bar with its button, and of the bar of other progress
@@ -54,7 +54,7 @@ def _draw_recent(context: PanelContext) -> None:
     recent = context.preferences.recent
     if imgui.begin_menu("Recent", bool(recent) or bool(context.autosave and context.autosave.earlier)):
         for number, name in enumerate(recent):
-            if imgui.menu_item_simple(f"{printable(Path(name).name)}###recent {number + 1}"):
+            if imgui.menu_item_simple(f"{as_label(printable(Path(name).name))}###recent {number + 1}"):
                 context.drop([name])
             tooltip(printable(name))
         imgui.separator()

@@ -149,7 +149,7 @@ def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> N
         ("With another photo…###add photo", "One of the same object", lambda: context.files.ask(more), True),
     ]
     ways += [
-        (f"As a {model.noun}###as {model.category}", "", partial(fitting.refit, model), True)
+        (f"As a {as_label(model.noun)}###as {model.category}", "", partial(fitting.refit, model), True)
         for model in context.session.listed_models
         if model.fingerprint != shown.model
     ]

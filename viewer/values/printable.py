@@ -20,6 +20,18 @@ def printable(text: object) -> str:
     return str(text).encode("utf-8", "replace").decode().translate(_CONTROLS | _JOINERS)
 
 
+def as_label(text: str) -> str:
+    """Make text safe as a label or an id of imgui, which hides what follows "##" and forgets what precedes "###".
+
+    An invisible space stands between the signs.
+
+    Example:
+        >>> as_label("chair##2").split("\u200b")
+        ['chair#', '#2']
+    """
+    return re.sub("#(?=#)", "#\u200b", text)
+
+
 def file_name(words: str) -> str:
     """Convert words to a file name, without ending, that every system accepts.
 

@@ -9,7 +9,7 @@ from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, emphasised, on
 from viewer.values.duration import duration
-from viewer.values.printable import printable
+from viewer.values.printable import as_label, printable
 
 T = TypeVar("T")
 OVERLAY_FLAGS = (
@@ -193,7 +193,7 @@ def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> boo
     left, name = exporting.remaining, printable(exporting.path.name)
     done = f"{exporting.progress:.0%}   {duration(left)} left" if left is not None else "Preparing …"
     moving = -float(imgui.get_time())  # which imgui draws as a bar that runs to and fro
-    imgui.progress_bar(exporting.progress or moving, (hello_imgui.em_size(width - 7), 0), f"{done}   {name}")
+    imgui.progress_bar(exporting.progress or moving, (hello_imgui.em_size(width - 7), 0), f"{done}   {as_label(name)}")
     tooltip(f"Saving {name}")
     imgui.same_line()
     if button("Cancel###cancel export", "Give it up; no half-written file stays"):

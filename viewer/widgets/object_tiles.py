@@ -10,6 +10,7 @@ from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on, packed
 from viewer.services.messages import Button, MessageKind
+from viewer.values.printable import as_label
 
 THUMBNAIL = 4.5  # em, side of most thumbnails: 72 px at the default text size
 DIMMED = 0.55  # opacity of the shade over stale tiles
@@ -45,7 +46,7 @@ def shade(corner: ImVec2, side: float, colour: Colour, opacity: float = 1.0) -> 
 
 def tile_button(name: str, size: tuple[float, float] | ImVec2) -> bool:
     """Add an invisible button that the keyboard can focus; return True if pressed."""
-    return imgui.invisible_button(name, size, imgui.ButtonFlags_.enable_nav)
+    return imgui.invisible_button(as_label(name), size, imgui.ButtonFlags_.enable_nav)
 
 
 def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) -> None:

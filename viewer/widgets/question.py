@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from core.models.model import Model
 from viewer.context import PanelContext
 from viewer.values.fit_history import Question
+from viewer.values.printable import as_label
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, flow, tooltip
 from viewer.widgets.cut_out import draw_cut_out
@@ -55,7 +56,7 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
     elif question.cut and question.model:
         for model in reversed(_categories(context, question)):
             likely = model.fingerprint == question.model and not question.neither
-            label = "This one###this one" if likely else f"As a {model.noun}###as {model.category}"
+            label = "This one###this one" if likely else f"As a {as_label(model.noun)}###as {model.category}"
             text, act = f"Fit what is outlined, as a {model.noun}", partial(fitting.answer, question, model.fingerprint)
             answers.insert(0, (label, text, act))
     several = question.is_about_category or (question.seen is not None and len(question.seen.boxes) > 1)

@@ -1,7 +1,9 @@
-"""Datasets on disk in ShapeNet-SRN's layout: ``DATASET/OBJECT/{rgb/000000.png, pose/000000.txt, intrinsics.txt}``.
+"""Datasets on disk: ``DATASET/OBJECT/...`` in the layout of ShapeNet-SRN or of NeRF-synthetic.
 
-Two optional additions: ``OBJECT/mask/000000.png`` (255 inside the object), and ``DATASET/manifest.json`` with the
-category and the objects that share a shape or a texture.
+An object in SRN's layout is ``{rgb/000000.png, pose/000000.txt, intrinsics.txt}``; in NeRF's, a ``transforms.json`` or
+``transforms_train.json`` with the images that it names. Its folder, or the file, may also stand for a dataset. Two
+optional additions: ``OBJECT/mask/000000.png`` (255 inside the object, SRN's layout only), and ``DATASET/manifest.json``
+with the category and the objects that share a shape or a texture.
 """
 
 from collections import Counter
@@ -16,11 +18,13 @@ from jaxtyping import Bool, UInt8
 from PIL import Image
 
 from core.geometry.camera import Camera
-from core.geometry.pose_files import read_pose
+from core.geometry.pose_files import PosedImage, read_pose, read_transforms, require_scale, scaled
 from core.photos.decode import IMAGE_SUFFIXES
 from core.runtime.files import atomic_folder, write_json
 from core.runtime.reading import number, open_image, read_json, read_text, reading, typed, whole
 
+_TRANSFORMS = "transforms_train.json", "transforms.json", "transforms_test.json", "transforms_val.json"
+"""Files of an object in NeRF's layout; the first that exists is read."""
 _WHITE_LEVEL = 253  # Background threshold of all channels, for images without a mask; saving again changes 1-2 levels
 
 
@@ -85,22 +89,26 @@ class _Manifest(NamedTuple):
 class ObjectEntry:
     """An object of a dataset that is read on demand: a test set need not fit into memory."""
 
-    folder: Path
+    folder: Path  # or its transforms.json
     shape_id: str
     texture_id: str
+    scale: float = 1.0  # scene units of a unit of its poses
 
     @property
     def name(self) -> str:
         """Name of the object."""
-        return self.folder.name
+        return _object_name(self.folder)
 
     def read(self) -> ObjectViews:
         """Read the object's images. Raises ``ValueError`` naming a missing, broken or contradictory file."""
-        return _read_object(self.folder, (self.shape_id, self.texture_id))
+        return _read_object(self)
 
 
-def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry, ...]]:
+def index_objects(folders: Sequence[Path | str], scale: float = 1.0) -> tuple[str, tuple[ObjectEntry, ...]]:
     """Return the category ('' if unknown) and the objects of dataset folders, by folder, then by name.
+
+    Args:
+        scale: scene units of a unit of the poses.
 
     Raises ``ValueError`` naming the folder if it is empty, or if categories or names clash.
     """
@@ -108,7 +116,7 @@ def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry
     for folder in map(Path, folders):
         category, found = _index_folder(folder)
         categories |= {category} - {""}
-        entries += found
+        entries += [replace(entry, scale=scale) for entry in found]
     if len(categories) > 1:
         raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
     names = [entry.name for entry in entries]
@@ -118,16 +126,19 @@ def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry
     return "".join(categories), tuple(entries)
 
 
-def read_dataset(folders: Path | str | Sequence[Path | str], shares: Sequence[float] = ()) -> Dataset:
+def read_dataset(
+    folders: Path | str | Sequence[Path | str], shares: Sequence[float] = (), scale: float = 1.0
+) -> Dataset:
     """Read one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
 
     Args:
         shares: fraction of training rays for each folder; by default in proportion to its objects.
+        scale: scene units of a unit of the poses.
 
     Raises ``ValueError`` naming any missing, broken or contradictory file.
     """
     folders = [folders] if isinstance(folders, str | Path) else folders
-    category, entries = index_objects(folders)
+    category, entries = index_objects(folders, scale)
     if not entries:
         raise ValueError("no dataset folder was given")
     # Decoding a PNG releases the interpreter lock, so threads suffice.
@@ -143,7 +154,8 @@ def _weights(entries: Sequence[ObjectEntry], folders: Sequence[Path], shares: Se
     """Divide each folder's fraction among its objects."""
     if len(shares) != len(folders) or min(shares) <= 0:
         raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
-    share_of, owners = dict(zip(folders, shares, strict=True)), [entry.folder.parent for entry in entries]
+    share_of = dict(zip(folders, shares, strict=True))
+    owners = [entry.folder if entry.folder in share_of else entry.folder.parent for entry in entries]
     counts = Counter(owners)
     return tuple(share_of[owner] / counts[owner] for owner in owners)
 
@@ -183,13 +195,34 @@ def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
 
     Without a manifest, objects share neither shape nor texture (the paper's setting).
     """
+    if folder.is_file() and folder.suffix.lower() == ".json":
+        return "", [_own_entry(folder)]
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such dataset folder")
     category, identities = _read_manifest(folder / "manifest.json")
+    if _transforms(folder):
+        return category, [_own_entry(folder)]
     found = sorted(path for path in folder.iterdir() if path.is_dir() and not _is_junk(path))
     if not found:
         raise ValueError(f"{folder}: no object folders in it")
     return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in found]
+
+
+def _own_entry(folder: Path) -> ObjectEntry:
+    """Return an object that stands for a dataset."""
+    name = _object_name(folder)
+    return ObjectEntry(folder, name, name)
+
+
+def _transforms(folder: Path) -> Path | None:
+    """Return the file of an object's cameras in NeRF's layout, or None; ``folder`` may be that file."""
+    files = [folder / name for name in _TRANSFORMS] if folder.is_dir() else [folder]
+    return next(filter(Path.is_file, files), None)
+
+
+def _object_name(folder: Path) -> str:
+    """Return the name of an object's folder, or of the folder of its transforms.json."""
+    return (folder if folder.is_dir() else folder.parent).resolve().name
 
 
 def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
@@ -201,24 +234,45 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
     return manifest.category, {name: (ids.shape_id, ids.texture_id) for name, ids in manifest.objects.items()}
 
 
-def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
+def _read_object(entry: ObjectEntry) -> ObjectViews:
     """Read one object's folder."""
-    paths, masks_there = _images(folder / "rgb"), {path.stem: path for path in _images(folder / "mask")}
+    file = _transforms(entry.folder)
+    views = _nerf_views(file) if file else _srn_views(entry.folder)
+    images, masks = zip(*(_read_image(view.image, view.mask) for view in views), strict=True)
+    height, width = images[0].shape[:2]
+    for view, image in zip(views, images, strict=True):
+        if image.shape != (height, width, 3):
+            raise ValueError(f"{view.image}: its size is not the {width}x{height} of the object's other images")
+    rescaled = (view._replace(pose=scaled(view.pose, entry.scale)) for view in views)
+    with reading(file or entry.folder, "an object"):
+        cameras = tuple(view.camera(width, height) for view in rescaled)
+        if file:  # SRN's poses are in a model's units
+            require_scale(masks, cameras, entry.scale)
+    return ObjectViews(entry.name, entry.shape_id, entry.texture_id, np.stack(images), np.stack(masks), cameras)
+
+
+def _srn_views(folder: Path) -> list[PosedImage]:
+    """Return the images of an object in SRN's layout, with their cameras."""
+    paths, masks = _images(folder / "rgb"), {path.stem: path for path in _images(folder / "mask")}
     if not paths:
         raise ValueError(f"{folder / 'rgb'}: no images ({', '.join(IMAGE_SUFFIXES)})")
-    stems = [path.stem for path in paths]
     poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt") if not _is_junk(pose)}
-    if set(poses) != set(stems):
-        raise ValueError(f"{folder / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
-    focal, made_for = _read_intrinsics(folder / "intrinsics.txt")
-    images, masks = zip(*(_read_image(path, masks_there.get(path.stem)) for path in paths), strict=True)
-    height, width = images[0].shape[:2]
-    for path, image in zip(paths, images, strict=True):
-        if image.shape != (height, width, 3):
-            raise ValueError(f"{path}: its size is not the {width}x{height} of the object's other images")
-    scaled = focal * height / made_for
-    cameras = tuple(_camera(poses[stem], scaled, width, height) for stem in stems)
-    return ObjectViews(folder.name, *identity, np.stack(images), np.stack(masks), cameras)
+    if set(poses) != {path.stem for path in paths}:
+        raise ValueError(f"{folder / 'pose'}: {len(poses)} poses do not match the {len(paths)} images by name")
+    focal = _read_intrinsics(folder / "intrinsics.txt")
+    return [PosedImage(path, read_pose(poses[path.stem]), focal, masks.get(path.stem)) for path in paths]
+
+
+def _nerf_views(file: Path) -> list[PosedImage]:
+    """Return the images that a transforms.json names, mostly without their ending, with their cameras."""
+    views = []
+    for view in read_transforms(file):
+        names = (view.image, *(view.image.with_name(f"{view.image.name}{suffix}") for suffix in IMAGE_SUFFIXES))
+        found = next(filter(Path.is_file, names), None)
+        if found is None:
+            raise ValueError(f"{file}: there is no image {view.image}")
+        views.append(view._replace(image=found))
+    return views
 
 
 def _images(folder: Path) -> list[Path]:
@@ -231,21 +285,14 @@ def _is_junk(path: Path) -> bool:
     return path.name.startswith(".") or path.name == "__MACOSX"
 
 
-def _read_intrinsics(path: Path) -> tuple[float, int]:
-    """Return the focal length in px and the image height in px that it refers to."""
+def _read_intrinsics(path: Path) -> float:
+    """Return the focal length in image widths."""
     with reading(path, "a file of SRN intrinsics"):
         lines = [line.split() for line in read_text(path).splitlines() if line.strip()]
-        focal, height = number(float(lines[0][0])), whole(float(lines[-1][0]))
-        if focal <= 0 or height < 1:
-            raise ValueError(f"focal length and height must be positive, got {focal} and {height}")
-        return focal, height
-
-
-def _camera(path: Path, focal: float, width: int, height: int) -> Camera:
-    """Read the camera of a pose file."""
-    pose = read_pose(path)
-    with reading(path, "a pose"):
-        return Camera.from_pose(pose, focal, width, height)
+        focal, width = number(float(lines[0][0])), whole(float(lines[-1][-1]))  # the last line: height, width
+        if focal <= 0 or width < 1:
+            raise ValueError(f"focal length and width must be positive, got {focal} and {width}")
+        return focal / width
 
 
 def _read_image(

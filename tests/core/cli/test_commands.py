@@ -1,6 +1,7 @@
 """The command line as a person types it, in this process."""
 
 import json
+import math
 import re
 import shutil
 from collections.abc import Callable
@@ -23,7 +24,7 @@ from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.detector import Detection
 from core.photos.photo import Photo
-from core.photos.segmentation import Hints
+from core.photos.segmentation import CutOut, Hints
 from core.rendering.direction_words import direction_words
 from tests.core.lab.datasets.test_glb_objects import write_folder
 from tests.core.lab.evaluation.test_protocol import views_of
@@ -99,6 +100,13 @@ def test_a_turntable_becomes_another_object_and_turns_back(file: str):
     assert np.abs(np.asarray(white.convert("RGB")).astype(int) - pixels("there.png")).max() <= 3
 
 
+def test_a_gif_keeps_the_frames_that_browsers_show(file: str, capsys: pytest.CaptureFixture[str]):
+    run(f"turntable --model {file} --frames 12 --fps 60 --size 16 --out t.gif")
+    assert "t.gif: browsers show at most 50 frames a second of it, so 10 of 12 are kept" in capsys.readouterr().err
+    run(f"turntable --model {file} --frames 12 --fps 60 --size 16 --out t.webp")
+    assert "browsers" not in capsys.readouterr().err
+
+
 def test_mesh_writes_the_object():
     tiny_model().save(Path("m.safetensors"))
     run("mesh --model m.safetensors --object 1 --resolution 24 --out a.ply")
@@ -139,6 +147,41 @@ def write_stools() -> None:
     tiny_model().save(Path("m.safetensors"))
     for index in range(3):
         write_object(Path("d"), views_of(tiny_model(), index, 3))
+
+
+def write_nerf_stools(scale: float) -> None:
+    """The tiny model, and two of its objects in NeRF's layout and units of ``scale``."""
+    tiny_model().save(Path("m.safetensors"))
+    for index in range(2):
+        views, frames = views_of(tiny_model(), index, 3), []
+        Path(f"d/stool{index}/train").mkdir(parents=True)
+        for number, camera in enumerate(views.cameras):
+            alpha = Image.fromarray(views.masks[number].astype(np.uint8) * 255)
+            image = Image.fromarray(views.images[number])
+            image.putalpha(alpha)
+            image.save(f"d/stool{index}/train/r_{number}.png")
+            matrix = camera.pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
+            matrix[:3, 3] /= scale
+            frames.append({"file_path": f"./train/r_{number}", "transform_matrix": matrix.tolist()})
+        angle = 2 * math.atan(camera.width / 2 / camera.focal)
+        about = json.dumps({"camera_angle_x": angle, "frames": frames})
+        Path(f"d/stool{index}/transforms_train.json").write_text(about)
+
+
+@pytest.mark.usefixtures("quick")
+def test_nerf_folders_are_fitted_evaluated_and_trained_on(capsys: pytest.CaptureFixture[str]):
+    write_nerf_stools(0.3)
+    photos = "d/stool0/train/r_0.png d/stool0/train/r_1.png --pose d/stool0/transforms_train.json"
+    assert "across instead of 1: --pose-scale 0." in refused(capsys, f"fit {photos} --model m.safetensors")
+    run(f"fit {photos} --model m.safetensors --pose-scale 0.3 --preset draft")
+    fitted = json.loads(capsys.readouterr().out)
+    assert fitted["distance"] == pytest.approx(tiny_model().distance, rel=1e-3)
+    assert fitted["psnr"] > 20
+    run("evaluate d --model m.safetensors --input-views 0,1 --pose-scale 0.3 --report r.json")
+    assert evaluated("r.json") == ["stool0", "stool1"]
+    assert json.loads(Path("r.json").read_text())["summary"]["psnr"][0] > 20
+    run("train d --pose-scale 0.3 --width 16 --latent 4 4 --steps 2 --out n.safetensors")
+    assert len(load_model("n.safetensors").codes) == 2
 
 
 def evaluated(report: str) -> list[str]:
@@ -184,8 +227,24 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
         ("render --model {file} --paint red --out a.png", "a paint is #rrggbb"),
         ("render --out a.png --model boats", "boats"),
         ("render --out a.png --model {file} --object 9", "0 to 5"),
-        ("render --out a.png --model {file} --elevation 120", "90 degrees"),
-        ("render --out a.png --model {file} --distance -1", "positive"),
+        ("render --out a.png --elevation 120", "from -90 to 90 degrees"),
+        ("render --out a.png --azimuth 1e30", "from -3600 to 3600 degrees"),
+        *((f"render --out a.png --distance {words}", "0.05 to 100 scene units") for words in ("-1", "1e30", "1e-30")),
+        *((f"render --out a.png --edit taller={words}", "from -10 to 10 standard") for words in ("1e30", "-inf")),
+        ("render --out a.png --threads 1000000", "1 to 1024"),
+        ("turntable --out a.mp4 --frames 1000000000", "1 to 100000"),
+        ("turntable --out a.mp4 --fps 1e30", "1 to 100"),
+        ("mesh --out a.ply --metres 1e30", "0.0001 to 1e+06"),
+        ("mesh --out a.ply --metres 1e-30", "0.0001 to 1e+06"),
+        ("mesh --out a.ply --model {file} --texture 1e9", "16 to 8192"),
+        ("fit a.png --seed 99999999999999999999", "0 to 4294967295"),
+        ("fit a.png --box 0,0,nan,9", "four numbers"),
+        ("fit a.png --point inf,9", "two numbers"),
+        ("train d --out m.safetensors --latent 4 1e30", "1 to 8192"),
+        ("train d --out m.safetensors --shares nan", "1e-06 to 1e+06"),
+        ("dataset meshes . --out d --category chairs --variants -1", "0 to 10000"),
+        ("evaluate d --input-views -1", "from 0"),
+        ("evaluate d --input-views 1e30", "from 0"),
         ("render --out gone/a.png --model {file}", "folder"),
         ("render --out . --model {file}", "it is a folder"),
         ("render --out a.xyz --model {file} --size 8", "must end in"),
@@ -194,7 +253,7 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
         ("turntable --out t.mp4 --model {file} --size 1", "at least 2 px"),
         ("render --out a.png --azimuth nan", "--azimuth"),
         ("turntable --out t.avi --model {file}", "mp4"),
-        ("turntable --out t.mp4 --model {file} --quality 101", "got 24, 101"),
+        ("turntable --out t.mp4 --quality 101", "1 to 100"),
         ("mesh --out a.dae --model {file}", "glb"),
         ("convert {file} --out a.safetensors", "hpam.json"),
         ("convert {file} --config {file} --out a.pth", "safetensors"),
@@ -205,6 +264,10 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
         ("fit {file} --model {file}", "m.safetensors"),
         ("fit a.png --out .", "must end in .json"),
         ("fit a.png --log .", "it is a folder"),
+        ("fit a.png --log a.png", "cannot write a.png: this command needs it"),
+        ("fit a.png --out ./s.json --log s.json", "cannot write s.json: this command needs it"),
+        ("fit a.png --mask s.json --out s.json", "cannot write s.json: this command needs it"),
+        ("fit a.png --explain {file}", "it is not a folder"),
         ("fit a.png --out gone/a.json", "no folder"),
         ("fit a.png b.png --model {file} --pose p.txt", "as many poses"),
         ("fit a.png --preset best", "paper"),
@@ -320,20 +383,24 @@ def test_that_several_photos_have_no_confidence_is_said(file, model, capsys, fit
     assert "of several photos together" in printed.err
 
 
-def test_a_chair_and_a_car_in_one_fit_are_named(file, model, capsys, monkeypatch, fit_ends):
-    guesses = iter([{"chairs": 0.9, "cars": 0.05}, {"chairs": 0.8, "cars": 0.1}, {"chairs": 0.1, "cars": 0.8}])
-    prepared = fitting.prepare_photo
-    monkeypatch.setattr(
-        fitting, "prepare_photo", lambda *given, **named: replace(prepared(*given, **named), categories=next(guesses))
-    )
-    Path("b.png").write_bytes(Path("a.png").read_bytes())
+def test_a_chair_and_a_car_are_not_fitted_as_one_object_unless_a_model_is_named(
+    file, model, capsys, monkeypatch, fit_ends
+):
+    Image.new("RGB", (65, 65), "white").save("b.png")
+    cut_out = fitting.cut_out
+
+    def cut_and_guess(image: Image.Image, hints: Hints | None) -> CutOut:
+        if image.width == 65:
+            return replace(cut_out(Image.open("a.png").convert("RGBA")), categories={"chairs": 0.1, "cars": 0.8})
+        return replace(cut_out(image), categories={"chairs": 0.9, "cars": 0.05})
+
     fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model.codes[0]))
+    monkeypatch.setattr(fitting, "cut_out", cut_and_guess)
+    said = "b.png: this looks like a car, the first image like a chair: the images of one fit show one object"
+    advice = "Fit each object by itself, or choose one model with --model"
+    assert refused(capsys, "fit a.png a.png b.png") == f"python -m core: {said}. {advice}\n"
     run(f"fit a.png a.png b.png --model {file}")
-    lines = [line for line in capsys.readouterr().err.splitlines() if "one object" in line]
-    assert lines == [
-        "python -m core: b.png: this looks like a car, the first image like a chair: the images of one fit show one "
-        "object"
-    ]
+    assert capsys.readouterr().err.splitlines()[0] == f"python -m core: {said}"
 
 
 def test_a_box_is_in_pixels_of_the_upright_image(file, capsys, monkeypatch):
@@ -402,7 +469,7 @@ def test_a_point_or_a_mask_says_where_the_object_is(file, capsys, monkeypatch):
     printed = capsys.readouterr().err
     assert "outside the image of 400x200 px" in printed
     assert "a point is two numbers X,Y, not '1'" in printed
-    assert "white.png: the mask is all black or all white; it must be white on the object only" in printed
+    assert "white.png: the mask has 1 value (255); it must be white on the object, black elsewhere" in printed
     assert "1 images need as many masks, got 2" in printed
 
 

@@ -1,4 +1,8 @@
+import gc
+from bisect import bisect
+from contextlib import closing
 from dataclasses import replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +13,7 @@ from PIL import Image
 
 from core.detail.rendering import render_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
-from core.export.video import FORMATS, VideoSettings, write_video
+from core.export.video import FORMATS, VideoSettings, shown_views, write_video
 from core.export.video_frames import over
 from core.models.model import Model
 from tests.core.tiny import tiny_model
@@ -109,16 +113,78 @@ def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> 
     assert np.array_equal(over(frame, (255, 255, 255)), frame.image)
 
 
-@pytest.mark.parametrize("suffix", [".gif", ".webp"])
-def test_a_video_has_its_duration(suffix: str, model: Model, tmp_path: Path) -> None:
-    list(turn(model, tmp_path / f"turn{suffix}", 15, size=(16, 16), rate=30))
-    with Image.open(tmp_path / f"turn{suffix}") as video:
-        lasted = 0
+def delays(path: Path) -> list[int]:
+    """The milliseconds of each frame of an animation."""
+    found = []
+    with Image.open(path) as video:
         for index in range(video.n_frames):
             video.seek(index)
             video.load()
-            lasted += video.info["duration"]
-    assert lasted == 500
+            found.append(video.info["duration"])
+    return found
+
+
+@pytest.mark.parametrize(
+    ("suffix", "rate", "frames", "shown"),
+    [
+        *((suffix, 30, 15, 15) for suffix in (".gif", ".webp")),
+        (".gif", 50, 15, 15),
+        (".gif", 60, 30, 25),
+        (".gif", 100, 30, 15),
+        (".webp", 60, 30, 30),
+        (".webp", 90, 36, 36),
+        (".webp", 100, 30, 27),
+    ],
+)
+def test_a_video_has_its_duration(suffix: str, rate: int, frames: int, shown: int, model: Model, tmp_path: Path):
+    """And delays that browsers keep: they show a frame of 10 ms, and of gif one below 20 ms, for 100 ms."""
+    counts = list(turn(model, tmp_path / f"turn{suffix}", frames, size=(16, 16), rate=rate))
+    found = delays(tmp_path / f"turn{suffix}")
+    assert len(found) == counts[-1] == shown
+    assert sum(found) == pytest.approx(1000 * frames / rate, abs=1)
+    assert min(found) >= (20 if suffix == ".gif" else 11)
+
+
+def test_frames_that_a_format_cannot_show_are_those_in_between(model: Model) -> None:
+    views = turntable(model.codes[0], model.camera(0.0, 0.3), 12)
+    assert shown_views(views, Path("a.GIF"), 100) == views[::2]
+    assert shown_views(views, Path("a.gif"), 60) == [*views[:1], *views[2:7], *views[8:]]
+    assert shown_views(views, Path("a.mp4"), 100) == shown_views(views, Path("a.gif"), 50) == views
+
+
+def images_in_memory() -> int:
+    gc.collect()
+    return sum(issubclass(type(one), Image.Image) for one in gc.get_objects())
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".webp"])
+@pytest.mark.parametrize("transparent", [True, False])
+def test_animations_are_encoded_as_frames_come(suffix: str, transparent: bool, tmp_path: Path) -> None:
+    """They show each frame, some of them equal, again and again, and keep no frame in memory."""
+    generator = np.random.default_rng(0)
+    colours = generator.integers(0, 255, (6, 4, 4, 4), dtype=np.uint8)
+    shots = colours.repeat(16, 1).repeat(16, 2)
+    shots[..., 3] = 255 * (shots[..., 3] > 127)
+    shots[3] = shots[2]
+    shots[5] = shots[4]
+    settings = VideoSettings(20, 100, None if transparent else (255, 255, 255))
+    path = tmp_path / f"a{suffix}"
+    with closing(FORMATS[suffix].sink(path, settings)) as sink:
+        before = images_in_memory()
+        for shot in shots:
+            sink.add(shot if transparent else shot[..., :3].copy())
+        assert images_in_memory() <= before + 1
+        sink.finish()
+    with Image.open(path) as video:
+        assert video.info["loop"] == 0
+        begins = [0, *accumulate(delays(path))]  # webp holds equal frames once
+        assert begins[-1] == 300
+        for index, shot in enumerate(shots):
+            video.seek(bisect(begins, 50 * index) - 1)
+            shown = np.asarray(video.convert("RGBA")).astype(int)
+            solid = shot[..., 3] > 127 if transparent else np.ones(shot.shape[:2], bool)
+            assert np.array_equal(shown[..., 3] > 127, solid)
+            assert np.abs(shown - shot)[..., :3][solid].mean() < 12
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".webp", ".gif"])

@@ -1,3 +1,6 @@
+import json
+import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -5,7 +8,7 @@ import pytest
 import torch
 
 from core.geometry.camera import Camera
-from core.geometry.pose_files import read_pose
+from core.geometry.pose_files import find_pose, read_pose, read_transforms, require_scale
 
 CAMERA = Camera(0.7, 0.4, 1.5, 131.25, 128, 128)
 OPENCV = CAMERA.pose().numpy()
@@ -37,3 +40,77 @@ def test_poses_of_srn_and_of_blender_are_read(tmp_path: Path) -> None:
 def test_another_convention_is_recognised(tmp_path: Path, matrix: np.ndarray, axes: str, said: str) -> None:
     with pytest.raises(ValueError, match=rf"pose\.txt: .*{said}"):
         read_pose(write(tmp_path / "pose.txt", matrix), axes)
+
+
+def write_transforms(folder: Path, matrices: dict[str, np.ndarray], **more: object) -> Path:
+    frames = [{"file_path": name, "transform_matrix": matrix.tolist()} for name, matrix in matrices.items()]
+    path = folder / "transforms_train.json"
+    path.write_text(json.dumps({"camera_angle_x": 0.9, "frames": frames} | more))
+    return path
+
+
+def test_frames_of_nerf_synthetic_are_cameras(tmp_path: Path) -> None:
+    wide = CAMERA.pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
+    wide[:3, 3] *= 3
+    path = write_transforms(tmp_path, {"./train/r_0": wide, "train\\r_1.png": wide[:3]}, unknown=3)
+    first, second = read_transforms(path, scale=1 / 3)
+    assert (first.image, second.image) == (tmp_path / "train/r_0", tmp_path / "train/r_1.png")
+    torch.testing.assert_close(first.pose, CAMERA.pose(), atol=1e-9, rtol=0)
+    torch.testing.assert_close(second.pose, first.pose)
+    camera = first.camera(200, 100)
+    assert camera.distance == pytest.approx(1.5)
+    assert 2 * math.atan(100 / camera.focal) == pytest.approx(0.9)
+    (measured,) = read_transforms(write_transforms(tmp_path, {"a": wide}, camera_angle_x=None, fl_x=300, w=200))
+    assert measured.focal == 1.5
+
+
+def test_an_image_is_found_among_the_frames(tmp_path: Path) -> None:
+    """By its name, and where several folders have such a name by its place."""
+    moved = Camera(0.2, 0.1, 1.5, 131.25, 128, 128).pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
+    path = write_transforms(tmp_path, {"./left/r_0": OPENGL, "./right/r_0": moved, "./right/r_1.png": moved})
+    assert find_pose(path, tmp_path / "left/r_0.png").camera(9, 9).azimuth == pytest.approx(0.7)
+    assert find_pose(path, tmp_path / "right/r_0.jpg").camera(9, 9).azimuth == pytest.approx(0.2)
+    assert find_pose(path, Path("elsewhere/r_1.png")).camera(9, 9).azimuth == pytest.approx(0.2)
+    for name, count in (("elsewhere/r_0.png", 2), ("r_2.png", 0), ("right/r_1.jpg", 0)):
+        with pytest.raises(ValueError, match=rf"{count} frames are named {Path(name).name}; it has r_0, r_0, r_1.png"):
+            find_pose(path, tmp_path / name)
+    text = find_pose(write(tmp_path / "pose.txt", OPENGL), Path("a.png"), "opengl", 2.0)
+    assert text.camera(128, 128, 131.25).distance == pytest.approx(3.0)
+    assert text.camera(128, 128, 131.25).focal == 131.25
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"frames": []}, "no frames"),
+        ({"camera_angle_x": 4.0}, "needs camera_angle_x"),
+        ({"camera_angle_x": None, "fl_x": 3.0}, "or fl_x and w"),
+        ({"frames": [{"file_path": "a", "transform_matrix": [[1, 0, 0, 0]] * 2}]}, "3 or 4 rows, got 2"),
+        ({"frames": [{"file_path": "a", "transform_matrix": [[1, 0, 0]] * 4}]}, "has 4 parts, got 3"),
+        ({"frames": [{"file_path": "a", "transform_matrix": np.eye(4).tolist()}]}, "a: the camera of a pose must not"),
+        ({"frames": [{"file_path": "a"}]}, "transform_matrix is missing"),
+    ],
+)
+def test_broken_transforms_are_named(content: dict, said: str, tmp_path: Path) -> None:
+    path = write_transforms(tmp_path, {"a": OPENGL}, **content)
+    with pytest.raises(ValueError, match=rf"transforms_train\.json: .*{said}"):
+        read_transforms(path)
+
+
+@pytest.mark.parametrize("scale", [0.05, 0.3, 4.0])
+def test_the_scale_that_fits_is_named(scale: float) -> None:
+    """A disc as wide as a ball of radius 0.5 in the middle of the image."""
+    y, x = np.mgrid[:128, :128] + 0.5 - 64
+    camera = Camera(0.7, 0.4, 1.5 / scale, 131.25, 128, 128)
+    disc = np.hypot(x, y) < 131.25 * math.tan(math.asin(0.5 / 1.5))
+    require_scale([disc, np.zeros_like(disc)], [Camera(0.7, 0.4, 1.5, 131.25, 128, 128)] * 2)
+    with pytest.raises(ValueError, match="scene units across instead of 1") as raised:
+        require_scale([disc], [camera], 0.5)
+    (named,) = re.findall(r"--pose-scale (\S+)", str(raised.value))
+    assert float(named) == pytest.approx(0.5 * scale, rel=0.05)
+
+
+def test_transforms_that_once_failed_are_read(shared: Path) -> None:
+    first, *_ = read_transforms(shared / "failing/5/transforms_train.json")
+    assert first.camera(100, 100).distance == pytest.approx(2.0)
+    assert first.camera(100, 100).elevation == pytest.approx(0.0)

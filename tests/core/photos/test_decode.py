@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import ExifTags, Image
+from PIL import ExifTags, Image, ImageFilter
 
 from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.segmentation import cut_out
@@ -43,6 +43,93 @@ def test_a_mask_of_other_proportions_is_refused(size: tuple[int, int], tmp_path:
     mask_of(drawing()).resize(size).save(tmp_path / "mask.png")
     with pytest.raises(ValueError, match=rf"mask\.png: a mask of {size[0]}x{size[1]} px does not fit .* 300x200 px"):
         read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+
+
+INSIDE = np.asarray(mask_of(drawing())) > 127
+VOC = [0, 0, 0, 128, 0, 0, 0, 128, 0, *[0] * 756, 224, 224, 192]
+
+
+def labels(inside: int, outside: int, palette: list[int] | None = None, kind: type = np.uint8) -> Image.Image:
+    """A mask that has one value on the object and one beside it, perhaps with a palette."""
+    image = Image.fromarray(np.where(INSIDE, inside, outside).astype(kind))
+    if palette:
+        image.putpalette(palette)
+    return image
+
+
+def in_two_colours(inside: tuple[int, ...], outside: tuple[int, ...]) -> Image.Image:
+    return Image.fromarray(np.where(INSIDE[..., None], inside, outside).astype(np.uint8))
+
+
+MASKS = {
+    "0 and 1": labels(1, 0),
+    "0 and 7": labels(7, 0),
+    "200 and 255": labels(255, 200),
+    "16 bits": labels(1000, 0, kind=np.uint16),
+    "one bit": labels(255, 0).convert("1"),
+    "red on black": in_two_colours((255, 0, 0), (0, 0, 0)),
+    "white on red": in_two_colours((255, 255, 255), (255, 0, 0)),
+    "alpha of 0 and 1": in_two_colours((9, 9, 9, 1), (9, 9, 9, 0)),
+    "voc": labels(1, 0, VOC),
+    "no background class": labels(2, 1, VOC),
+    "black has a higher index": labels(0, 1, [200, 0, 0, 0, 0, 0]),
+    "white has a lower index": labels(0, 1, [255, 255, 255, 0, 0, 200]),
+    "a grey palette": labels(0, 1, [255, 255, 255, 0, 0, 0]),
+}
+
+
+@pytest.mark.parametrize("name", MASKS)
+def test_two_values_of_any_kind_are_a_mask(name: str, tmp_path: Path) -> None:
+    drawing().save(tmp_path / "photo.png")
+    MASKS[name].save(tmp_path / "mask.png")
+    found = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+    np.testing.assert_array_equal(np.asarray(found), np.where(INSIDE, 255, 0))
+
+
+def test_pixels_of_unknown_class_are_half_in_the_mask(tmp_path: Path) -> None:
+    drawing().save(tmp_path / "photo.png")
+    indices = INSIDE.astype(np.uint8)
+    indices[:, 100:104] = 255
+    image = Image.fromarray(indices)
+    image.putpalette(VOC)
+    image.save(tmp_path / "mask.png")
+    found = np.asarray(read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200)))
+    assert (found[:, 100:104] == 127).all()
+    np.testing.assert_array_equal(np.delete(found, slice(100, 104), 1) > 127, np.delete(INSIDE, slice(100, 104), 1))
+
+
+@pytest.mark.parametrize(
+    ("palette", "said"),
+    [(VOC, r"3 palette indices \(0, 1, 2\)"), (None, r"3 values \(0, 1, 2\)"), ([7] * 9, r"3 values \(0, 1, 2\)")],
+)
+def test_a_mask_of_several_objects_lists_them(palette: list[int] | None, said: str, tmp_path: Path) -> None:
+    drawing().save(tmp_path / "photo.png")
+    indices = INSIDE.astype(np.uint8)
+    indices[:20] = 2
+    image = Image.fromarray(indices)
+    if palette:
+        image.putpalette(palette if palette == VOC else [0, 0, 0, 1, 1, 1, 2, 2, 2])
+    image.save(tmp_path / "mask.png")
+    with pytest.raises(ValueError, match=rf"mask\.png: the mask has {said}; it must"):
+        read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+
+
+def test_a_photograph_is_no_mask_and_soft_edges_are_one(tmp_path: Path) -> None:
+    drawing().save(tmp_path / "photo.png")
+    ramp = Image.linear_gradient("L").resize((300, 200))
+    ramp.save(tmp_path / "mask.png")
+    with pytest.raises(ValueError, match=r"mask\.png: this is no mask: 7\d% of its pixels are neither black nor white"):
+        read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+    mask_of(drawing()).filter(ImageFilter.GaussianBlur(6)).save(tmp_path / "mask.png")
+    found = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+    assert (inside(found) == INSIDE).mean() > 0.98
+
+
+@pytest.mark.parametrize("name", ["mask_zero_one", "mask_voc_palette"])
+def test_masks_that_once_failed_are_read(name: str, shared: Path) -> None:
+    folder = shared / "failing/5"
+    found = read_mask(folder / f"{name}.png", folder / "mask_photo.png", (640, 480))
+    assert inside(found).sum() == 15346
 
 
 @pytest.mark.parametrize("sizes", [((32, 24), (300, 200)), ((300, 200), (32, 24)), ((30, 20), (300, 200), (60, 40))])

@@ -8,6 +8,7 @@ from PIL import Image, ImageDraw
 
 from core.photos import candidates
 from core.photos.decode import read_rgba
+from core.photos.photo import DOUBTFUL_MASK
 from core.photos.segmentation import CutOut, Hints, Stroke, cut_out
 
 BOX = (0.2, 0.2, 0.8, 0.8)
@@ -241,3 +242,23 @@ def test_photos_are_cut_out_by_themselves(shared: Path, name: str):
     mask = cut_out(read_rgba(shared / "photos" / name)).mask
     assert 0.1 < mask.mean() < 0.65
     assert mask[[0, -1]].mean() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("place", "inverted", "said"),
+    [
+        ((40, 30, 160, 110), False, ""),
+        ((40, 30, 160, 110), True, "three edges"),
+        ((40, 90, 160, 140), True, "three edges"),  # the object is cut off at the bottom
+        ((2, 2, 199, 138), False, "96% of the image"),
+        ((0, 20, 200, 140), False, ""),  # a sofa that was trimmed
+    ],
+)
+def test_an_inverted_mask_or_one_of_nearly_everything_is_doubtful(place, inverted, said) -> None:
+    mask = Image.new("L", (200, 140), 255 * inverted)
+    mask.paste(255 * (not inverted), place)
+    image = Image.new("RGBA", mask.size, "brown")
+    image.putalpha(mask)
+    cut = cut_out(image)
+    assert (said in cut.note) if said else not cut.note
+    assert (cut.confidence < DOUBTFUL_MASK) == bool(said)

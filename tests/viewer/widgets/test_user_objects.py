@@ -8,6 +8,7 @@ import pytest
 from core.models.codes import Codes
 from tests.viewer.driver import Drive, Driver, in_window
 from viewer import autosave
+from viewer.values.printable import as_label
 from viewer.widgets import user_objects
 
 
@@ -179,3 +180,18 @@ def test_random_codes_and_mixes_of_an_object_are_no_version_of_it(window: Driver
         assert editor.objects["block"].codes == fitted
     window.click("Library/**/show block")
     assert editor.scene.codes == fitted
+
+
+@in_window()
+def test_names_with_signs_of_imgui_are_shown_whole(window: Driver, photo: Path) -> None:
+    """Their tiles are not one, though imgui forgets what precedes ###, and their menus hide nothing after ##."""
+    editor = window.session.editor
+    tiles = {}
+    for name in ("left###chair", "right###chair"):
+        window.fit(photo)
+        window.session.rename(editor.state.mix.a.shape, name)
+        window.ctx.yield_(3)
+        tiles[name] = f"Library/**/{as_label(f'show {name}')}"
+    for name in (*tiles, *reversed(tiles)):
+        window.click(tiles[name])
+        assert editor.state.mix.a.shape == name

@@ -1,5 +1,6 @@
 """SRN folders: what is written comes back, genuine files are read, broken ones are named."""
 
+import json
 import math
 import shutil
 from dataclasses import replace
@@ -229,3 +230,48 @@ def test_images_are_known_by_any_usual_ending(suffix: str, tmp_path: Path) -> No
     assert len(found.images) == 4
     if suffix in (".PNG", ".webp"):
         assert np.array_equal(found.images, one.images)
+
+
+SQUARE = slice(6, 10)
+
+
+def write_nerf(folder: Path, name: str, scale: float = 1.0, count: int = 3) -> list[Camera]:
+    """A red square in front of a transparent ground, with cameras in other units, as NeRF-synthetic has them."""
+    cameras = [Camera(0.5 * index, 0.4, 1.3, 16.4, SIZE, SIZE) for index in range(count)]
+    pixels = np.zeros((SIZE, SIZE, 4), np.uint8)
+    pixels[SQUARE, SQUARE] = 200, 0, 0, 255
+    (folder / name / "train").mkdir(parents=True)
+    frames = []
+    for index, camera in enumerate(cameras):
+        Image.fromarray(pixels).save(folder / name / f"train/r_{index}.png")
+        matrix = camera.pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
+        matrix[:3, 3] /= scale
+        frames.append({"file_path": f"./train/r_{index}", "rotation": 0.01, "transform_matrix": matrix.tolist()})
+    about = {"camera_angle_x": 2 * math.atan(SIZE / 2 / 16.4), "frames": frames}
+    (folder / name / "transforms_train.json").write_text(json.dumps(about))
+    return cameras
+
+
+def test_folders_of_nerf_synthetic_are_a_category(tmp_path: Path) -> None:
+    cameras = write_nerf(tmp_path, "lego", 0.25)
+    write_nerf(tmp_path, "drums", 0.25)
+    write_manifest(tmp_path, "toys", {})
+    dataset = read_dataset(tmp_path, scale=0.25)
+    assert ([views.name for views in dataset.objects], dataset.category) == (["drums", "lego"], "toys")
+    assert dataset.focal == pytest.approx(16.4)
+    for camera, expected in zip(dataset.objects[1].cameras, cameras, strict=True):
+        assert torch.allclose(camera.pose(), expected.pose(), rtol=0, atol=1e-6)
+    assert dataset.objects[0].masks.sum() == 3 * 16
+    assert dataset.objects[0].images[0, 0, 0].tolist() == [255, 255, 255]
+    both = read_dataset([tmp_path / "lego", tmp_path / "drums/transforms_train.json"], (1, 3), 0.25)
+    assert [views.name for views in both.objects] == ["lego", "drums"]
+    assert both.weights == (1, 3)
+
+
+def test_a_nerf_folder_in_other_units_names_the_scale(tmp_path: Path) -> None:
+    write_nerf(tmp_path, "lego", 0.1)
+    with pytest.raises(ValueError, match=r"transforms_train\.json: .* 3\.\d+ scene units across .*--pose-scale 0\.3"):
+        read_dataset(tmp_path)
+    (tmp_path / "lego/train/r_1.png").unlink()
+    with pytest.raises(ValueError, match=r"transforms_train\.json: there is no image .*r_1"):
+        read_dataset(tmp_path, scale=0.1)

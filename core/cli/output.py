@@ -1,0 +1,74 @@
+"""Output of commands to terminals, pipes and logs that may end before the command does."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from pathlib import Path
+from typing import IO, Any, cast
+
+
+class LastingOutput:
+    """A text stream that outlives its reader: a failed write is reported once on stderr, later text is dropped."""
+
+    def __init__(self, stream: IO[str], name: str) -> None:
+        self._stream = stream
+        self._name = name
+        self.error: OSError | None = None  # of the first failed write
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(self._stream, attribute)
+
+    def write(self, text: str) -> int:
+        """Write text; return its length."""
+        self._attempt(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Pass buffered text on."""
+        self._attempt(self._stream.flush)
+
+    def _attempt(self, act: Callable[[], object]) -> None:
+        try:
+            act()
+        except OSError as error:
+            if self.error is None:
+                self.error = error
+                _discard(self._stream)
+                say(f"{self._name} cannot be written any more ({error.strerror}); the work goes on")
+
+
+@contextmanager
+def lasting_output() -> Iterator[None]:
+    """Let the standard streams outlive their readers.
+
+    Exits with status 1 at the end if standard output was lost otherwise than by a reader that left, as on a full disk.
+    """
+    output = LastingOutput(sys.stdout or _nowhere(), "standard output")
+    errors = LastingOutput(sys.stderr or _nowhere(), "standard error")
+    with redirect_stdout(cast("IO[str]", output)), redirect_stderr(cast("IO[str]", errors)):
+        try:
+            yield
+        finally:
+            output.flush()
+            errors.flush()
+        if output.error and not isinstance(output.error, BrokenPipeError):
+            sys.exit(1)
+
+
+def say(text: str) -> None:
+    """Print a line to people, on stderr."""
+    print(f"python -m core: {text}", file=sys.stderr)
+
+
+def _nowhere() -> IO[str]:
+    """Open what takes the place of a stream that was closed at the start, and of its number: no file may get that."""
+    return Path(os.devnull).open("w")
+
+
+def _discard(stream: IO[str]) -> None:
+    """Lead a stream to nowhere, so that its buffered text does not fail again when the stream closes."""
+    with suppress(OSError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

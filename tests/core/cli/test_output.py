@@ -1,0 +1,80 @@
+"""Real commands whose standard output, error or log ends before they do."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.core.tiny import SIDE, tiny_model
+
+pytestmark = pytest.mark.skipif(not shutil.which("bash"), reason="pipes are bash's")
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The tiny model, one photo and its camera."""
+    model = tiny_model()
+    model.save(tmp_path / "m.safetensors")
+    drawing = Image.new("RGB", (SIDE, SIDE), "white")
+    drawing.paste((200, 30, 30), (SIDE // 3, SIDE // 3, 2 * SIDE // 3, 2 * SIDE // 3))
+    drawing.save(tmp_path / "a.png")
+    pose = model.camera(np.radians(60), np.radians(20)).pose()
+    (tmp_path / "p.txt").write_text(" ".join(map(str, pose.flatten().tolist())))
+    return tmp_path
+
+
+def shell(folder: Path, words: str) -> subprocess.CompletedProcess[str]:
+    """Run a line of bash; ``core`` in it is the command line."""
+    line = f'set -o pipefail; core() {{ PYTHONPATH="{ROOT}" "{sys.executable}" -m core "$@"; }}; {words}'
+    return subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, text=True, check=False)
+
+
+FIT = "core fit a.png --model m.safetensors --pose p.txt --preset draft --out s.json"
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "lost"),
+    [
+        (f"{FIT} | true", 0, "standard output"),
+        (f"{FIT} 2>&1 | true", 0, ""),
+        (f"{FIT} --log >(head -1 >first)", 0, "/dev/fd/"),
+        (f"{FIT} --log /dev/full", 0, "/dev/full"),
+        (f"{FIT} > /dev/full", 1, "standard output"),
+        (f"{FIT} >&- 2>&-", 0, ""),
+    ],
+)
+def test_a_fit_is_saved_though_nobody_reads_its_words(folder: Path, words: str, status: int, lost: str) -> None:
+    done = shell(folder, words)
+    assert json.loads((folder / "s.json").read_text())["camera"]
+    assert done.returncode == status, done.stderr
+    said = done.stderr.splitlines()
+    assert [line for line in said if "cannot be written any more" in line] == said
+    assert len(said) == bool(lost)
+    assert not lost or lost in said[0]
+
+
+def test_every_command_ends_well_without_a_reader(folder: Path) -> None:
+    (folder / "cache/view-banks").mkdir(parents=True)
+    for number in range(3):
+        (folder / f"cache/view-banks/{number}.view-bank-1.safetensors").touch()
+    for words in ("--help", "fit --help", "cache --clear"):
+        done = shell(folder, f"CODENERF_CACHE=$PWD/cache core {words} | true")
+        assert done.returncode == 0, done.stderr
+        assert "Exception" not in done.stderr
+    assert not list((folder / "cache/view-banks").iterdir())
+
+
+def test_a_fit_whose_file_fails_still_says_its_result(folder: Path) -> None:
+    """The folder of the scene is removed while the fit runs: the scene is written elsewhere."""
+    (folder / "gone").mkdir()
+    watch = "(read line; rm -r gone; cat >rest)"
+    done = shell(folder, f"{FIT.replace('s.json', 'gone/s.json')} --log >{watch} ")
+    assert done.returncode == 2
+    assert "instead" in done.stderr
+    assert json.loads(done.stdout)["azimuth"] == pytest.approx(60, abs=1e-3)
