@@ -115,7 +115,6 @@ class Chromium:
 
     def frames(self) -> list[int]:
         """Return the contexts of the frames of the page opened last, in their order."""
-        self.evaluate("0")
         made = [one["params"]["context"] for one in self.events if one["method"] == "Runtime.executionContextCreated"]
         tree = self.send("Page.getFrameTree")["frameTree"].get("childFrames", [])
         contexts = {context["auxData"]["frameId"]: context["id"] for context in made}
