@@ -114,7 +114,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("open_scene", "Open…", "Ctrl+O", "open a photo, a project, an image saved here, or a model"),
         Action("save_project", "Save project", "Ctrl+S", "save everything in one file"),
         Action("save_project_as", "Save project as…", "Ctrl+Shift+S", "save everything in another file"),
-        Action("share", "Share…", "Ctrl+E", "save a turntable, a video, a picture or a mesh"),
+        Action("share", "Share…", "Ctrl+E", "save a page, a film, a picture or a mesh"),
         Action("copy_image", "Copy image", "Ctrl+C", "copy the view on white, without its shadow"),
     ),
     "Everywhere": (

@@ -26,8 +26,6 @@ from core.rendering.direction_words import direction_words, moved
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
-_PAGE_VIEWS = 12  # around the object; the page's initial distance fits all of them
-
 
 def render(chosen: argparse.Namespace) -> None:
     """Run ``render``: write one image."""
@@ -86,11 +84,11 @@ def mesh(chosen: argparse.Namespace) -> None:
 
 def page(chosen: argparse.Namespace) -> None:
     """Run ``page``: write an object as a web page in one file."""
-    from core.export.page import write_page
+    from core.export.page import first_camera, write_page
 
     model, codes, camera = _load_view(chosen)
     if chosen.distance is None:
-        (_, camera), *_ = filling_frame(model, timeline.turntable(codes, camera, _PAGE_VIEWS))
+        camera = first_camera(model, codes, camera)
     name = chosen.name or (chosen.scene.stem if chosen.scene else model.noun.capitalize())
     for _ in write_page(model, codes, camera, chosen.out, name):
         pass

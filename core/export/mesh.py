@@ -1,7 +1,8 @@
 """An object as a coloured triangle mesh: the isosurface of its density.
 
 The density is evaluated on a grid, slab by slab and only in cells that may be occupied, so memory is bounded by a slab.
-Marching cubes turns slabs into triangles, which are welded at shared planes.
+Marching cubes turns slabs into triangles, which are welded at shared planes. A corner is evaluated once, so two slabs
+agree on their shared plane and every edge has two triangles.
 """
 
 import math
@@ -48,6 +49,7 @@ _INTERVALS = 64
 one interval; a lower one would show a fringe that no image shows.
 """
 _LOGIT_CLAMP = 8.0  # bound of logits, so that one outlier does not displace the surface
+_LEAST_LOGIT = 0.01  # added to the size of logits: a corner is off the surface by at least a thousandth of a cell
 _MIN_PIECE = 0.05  # scene units (an object's diagonal is 1): pieces with a smaller bounding box diagonal are dropped
 _SLAB = 8  # planes of the grid that a thread evaluates at a time
 _BLOCK = 4096  # points that a thread evaluates at a time, so that activations stay in cache
@@ -245,34 +247,41 @@ def _thickness(folded: FoldedField, grid: _Grid, points: Float[Tensor, "points 3
 def _pieces(
     folded: FoldedField, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return vertices (in grid steps) and triangles of every non-empty slab; slabs share their last plane."""
+    """Return vertices (in grid steps) and triangles of every non-empty slab; each slab begins at the last's end."""
     from skimage.measure import marching_cubes  # takes as long to import as half of torch
 
     pieces = []
-    last = grid.counts[0] - 1
-    starts = range(0, last, _SLAB)
-    for first, logits in zip(starts, map_pieces(partial(_logits, folded, occupancy, grid), starts), strict=True):
+    count = grid.counts[0]
+    starts = range(0, count, _SLAB)
+    planes = map_pieces(partial(_logits, folded, occupancy, grid), starts)
+    border = np.empty((0, *grid.counts[1:]), np.float32)  # evaluated once: two evaluations may differ in the last bit
+    for first, own in zip(starts, planes, strict=True):
+        logits = np.concatenate((border, own))
         if logits.max() > 0:
             vertices, faces, _, _ = marching_cubes(logits, 0.0, gradient_direction="ascent")
-            pieces.append((vertices.astype(np.float64) + np.array([first, 0, 0]), faces))
-        yield min(first + _SLAB, last) / last
+            pieces.append((vertices.astype(np.float64) + np.array([first - len(border), 0, 0]), faces))
+        border = own[-1:]
+        yield min(first + _SLAB, count) / count
     return pieces
 
 
 def _logits(folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int) -> Float[np.ndarray, "planes y z"]:
-    """Return the logits of a slab, positive inside: the logit of the opacity of one interval.
+    """Return the logits of a slab's planes, positive inside: the logit of the opacity of one interval.
 
     Densities jump by orders of magnitude between two corners; their logits are nearly linear, so the surface is smooth.
     """
-    end = min(first + _SLAB + 1, grid.counts[0])
+    end = min(first + _SLAB, grid.counts[0])
     inner_first, inner_end = max(first, 1), min(end, grid.counts[0] - 1)
     logits = np.full((end - first, *grid.counts[1:]), -_LOGIT_CLAMP, np.float32)
+    if inner_first >= inner_end:  # the last slab is the empty layer alone
+        return logits
     points = grid.points(inner_first, inner_end).to(occupancy.extent.device)
     within = occupancy.contains(points)
     thickness = torch.cat([_thickness(folded, grid, part) for part in points[within].split(_BLOCK)])
     values = thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP)
-    # A corner exactly on the surface would produce empty triangles.
-    values = torch.where(values.abs() < 0.01, values.sign().add(0.5).sign() * 0.01, values)
+    # A corner exactly on the surface would produce empty triangles; a bound of the size would make equal corners, and
+    # marching cubes joins four triangles at an edge where opposite corners of a face have equal products.
+    values = torch.where(values < 0, values - _LEAST_LOGIT, values + _LEAST_LOGIT)
     inner = np.full(within.shape, -_LOGIT_CLAMP, np.float32)
     inner[within.cpu().numpy()] = values.cpu().numpy()
     logits[inner_first - first : inner_end - first, 1:-1, 1:-1] = inner
@@ -280,11 +289,11 @@ def _logits(folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int) 
 
 
 def _weld(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Join slabs to one surface; slabs have bitwise equal vertices on shared planes."""
+    """Join slabs to one surface; slabs have bitwise equal vertices on shared planes, the last of each slab."""
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in pieces])
     vertices = np.concatenate([vertices for vertices, _ in pieces])
     faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts[:-1], strict=True)])
-    on_plane = np.flatnonzero(vertices[:, 0] % _SLAB == 0)
+    on_plane = np.flatnonzero(vertices[:, 0] % _SLAB == _SLAB - 1)
     _, kept, same = np.unique(vertices[on_plane], axis=0, return_index=True, return_inverse=True)
     target = np.arange(len(vertices))
     target[on_plane] = on_plane[kept[same.ravel()]]

@@ -1,7 +1,11 @@
 """A web page to share: one .html with a turnable object, for any browser and without a network.
 
-The page holds the baked field, the photos' maps and this program's shaders in the WebGL 2 dialect; an image stands in
-until they are loaded, and where there is no WebGL.
+The page holds the baked field, the photos' maps and this program's shaders in the WebGL 2 dialect. Until they are
+loaded, where the browser cannot draw them, and while it withholds the graphics card, an image stands in, with a
+sentence that says why.
+
+The image is also in the page's head, for previews of links and as the tab's icon. Services that fetch such images by
+address only need a copy of it beside the page on the server.
 """
 
 import base64
@@ -22,11 +26,14 @@ from PIL import Image
 from torch import Tensor
 
 from core.detail.rendering import bake, render_frame
+from core.export.framing import filling_frame
+from core.export.keyframes import turntable
 from core.export.video_frames import draw_still, over
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.rendering import baked_shader, detail_shader, ground_shader
 from core.rendering.baked_field import BakedField
 from core.rendering.detail_maps import DetailMaps, PhotoMaps
@@ -35,7 +42,9 @@ from core.runtime.files import atomic_file
 
 MAX_BYTES = 2_000_000  # of a page: accepted by every mail service and messenger
 SUFFIX = ".html"
-_POSTER = 512  # px
+_POSTER, _ICON = 512, 64  # px
+_LINK_QUALITY = 80  # of the JPEG for previews of links
+_AROUND = 12  # cameras around the object, all of which see all of it
 _QUALITIES = (92, 85, 75, 60, 40)  # of the photos' WebP, tried from the best
 _VECTOR, _DISTANCE = 127.0, 8192.0  # quantisation steps per unit: of normals and residuals, of distances in scene units
 _DIALECT = """#version 300 es
@@ -44,6 +53,16 @@ precision highp int;
 precision highp sampler2D;
 precision highp sampler3D;
 precision highp usampler3D;
+"""
+_COPY_VERTEX = """
+#version 330
+void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0, 0.0, 1.0); }
+"""
+_COPY_FRAGMENT = """
+#version 330
+uniform sampler2D image;
+out vec4 colour;
+void main() { colour = texelFetch(image, ivec2(gl_FragCoord.xy), 0); }
 """
 
 
@@ -69,12 +88,26 @@ def write_page(model: Model, codes: Codes, camera: Camera, path: Path, name: str
         unfinished.write_text(page(baked, camera, poster, name), encoding="utf-8")
 
 
+def first_camera(models: Model | OpenModels, codes: Codes, camera: Camera) -> Camera:
+    """Return a square camera that sees the object as ``camera`` does, zoomed so that it stays in sight all around."""
+    around = turntable(codes, camera.resized(_POSTER, _POSTER), _AROUND)
+    (_, first), *_ = filling_frame(models, around)
+    return first
+
+
 def page(baked: BakedField, camera: Camera, poster: UInt8[np.ndarray, "height width 4"], name: str) -> str:
     """Return the text of a page with the best image quality that fits."""
     template = Template(resources.files("core.export").joinpath("page.html").read_text(encoding="utf-8"))
+    picture = Image.fromarray(poster)
+    on_white = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture).convert("RGB")
+    head = {
+        "name": html.escape(name),
+        "link_image": _image(on_white, _LINK_QUALITY, "JPEG"),
+        "icon": _image(picture.resize((_ICON, _ICON)), _LINK_QUALITY),
+    }
     for quality in _QUALITIES:
         scene = json.dumps(_scene(baked, camera, quality), separators=(",", ":")).replace("<", "\\u003c")
-        text = template.substitute(poster=_image(poster, quality), scene=scene, name=html.escape(name))
+        text = template.substitute(head, poster=_image(picture, quality), scene=scene)
         if len(text.encode()) <= MAX_BYTES:
             break
     return text
@@ -92,6 +125,7 @@ def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
     shaders = {
         "object": (baked_shader.VERTEX, baked_shader.fragment_source(baked.detail is not None)),
         "ground": (ground_shader.VERTEX, ground_shader.FRAGMENT),
+        "copy": (_COPY_VERTEX, _COPY_FRAGMENT),
     }
     return {
         "camera": {**view, "focal": camera.focal / camera.height},
@@ -128,7 +162,7 @@ def _photo(photo: PhotoMaps, soft: bool, quality: int) -> dict[str, Any]:
         "height": height,
         "levels": len(photo.fine),
         "fineness": photo.camera.focal * height / photo.camera.height / photo.camera.distance,
-        "image": _image(to_bytes(colours.movedim(0, -1)), quality),
+        "image": _image(Image.fromarray(to_bytes(colours.movedim(0, -1))), quality),
         "weight": _packed(to_bytes(fine[3])),
         "mirrored": _planes(mirrored, (_VECTOR,) * 4),
         "surface": _planes(photo.surface, (_VECTOR, _VECTOR, _VECTOR, _DISTANCE)),
@@ -151,11 +185,11 @@ def _packed(array: np.ndarray) -> str:
     return base64.b64encode(zlib.compress(np.ascontiguousarray(array).tobytes(), 9)).decode()
 
 
-def _image(pixels: UInt8[np.ndarray, "height width channels"], quality: int) -> str:
-    """Encode an image as a data URL in WebP."""
+def _image(image: Image.Image, quality: int, kind: str = "WEBP") -> str:
+    """Encode an image as a data URL."""
     file = io.BytesIO()
-    Image.fromarray(pixels).save(file, "WEBP", quality=quality, method=4)
-    return f"data:image/webp;base64,{base64.b64encode(file.getvalue()).decode()}"
+    image.save(file, kind, quality=quality)
+    return f"data:image/{kind.lower()};base64,{base64.b64encode(file.getvalue()).decode()}"
 
 
 def _in_webgl(source: str) -> str:

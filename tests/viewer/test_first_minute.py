@@ -53,7 +53,7 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(
         window.ctx.mouse_up(0)
         assert context.session.editor.state.mix.shape > 0.2
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 5
-        window.click("Share/###turntable")
+        window.click("Share/###film")
         window.click("Share/###save")  # 6
         window.type(str(film))
         wait("export", lambda: not context.session.exporting.running and film.exists())

@@ -41,7 +41,7 @@ class Exporting:
         return (time.monotonic() - since) * (1 - self.progress) / (self.progress - first)
 
     def share(self, path: Path, settings: ShareSettings) -> None:
-        """Begin to write a turntable, video, image or mesh, in the format of the path's ending.
+        """Begin to write a page, turntable, video, image or mesh, in the format of the path's ending.
 
         Nothing happens while another file is written, or for a video without keyframes. A name without an
         ending is a folder of frames; a PNG also holds the scene.
@@ -51,6 +51,8 @@ class Exporting:
             model, camera = self._editor.model, _camera(self._editor.scene)
             about = settings.mesh_settings(model.metres)
             self._begin("mesh", path, lambda scene: backend.mesh(model, scene.codes, path, about, camera))
+        elif settings.kind == "page":
+            self._begin("page", path, lambda scene: self._page(scene, path, settings))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
         elif settings.kind == "turntable" or timeline.keys:
@@ -73,6 +75,12 @@ class Exporting:
             self._jobs.cancel("export")
             self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
+
+    def _page(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
+        (codes, camera), *_ = settings.views(self._jobs.models, scene, self._editor.state.timeline)
+        name = self._editor.state.mix.a.words
+        for _ in self._jobs.backend.page(self._jobs.models.of(codes), codes, camera, path, name):
+            yield 0.0
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(self._jobs.models, scene, self._editor.state.timeline)[0]

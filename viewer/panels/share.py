@@ -1,4 +1,4 @@
-"""The Share dialog, which saves a turntable, video, image or mesh, with a preview."""
+"""The Share dialog, which saves a page, film, image or mesh, with a preview."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,26 +18,30 @@ from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed
 from viewer.values.printable import printable
-from viewer.values.share_settings import BACKGROUNDS, KINDS, WIDE, ShareSettings
+from viewer.values.share_settings import BACKGROUNDS, FILMS, KINDS, WIDE, ShareSettings
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import begin_dialog, button, choose, draw_progress, flow, tooltip
 
 T = TypeVar("T")
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
+    "page": icons_fontawesome_4.ICON_FA_GLOBE,
     "turntable": icons_fontawesome_4.ICON_FA_SYNC,
-    "video": icons_fontawesome_4.ICON_FA_FILM,
+    "video": icons_fontawesome_4.ICON_FA_CLOCK,
     "picture": icons_fontawesome_4.ICON_FA_CAMERA,
     "mesh": icons_fontawesome_4.ICON_FA_CUBE,
 }
 _ABOUT = {
+    "page": "One file that opens on any phone or computer, where everyone can turn the object",
     "turntable": "The object turning once round, as a video",
     "video": "The timeline as a video",
     "picture": "The object as an image. A png holds shape, texture and camera: drop it here to bring them back",
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
-_PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
-_TOGGLES = {kind: (f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind]) for kind, name in KINDS.items()}
+_PREVIEW = {"page": "What is seen first", "picture": "As it is saved", "mesh": "The object that is saved"}
+_TOGGLES = {kind: (f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind]) for kind, name in (KINDS | FILMS).items()}
+_FILM = f"{icons_fontawesome_4.ICON_FA_FILM}  Film###film", "The object turning once round, or the timeline, as a video"
+_ON_A_PAGE = ("One file for any browser.", "Drag turns it, on phones too.", "Under 2 MB, works offline.")
 _SIZES = {
     size: (f"{name}###{name.lower()}", f"{size} px")
     for size, name in ((256, "Small"), (512, "Standard"), (1080, "Large"))
@@ -71,25 +75,34 @@ class ShareDialog:
 
     def _draw_content(self, context: PanelContext) -> None:
         settings, em = context.preferences.share, hello_imgui.em_size()
-        width = min(7.2, (imgui.get_main_viewport().work_size.x / em - 3) / len(KINDS))
-        changed = replace(settings, kind=_draw_toggles(settings.kind, _TOGGLES, width))
+        changed = replace(settings, kind=_draw_kinds(settings.kind))
         imgui.spacing()
         room = imgui.get_main_viewport().work_size.x / em - _LABEL - _WIDTH - 3
         self._draw_preview(context, _as_in_view(context, changed), min(_SIDE, room) * em)
         imgui.same_line(0, em)
         imgui.begin_group()
-        if changed.kind != "mesh":
-            width = (_LABEL + _WIDTH - 0.6) / len(_SIZES)
-            changed = replace(changed, size=_draw_toggles(changed.size, _SIZES, width))
-        if button("Less###more" if self._more else "More…###more", "Format, background, and choices that few change"):
-            self._more = not self._more
-        if self._more:
-            changed = _draw_form(changed, context.session.editor.model.metres)
+        if changed.kind == "page":
+            for line in _ON_A_PAGE:
+                imgui.text(line)
+        else:
+            changed = self._draw_choices(changed, context.session.editor.model.metres)
         imgui.end_group()
         imgui.spacing()
         _draw_foot(context, changed)
         if changed != settings:
             context.set_preference(share=changed)
+
+    def _draw_choices(self, settings: ShareSettings, usual: float) -> ShareSettings:
+        """Draw the choices of a film, an image or a mesh, the further ones folded away; return the changed settings."""
+        room = _LABEL + _WIDTH - 0.6
+        if settings.kind in FILMS:
+            films = {kind: _TOGGLES[kind] for kind in FILMS}
+            settings = replace(settings, kind=_draw_toggles(settings.kind, films, room / len(films)))
+        if settings.kind != "mesh":
+            settings = replace(settings, size=_draw_toggles(settings.size, _SIZES, room / len(_SIZES)))
+        if button("Less###more" if self._more else "More…###more", "Format, background, and choices that few change"):
+            self._more = not self._more
+        return _draw_form(settings, usual) if self._more else settings
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         image = context.session.exporting.preview.image
@@ -110,7 +123,7 @@ class ShareDialog:
 
 def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
     top, bottom = (_rgb(colour) for colour in context.palette.background)
-    wide = context.session.editor.model.category == "cars"
+    wide = context.session.editor.model.category == "cars" and settings.kind != "page"
     return replace(settings, view_background=(top, bottom), wide=wide)
 
 
@@ -126,6 +139,14 @@ def _on_background(image: Image, background: Background | None) -> np.ndarray:
     opacity = image[..., 3:] / 255
     behind = checks if background is None else background_rows(background, len(image))
     return (image[..., :3] * opacity + behind * (1 - opacity) + 0.5).astype(np.uint8)
+
+
+def _draw_kinds(kind: str) -> str:
+    """Draw the choice between a page, a film, a picture and an object; return the kind of file."""
+    film = kind if kind in FILMS else next(iter(FILMS))
+    toggles = {"page": _TOGGLES["page"], film: _FILM, "picture": _TOGGLES["picture"], "mesh": _TOGGLES["mesh"]}
+    width = min(7.2, (imgui.get_main_viewport().work_size.x / hello_imgui.em_size() - 3) / len(toggles))
+    return _draw_toggles(kind, toggles, width)
 
 
 def _draw_toggles(chosen: T, toggles: Mapping[T, tuple[str, str]], width: float) -> T:

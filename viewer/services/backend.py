@@ -9,6 +9,7 @@ from core.detail.rendering import bake, render_progressively
 from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
+from core.export.page import write_page
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import Image, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
@@ -46,6 +47,7 @@ class Backend:
     pictures: Callable[..., Iterator[Image | None]] = render_frames
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
+    page: Callable[[Model, Codes, Camera, Path, str], Iterator[None]] = write_page
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake

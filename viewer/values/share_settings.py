@@ -7,12 +7,14 @@ from core.export.framing import filling_frame
 from core.export.keyframes import Timeline, View, turntable
 from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
+from core.export.page import SUFFIX, first_camera
 from core.export.video import WHITE, VideoSettings
 from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient, Rgb
 
-KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # labels
+FILMS = {"turntable": "Turntable", "video": "Timeline"}  # labels of the kinds of films
+KINDS = {"page": "Page", **dict.fromkeys(FILMS, "Film"), "picture": "Picture", "mesh": "Object"}  # labels
 WIDE = 16 / 9  # width of a wide image over its height
 TURN, RATE = 72, 24  # frames of a turntable's turn, and frames per second of every video
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
@@ -23,7 +25,7 @@ BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "
 class ShareSettings:
     """Settings of a shared file. Raises ``ValueError`` for an unknown choice."""
 
-    kind: str = "turntable"  # one of :data:`KINDS`
+    kind: str = "page"  # one of :data:`KINDS`
     video: str = ".mp4"  # ending of a video's or turntable's name
     picture: str = ".png"  # ending of an image's name
     mesh: str = ".glb"  # ending of a mesh's name
@@ -58,23 +60,27 @@ class ShareSettings:
     @property
     def suffix(self) -> str:
         """The ending of the file's name."""
-        return {"picture": self.picture, "mesh": self.mesh}.get(self.kind, self.video)
+        return {"page": SUFFIX, "picture": self.picture, "mesh": self.mesh}.get(self.kind, self.video)
 
     @property
     def can_be_transparent(self) -> bool:
         """True if the format supports transparent pixels."""
         if self.kind == "picture":
             return self.picture not in OPAQUE_FORMATS
-        return self.kind != "mesh" and video.FORMATS[self.video].transparent
+        return self.kind in FILMS and video.FORMATS[self.video].transparent
 
     @property
     def shows_shadow(self) -> bool:
         """True if the file gets the object's shadow on the ground."""
-        return self.kind == "picture" or (self.kind != "mesh" and video.FORMATS[self.video].shows_shadow(self.behind))
+        if self.kind in FILMS:
+            return video.FORMATS[self.video].shows_shadow(self.behind)
+        return self.kind != "mesh"
 
     @property
     def behind(self) -> Background | None:
         """The background behind the object; None is transparent, white if the format cannot be transparent."""
+        if self.kind == "page":
+            return WHITE
         if self.background == "view":
             return self.view_background or WHITE
         if self.background == "colour":
@@ -99,8 +105,11 @@ class ShareSettings:
         """Return the views to render, in order.
 
         With ``fill``, a video's cameras share one zoom in, and a turntable's start no nearer than the training
-        distance.
+        distance. A page has its first view alone.
         """
+        if self.kind == "page":
+            first = first_camera(models, scene.codes, scene.camera)
+            return [View(scene.codes, first.resized(self.size, self.size))]
         if self.kind == "turntable":
             nearest = models.of(scene.codes).distance if self.fill else 0.0
             camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))

@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -79,18 +81,50 @@ class Chromium:
                 return message["result"]
             self.events.append(message)
 
-    def evaluate(self, script: str) -> Any:
-        """Return the value of a script, or of what it promises."""
-        found = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+    def evaluate(self, script: str, context: int | None = None) -> Any:
+        """Return the value of a script, or of what it promises; in the tab, or in one of its :meth:`frames`."""
+        where = {} if context is None else {"contextId": context}
+        found = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True, **where)
         assert "exceptionDetails" not in found, found["exceptionDetails"]
         return found["result"].get("value")
 
+    @contextmanager
+    def before_pages(self, script: str) -> Iterator[None]:
+        """Run a script in pages that are opened inside a ``with``, before their own."""
+        number = self.send("Page.addScriptToEvaluateOnNewDocument", source=script)["identifier"]
+        try:
+            yield
+        finally:
+            self.send("Page.removeScriptToEvaluateOnNewDocument", identifier=number)
+
     def open(self, path: Path, width: int, height: int) -> None:
-        """Load a page of this program, and wait until it can be turned."""
+        """Load a page of this program, and wait until it can be turned or says why it cannot."""
         self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         self.send("Page.navigate", url=path.as_uri())
-        wait = "const again = () => document.body?.dataset.ready ? ready() : setTimeout(again, 50); again();"
-        self.evaluate(f"new Promise((ready) => {{ {wait} }})")
+        self.wait("['turns', 'still'].includes(document.body?.dataset.state)")
+
+    def wait(self, condition: str, context: int | None = None) -> None:
+        """Wait until a condition is true in the page."""
+        again = f"const again = () => {condition} ? done() : setTimeout(again, 50); again();"
+        self.evaluate(f"new Promise((done) => {{ {again} }})", context)
+
+    def expect(self, event: str) -> None:
+        """Wait for an event of the protocol."""
+        while event not in (known["method"] for known in self.events):
+            self.events.append(self._receive())
+
+    def frames(self) -> list[int]:
+        """Return the contexts of the frames of the page opened last, in their order."""
+        made = [one["params"]["context"] for one in self.events if one["method"] == "Runtime.executionContextCreated"]
+        tree = self.send("Page.getFrameTree")["frameTree"].get("childFrames", [])
+        contexts = {context["auxData"]["frameId"]: context["id"] for context in made}
+        return [contexts[frame["frame"]["id"]] for frame in tree]
+
+    def screenshot(self) -> UInt8[np.ndarray, "height width 4"]:
+        """Return what a person sees."""
+        data = self.send("Page.captureScreenshot", format="png")["data"]
+        with Image.open(io.BytesIO(base64.b64decode(data))) as image:
+            return np.array(image.convert("RGBA"))
 
     def picture(self, script: str) -> UInt8[np.ndarray, "height width 4"]:
         """Return the canvas right after a script."""

@@ -18,8 +18,11 @@ from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
+from core.models.library import load_model
 from core.models.model import Model
+from core.runtime.precision import use_dtype
 from core.streams import run_to_end
+from tests.conftest import unchecked_shapes
 from tests.core.tiny import tiny_model
 
 
@@ -79,6 +82,64 @@ def test_surfaces_are_closed_without_specks_and_hollows(ball, model: Model):
     pieces = found.split(only_watertight=False)
     assert sorted(round(float(piece.extents[0]), 2) for piece in pieces) == [0.08, 0.4]
     assert found.is_watertight
+
+
+def edges_without_two_triangles(faces: np.ndarray) -> int:
+    edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), 1)
+    return int((np.unique(edges, axis=0, return_counts=True)[1] != 2).sum())
+
+
+@pytest.mark.parametrize("resolution", [16, 33])
+def test_surfaces_are_closed_where_the_last_bits_of_two_evaluations_differ(
+    resolution: int, ball, model: Model, monkeypatch: pytest.MonkeyPatch
+):
+    ball(*(((0.1 * x, 0.1 * y, 0.05 * x), 0.15) for x in range(-2, 3) for y in (-1, 1)))
+    exact, calls = module.FoldedField.density, iter(range(10**6))
+
+    def density(self, points):
+        value, y = exact(self, points)
+        return value * (1 + 1e-6 * (next(calls) % 7)), y
+
+    monkeypatch.setattr(module.FoldedField, "density", density)
+    found = run_to_end(extract_mesh(model, model.codes[0], resolution))
+    assert edges_without_two_triangles(found.faces) == 0
+    assert solid(found).is_winding_consistent
+
+
+def test_surfaces_are_closed_where_corners_lie_on_the_surface(ball, model: Model, monkeypatch: pytest.MonkeyPatch):
+    ball(((0.0, 0.0, 0.0), 0.2))
+    random = torch.Generator().manual_seed(0)
+
+    def density(self, points):
+        far, outside = (torch.rand(points.shape[:-1], generator=random) < 0.5 for _ in range(2))
+        near = 0.002 * (1 + torch.rand(points.shape[:-1], generator=random))
+        logits = torch.where(far, 9.0, near) * torch.where(outside, -1, 1)
+        return logits.exp().log1p() / (2 * max(model.extent) / 64), points
+
+    monkeypatch.setattr(module.FoldedField, "density", density)
+    monkeypatch.setattr(module.Occupancy, "contains", lambda self, points: torch.ones(points.shape[:-1]) > 0)
+    for _ in range(4):
+        found = run_to_end(extract_mesh(model, model.codes[0], 20))
+        assert len(found.faces) > 1000
+        assert edges_without_two_triangles(found.faces) == 0
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+@pytest.mark.parametrize("category", ["chairs", "cars"])
+@pytest.mark.parametrize(
+    ("indices", "resolutions"),
+    [(range(6, 10), (32,)), pytest.param(range(100), (32, 48, 64), marks=pytest.mark.slow)],
+    ids=["few", "many"],
+)
+def test_every_edge_of_a_trained_object_has_two_triangles(
+    category: str, dtype: torch.dtype, indices: range, resolutions: tuple[int, ...]
+):
+    trained = load_model(category)
+    with use_dtype(dtype), unchecked_shapes():
+        for index in indices:
+            for resolution in resolutions:
+                found = run_to_end(extract_mesh(trained, trained.codes[index], resolution))
+                assert edges_without_two_triangles(found.faces) == 0, (index, resolution)
 
 
 def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):

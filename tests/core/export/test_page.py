@@ -1,5 +1,7 @@
 """A page in headless Chromium shows what this program draws, asks for nothing and turns by mouse and touch."""
 
+import base64
+import io
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -8,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from jaxtyping import Float, UInt8
+from PIL import Image
 
 from core.detail.rendering import bake
 from core.export.page import MAX_BYTES, write_page
@@ -17,7 +20,7 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import OtherSide
 from core.rendering.offscreen import OffscreenRenderer
-from tests.conftest import no_opengl
+from tests.conftest import no_opengl, unchecked_shapes
 from tests.core.detail.test_maps import striped
 from tests.core.export.chromium import Chromium
 
@@ -81,22 +84,245 @@ def test_it_shows_the_programs_own_picture(
     assert chromium.evaluate("document.title") == "Stool <1>"
 
 
-@pytest.mark.parametrize("width, height", [(1280, 800), (390, 844)])
-def test_a_hand_turns_it(tiny: Model, camera: Camera, chromium: Chromium, tmp_path: Path, width: int, height: int):
-    path = tmp_path / "object.html"
-    list(write_page(tiny, tiny.codes[0], camera, path, "Stool"))
-    chromium.open(path, width, height)
-    x, y = width // 2, height // 2
-    for kind, moved in (("mousePressed", 0), ("mouseMoved", 40), ("mouseReleased", 40)):
-        chromium.send("Input.dispatchMouseEvent", type=kind, x=x + moved, y=y, button="left", buttons=1, clickCount=1)
-    turned = chromium.evaluate("home.azimuth - view.azimuth")
-    assert turned == pytest.approx(160 / chromium.evaluate("Math.min(stage.clientWidth, stage.clientHeight)"))
+SIZES = [(390, 844), (150, 150), (1280, 800)]
+
+
+@pytest.fixture(scope="module")
+def stool(tiny: Model, camera: Camera, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page with photo detail."""
+    path = tmp_path_factory.mktemp("page") / "stool.html"
+    with unchecked_shapes():
+        list(write_page(tiny, striped(tiny, camera.resized(192, 192)), camera, path, "Stool"))
+    return path
+
+
+@pytest.fixture
+def page(chromium: Chromium, stool: Path) -> Iterator[Chromium]:
+    """The page on a phone, with nothing left of earlier tests."""
+    chromium.events.clear()
+    chromium.open(stool, 390, 844)
+    yield chromium
+
+
+def press(browser: Chromium, x: float, y: float, moved: float = 0, at: float = 0.0) -> None:
+    """Press the mouse, move it, and let go; ``at``: s, what the browser takes for the time."""
+    for kind, shift in (("mousePressed", 0), ("mouseMoved", moved), ("mouseReleased", moved)):
+        mouse = {"type": kind, "x": x + shift, "y": y, "button": "left", "buttons": 1, "clickCount": 1}
+        browser.send("Input.dispatchMouseEvent", **mouse, **({"timestamp": at} if at else {}))
+
+
+def pinch(browser: Chromium, x: float, y: float) -> None:
+    """Two fingers that move apart to twice their distance."""
     for kind, reach in (("touchStart", 30), ("touchMove", 60), ("touchEnd", 0)):
         touches = [{"x": x + side * reach, "y": y, "id": side} for side in (0, 1)] if reach else []
-        chromium.send("Input.dispatchTouchEvent", type=kind, touchPoints=touches)
+        browser.send("Input.dispatchTouchEvent", type=kind, touchPoints=touches)
+
+
+def shows_something(image: UInt8[np.ndarray, "height width 4"]) -> bool:
+    return image[..., :3].min(-1).mean() < 250 and image[..., :3].min() < 150
+
+
+def words(browser: Chromium) -> str:
+    return browser.evaluate("document.body.innerText + document.querySelector('main').ariaLabel")
+
+
+@pytest.mark.parametrize("width, height", SIZES)
+def test_it_fills_every_size_with_the_programs_own_picture(
+    tiny: Model, camera: Camera, chromium: Chromium, stool: Path, width: int, height: int
+) -> None:
+    chromium.open(stool, width, height)
+    size = chromium.evaluate("[stage.clientWidth, stage.clientHeight]")
+    assert size[0] == width and size[1] > 0.85 * height
+    *_, baked = filter(None, bake(tiny, striped(tiny, camera.resized(192, 192))))
+    try:
+        pictures = OffscreenRenderer(tuple(size), background=None)
+    except RuntimeError as error:
+        no_opengl(error)
+    with pictures:
+        focal = camera.focal / camera.height * min(size)
+        own = pictures.draw(baked, replace(camera, focal=focal, width=size[0], height=size[1]))
+    assert psnr(on_white(chromium.picture("draw(1)")), on_white(own)) >= 35
+
+
+@pytest.mark.parametrize("width, height", SIZES)
+def test_a_hand_turns_it(chromium: Chromium, stool: Path, width: int, height: int):
+    chromium.events.clear()
+    chromium.open(stool, width, height)
+    press(chromium, width // 2, height // 2, moved=40)
+    turned = chromium.evaluate("home.azimuth - view.azimuth")
+    assert turned == pytest.approx(160 / chromium.evaluate("Math.min(stage.clientWidth, stage.clientHeight)"))
+    pinch(chromium, width // 2, height // 2)
     assert chromium.evaluate("view.distance / home.distance") == pytest.approx(0.5, abs=0.01)
-    assert chromium.evaluate("document.documentElement.scrollWidth <= innerWidth && !canvas.hidden")
+    assert chromium.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert chromium.complaints() == []
+
+
+def test_fingers_on_the_caption_zoom_the_object_and_not_the_page(page: Chromium) -> None:
+    place = page.evaluate("(({ x, y }) => [x + 5, y + 5])(document.querySelector('footer b').getBoundingClientRect())")
+    pinch(page, *place)
+    assert page.evaluate("view.distance / home.distance") == pytest.approx(0.5, abs=0.01)
+    assert page.evaluate("visualViewport.scale") == 1
+    for deltas in ({"modifiers": 2}, {}):  # a trackpad's pinch is a wheel with Ctrl
+        page.send("Input.dispatchMouseEvent", type="mouseWheel", x=place[0], y=place[1], deltaX=0, deltaY=100, **deltas)
+    assert page.evaluate("view.distance / home.distance") == pytest.approx(0.5 * math.exp(0.2), abs=0.01)
+    assert page.evaluate("visualViewport.scale") == 1
+
+
+def test_keys_turn_and_zoom_and_a_double_tap_leads_home(page: Chromium) -> None:
+    for key in ("ArrowLeft", "ArrowUp", "+"):
+        page.send("Input.dispatchKeyEvent", type="keyDown", key=key)
+    assert page.evaluate(
+        "[view.azimuth - home.azimuth, view.elevation - home.elevation, view.distance / home.distance]"
+    ) == [pytest.approx(value) for value in (0.1, -0.1, 0.9)]
+    began = page.evaluate("Date.now() / 1000")
+    for seconds in (0.0, 1.0, 1.1):
+        assert page.evaluate("view.azimuth !== home.azimuth")
+        press(page, 200, 300, at=began + seconds)
+    assert page.evaluate("JSON.stringify(view) === JSON.stringify(home)")
+    page.send("Input.dispatchKeyEvent", type="keyDown", key="+")
+    page.send("Input.dispatchKeyEvent", type="keyDown", key="Home")
+    assert page.evaluate("JSON.stringify(view) === JSON.stringify(home)")
+
+
+def test_its_head_has_a_picture_for_previews_of_links(page: Chromium) -> None:
+    address = page.evaluate("document.querySelector('meta[property=\"og:image\"]').content")
+    assert address.startswith("data:image/jpeg;base64,")
+    with Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))) as picture:
+        assert picture.size == (512, 512)
+        assert shows_something(np.array(picture.convert("RGBA")))
+    assert page.evaluate("document.querySelector('meta[property=\"og:title\"]').content") == "Stool"
+
+
+def test_colours_are_never_read_back_from_a_canvas(chromium: Chromium, stool: Path) -> None:
+    broken = "throw new Error('read back')"
+    names = "CanvasRenderingContext2D", "OffscreenCanvasRenderingContext2D", "WebGL2RenderingContext"
+    script = ";".join(
+        f"{name}.prototype.{read} = () => {{ {broken} }}"
+        for name in names
+        for read in ("getImageData", "readPixels", "getBufferSubData")
+    )
+    with chromium.before_pages(script):
+        chromium.open(stool, 390, 844)
+    assert chromium.evaluate("document.body.dataset.state") == "turns"
+
+
+def test_a_lost_context_shows_the_poster_until_it_is_restored(page: Chromium) -> None:
+    page.evaluate("view.azimuth = 2; draw(1); window.loss = gl.getExtension('WEBGL_lose_context'); loss.loseContext()")
+    page.wait("document.body.dataset.state === 'paused'")
+    assert shows_something(page.screenshot())
+    assert "paused the drawing" in words(page) and "drag" not in words(page)
+    page.evaluate("loss.restoreContext()")
+    page.wait("document.body.dataset.state === 'turns'")
+    assert page.evaluate("view.azimuth") == 2
+    again = on_white(page.picture("draw(1)"))
+    page.evaluate("begin()")
+    page.wait("document.body.dataset.state === 'turns'")
+    assert psnr(again, on_white(page.picture("draw(1)"))) > 45
+    assert again.min() < 0.6
+    assert page.complaints() == []
+
+
+@pytest.mark.parametrize("wake", ["tap", "key", "show"])
+def test_a_context_that_is_never_restored_is_replaced(page: Chromium, wake: str) -> None:
+    for _ in range(2):
+        page.evaluate("gl.getExtension('WEBGL_lose_context').loseContext()")
+        page.wait("document.body.dataset.state === 'paused'")
+        if wake == "tap":
+            press(page, 195, 400, moved=20)
+        elif wake == "key":
+            page.send("Input.dispatchKeyEvent", type="keyDown", key="ArrowLeft")
+        else:
+            page.evaluate("document.dispatchEvent(new Event('visibilitychange'))")
+        page.wait("document.body.dataset.state === 'turns'")
+        assert page.evaluate("document.querySelectorAll('canvas').length") == 1
+        assert page.picture("draw(1)")[..., 3].max() == 255
+    assert (page.evaluate("view.azimuth - home.azimuth") != 0) == (wake != "show")
+
+
+_GL, _NO = "WebGL2RenderingContext.prototype", "() => false"
+FAILURES = {
+    "has no WebGL 2": "HTMLCanvasElement.prototype.getContext = () => null",
+    "has no DecompressionStream": "delete window.DecompressionStream",
+    "has no ResizeObserver": "delete window.ResizeObserver",
+    "has no PointerEvent": "delete window.PointerEvent",
+    "driver refuses the drawing program (no)": f"{_GL}.getShaderParameter = {_NO}; {_GL}.getShaderInfoLog = () => 'no'",
+    "driver refuses the drawing program (link)": (
+        f"{_GL}.getProgramParameter = {_NO}; {_GL}.getProgramInfoLog = () => 'link'"
+    ),
+    "graphics card fails (error 1285)": f"{_GL}.getError = () => 1285",
+    "cannot decode": "Image.prototype.decode = () => Promise.reject(new Error('cannot decode'))",
+    "is not a function": f"{_GL}.texImage3D = undefined",
+    "cannot run the page": "Object.defineProperty(window, 'JSON', { value: null })",
+}
+
+
+@pytest.mark.parametrize("why", FAILURES)
+def test_where_drawing_fails_the_poster_stays_and_a_sentence_says_why(
+    chromium: Chromium, stool: Path, why: str
+) -> None:
+    with chromium.before_pages(FAILURES[why]):
+        chromium.open(stool, 390, 844)
+    assert shows_something(chromium.screenshot())
+    assert "still picture" in words(chromium) and why in words(chromium)
+    assert "drag" not in words(chromium)
+
+
+def test_a_browser_that_cannot_read_the_script_shows_the_poster(
+    chromium: Chromium, stool: Path, tmp_path: Path
+) -> None:
+    old = tmp_path / "old.html"
+    old.write_text(stool.read_text().replace('"use strict";', '"use strict"; ]'))
+    chromium.open(old, 390, 844)
+    assert "cannot run the page" in words(chromium) and "drag" not in words(chromium)
+    assert shows_something(chromium.screenshot())
+
+
+def test_an_error_while_it_turns_shows_the_poster(page: Chromium) -> None:
+    page.evaluate("gl.drawArrays = undefined; setTimeout(() => draw(1)); 0")
+    page.wait("document.body.dataset.state === 'still'")
+    assert shows_something(page.screenshot())
+    assert "is not a function" in words(page) and "drag" not in words(page)
+
+
+def test_without_javascript_it_is_a_still_picture(chromium: Chromium, stool: Path) -> None:
+    chromium.send("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        chromium.events.clear()
+        chromium.send("Page.navigate", url=stool.as_uri())
+        chromium.expect("Page.loadEventFired")
+        assert shows_something(chromium.screenshot())
+        assert "JavaScript is off" in chromium.evaluate("document.body.innerText")
+    finally:
+        chromium.send("Emulation.setScriptExecutionDisabled", value=False)
+
+
+def test_twenty_frames_of_one_document_show_the_object(chromium: Chromium, stool: Path, tmp_path: Path) -> None:
+    """More than the contexts that a browser keeps: the oldest become posters, and turn once they are tapped."""
+    frame, side = '<iframe src="{}" width="148" height="148" style="border:0"></iframe>', 160
+    (tmp_path / "album.html").write_text(
+        f"<style>body {{ margin: 0; display: grid; grid-template-columns: repeat(5, {side}px); }}</style>"
+        + frame.format(stool.as_uri()) * 20
+    )
+    chromium.events.clear()
+    chromium.send("Emulation.setDeviceMetricsOverride", width=800, height=600, deviceScaleFactor=1, mobile=False)
+    chromium.send("Page.navigate", url=(tmp_path / "album.html").as_uri())
+    chromium.expect("Page.loadEventFired")
+    frames = chromium.frames()
+    assert len(frames) == 20
+    state = "document.body.dataset.state"
+    for context in frames:
+        chromium.wait(f"['turns', 'paused'].includes({state})", context)
+    picture = chromium.screenshot()
+    rows = [picture[top : top + 148] for top in range(0, 4 * 150, 150)]
+    for row in rows:
+        for left in range(0, 5 * side, side):
+            assert shows_something(row[:, left : left + 148])
+    states = [chromium.evaluate(state, context) for context in frames]
+    assert 10 <= states.count("turns") < 20
+    asleep = states.index("paused")
+    press(chromium, side * (asleep % 5) + 70, 150 * (asleep // 5) + 70, moved=20)
+    chromium.wait(f"{state} === 'turns'", frames[asleep])
+    assert chromium.evaluate("view.azimuth !== home.azimuth", frames[asleep])
 
 
 def test_only_a_page_is_written_and_large_photos_fit(tiny: Model, camera: Camera, tmp_path: Path) -> None:

@@ -17,12 +17,20 @@ from viewer.values.share_settings import TURN, ShareSettings
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
     seen: list[float] = []
-    session.exporting.share(tmp_path / "turn.gif", ShareSettings(size=16))
+    session.exporting.share(tmp_path / "turn.gif", ShareSettings("turntable", size=16))
     finish(session, lambda: bool(seen.append(session.exporting.progress)) or not session.exporting.running)
     assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
         assert (video.n_frames, video.size) == (TURN, (16, 16))
     assert session.messages.errors == []
+
+
+def test_a_page_is_written_with_the_objects_name(session: Session, tmp_path: Path) -> None:
+    session.exporting.share(tmp_path / "object.html", ShareSettings())
+    finish(session, lambda: not session.exporting.running)
+    assert session.messages.errors == []
+    assert f"<title>{session.editor.state.mix.a.words}</title>" in (tmp_path / "object.html").read_text()
+    assert session.exporting.saved == tmp_path / "object.html"
 
 
 def test_the_time_left_does_not_count_preparation(session: Session, clock: Clock, monkeypatch: pytest.MonkeyPatch):
@@ -52,6 +60,7 @@ _REFUSED = {
     "mesh": "a.stl a missing/a.glb mist.glb",  # the tiny model is a mist: it has no surface
     "turntable": "turn.avi turn missing/turn.mp4 missing/turn.gif",
     "picture": "a.xyz missing/a.png",
+    "page": "a.htm missing/a.html",
 }
 
 

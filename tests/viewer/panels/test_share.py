@@ -1,3 +1,6 @@
+import base64
+import io
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,6 +14,7 @@ import trimesh
 from imgui_bundle import imgui
 from PIL import Image
 
+from core.metrics import psnr
 from core.models.field import Field
 from core.models.model import Model
 from core.models.scene import Scene, save_image
@@ -33,6 +37,33 @@ def choose(window: Driver, name: str, label: str) -> None:
     window.click(f"**/{label}")
 
 
+def test_a_page_is_saved_in_three_actions_and_begins_like_its_preview(
+    drive: Drive, tmp_path: Path, real_backend: Backend, model: Model
+) -> None:
+    block = filled(model, 100.0)
+
+    def act(window: Driver) -> None:
+        exporting = window.session.exporting
+        window.drag("View/orbit", 90, -20)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 1
+        window.wait(lambda: exporting.preview.image is not None and not exporting.preview.stale)
+        preview = Image.fromarray(exporting.preview.image)
+        assert not window.exists("Share/###small") and not window.exists("Share/###more")
+        window.click("Share/###save")  # 2
+        window.type(str(tmp_path / "block"))  # 3
+        window.wait(lambda: (tmp_path / "block.html").exists() and not exporting.running)
+        assert window.session.messages.errors == []
+        poster = re.search(r'src="data:image/webp;base64,([^"]*)"', (tmp_path / "block.html").read_text())
+        assert poster is not None
+        with Image.open(io.BytesIO(base64.b64decode(poster[1]))) as image:
+            first = np.asarray(image.convert("RGBA").resize(preview.size)) / 255
+        shown = np.asarray(preview) / 255
+        assert shown[..., 3].mean() > 0.2
+        assert psnr(first[..., 3], shown[..., 3]) > 25  # colours of an untrained network are not the same when baked
+
+    drive(act, replace(real_backend, load_model=lambda name: block))
+
+
 def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path, real_backend: Backend, model: Model):
     shown: list[Path] = []
 
@@ -40,7 +71,7 @@ def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path,
         session, exporting = window.session, window.session.exporting
         window.context.file_manager = shown.append
         window.click("View/###share")
-        window.click("Share/###turntable")
+        window.click("Share/###film")
         window.click("Share/###small")
         window.click("Share/###save")
         window.type(str(tmp_path / "turn.mp4"))
@@ -65,7 +96,7 @@ def test_the_preview_is_the_first_frame(drive: Drive, real_backend: Backend, mod
         editor = window.session.editor
         camera = editor.scene.camera
         editor.set_camera(replace(camera, distance=0.6 * camera.distance))
-        window.press(imgui.Key.mod_ctrl, imgui.Key.e)
+        window.context.share("turntable")
         preview = window.session.exporting.preview
         window.click("Share/###more")
         window.wait(lambda: preview.image is not None)
@@ -87,8 +118,8 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
         editor, exporting = window.session.editor, window.session.exporting
         editor.set_camera(replace(editor.scene.camera, distance=0.6 * editor.scene.camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
-        window.click("Share/###more")
         window.click("Share/###picture")
+        window.click("Share/###more")
         choose(window, "##background", "Colour")
         window.context.set_preference(share=replace(window.context.preferences.share, colour=(200, 10, 20)))
         window.click("Share/###small")
@@ -127,7 +158,7 @@ def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Pat
         window.context.share("mesh")
         window.click("Share/###more")
         choose(window, "##mesh", ".obj")
-        window.click("Share/###turntable")
+        window.click("Share/###film")
         choose(window, "##video", "webp")
         choose(window, "##background", "Transparent")
 

@@ -41,3 +41,9 @@ def test_text_stays_readable_and_recent_files_are_few_and_each_once(tmp_path: Pa
         preferences = preferences.with_recent(tmp_path / f"{number}.png")
     assert preferences.recent[:3] == tuple(str(tmp_path / f"{number}.png") for number in (15, 19, 18))
     assert len(preferences.recent) == len(set(preferences.recent)) == 8
+
+
+@pytest.mark.parametrize("kind", ["turntable", "video", "picture", "mesh"])
+def test_kinds_of_files_chosen_before_there_were_pages_stay(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "preferences.json").write_text(f'{{"dark": false, "share": {{"kind": "{kind}"}}}}')
+    assert Preferences.load(tmp_path) == replace(Preferences(), dark=False, share=ShareSettings(kind))

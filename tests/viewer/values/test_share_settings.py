@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import pytest
+import torch
 
 from core.export.keyframes import Keyframe, Timeline, View
 from core.models.model import Model
@@ -33,15 +34,15 @@ def test_a_choice_that_there_is_not_is_refused(wrong: dict[str, object]) -> None
 
 
 def test_only_what_can_be_transparent_is_and_views_stand_in_for_themselves() -> None:
-    clear = ShareSettings(background="transparent")
+    clear = ShareSettings("turntable", background="transparent")
     assert clear.behind == (255, 255, 255)
     assert replace(clear, video=".webp").behind is None
     assert replace(clear, kind="picture").behind is None
     assert replace(clear, kind="picture", picture=".jpg").behind == (255, 255, 255)
     gradient = (4, 5, 6), (1, 2, 3)
-    assert ShareSettings(view_background=gradient).behind == gradient
-    assert ShareSettings(background="white", view_background=gradient).behind == (255, 255, 255)
-    gif = ShareSettings(video=".gif", background="transparent")
+    assert ShareSettings("turntable", view_background=gradient).behind == gradient
+    assert ShareSettings("turntable", background="white", view_background=gradient).behind == (255, 255, 255)
+    gif = ShareSettings("turntable", video=".gif", background="transparent")
     assert not gif.shows_shadow
     assert replace(gif, background="white").shows_shadow
     assert replace(gif, video=".webp").shows_shadow
@@ -49,18 +50,31 @@ def test_only_what_can_be_transparent_is_and_views_stand_in_for_themselves() -> 
     assert not replace(gif, kind="mesh", background="white").shows_shadow
 
 
+def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Model, scene: Scene) -> None:
+    near = replace(scene, camera=replace(scene.camera.resized(60, 30), focal=300.0))
+    settings = ShareSettings(size=40, wide=True, fill=False, background="transparent", view_background=((1, 2, 3),) * 2)
+    (view,) = settings.views(open_models(model), near, Timeline())
+    assert (view.camera.width, view.camera.height) == (40, 40)
+    corners = torch.cartesian_prod(*(torch.tensor([-side, side]) for side in model.extent))
+    for turn in range(12):
+        seen = replace(view.camera, azimuth=turn).project(corners)
+        assert seen.min() > -4 and seen.max() < 44
+    assert settings.behind == (255, 255, 255)
+    assert settings.shows_shadow and settings.suffix == ".html"
+
+
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
-    views = ShareSettings(size=40, fill=False).views(open_models(model), scene, Timeline())
+    views = ShareSettings("turntable", size=40, fill=False).views(open_models(model), scene, Timeline())
     assert len(views) == TURN
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
-    wide = ShareSettings(size=40, fill=False, wide=True).views(open_models(model), scene, Timeline())
+    wide = ShareSettings("turntable", size=40, fill=False, wide=True).views(open_models(model), scene, Timeline())
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in wide} == {(72, 40, 41.0)}
 
 
 @pytest.mark.parametrize(("fill", "nearest"), [(True, 1.0), (False, 0.4)])
 def test_a_turntable_that_fills_its_frame_keeps_its_perspective(model: Model, scene: Scene, fill: bool, nearest: float):
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    views = ShareSettings(size=40, fill=fill).views(open_models(model), near, Timeline())
+    views = ShareSettings("turntable", size=40, fill=fill).views(open_models(model), near, Timeline())
     assert {view.camera.distance for view in views} == {nearest * model.distance}
 
 
