@@ -32,5 +32,8 @@ def free_biases(
     origin = Latents(shapes.code(parameters.shape[0]), textures.code(parameters.texture[0]))
     shape, texture = (torch.zeros(1, std.numel()) for std in problem.model.bias_std)
     freed = replace(winner, parameters=parameters._replace(shape=shape, texture=texture))
-    for best in refine(replace(problem, origin=origin), freed, stage, generator):
+    # A mask that is not exact has holes and gaps where the codes are right: large errors beside it count little.
+    exact = all(photo.mask_confidence == 1 for photo in problem.photos)
+    problem = replace(problem, origin=origin, occluded=problem.occluded or not exact)
+    for best in refine(problem, freed, stage, generator):
         yield origin, best

@@ -15,6 +15,7 @@ from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import packed
 from viewer.values.fit_history import FitHistory
+from viewer.values.printable import as_label
 from viewer.widgets import user_objects, waiting_tiles
 from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
