@@ -12,11 +12,15 @@ from dataclasses import replace
 
 import torch
 
-from core.fitting.hypotheses import HypothesisBatch
-from core.fitting.problem import Problem
+from core.fitting.hypotheses import HypothesisBatch, one_view
+from core.fitting.objective import render_pixels
+from core.fitting.observations import Observation, sample_pixels
+from core.fitting.problem import SCORING_RAYS, Problem
 from core.fitting.schedule import Stage
 from core.fitting.search import refine
 from core.models.latents import Latents
+
+_SOLID = 0.7  # opacity of codes above which they hold a background pixel of a doubtful mask for the object
 
 
 def free_biases(
@@ -32,8 +36,31 @@ def free_biases(
     origin = Latents(shapes.code(parameters.shape[0]), textures.code(parameters.texture[0]))
     shape, texture = (torch.zeros(1, std.numel()) for std in problem.model.bias_std)
     freed = replace(winner, parameters=parameters._replace(shape=shape, texture=texture))
-    # A mask that is not exact has holes and gaps where the codes are right: large errors beside it count little.
-    exact = all(photo.mask_confidence == 1 for photo in problem.photos)
-    problem = replace(problem, origin=origin, occluded=problem.occluded or not exact)
-    for best in refine(problem, freed, stage, generator):
+    for best in refine(replace(_cautious(problem, winner, generator), origin=origin), freed, stage, generator):
         yield origin, best
+
+
+def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Generator) -> Problem:
+    """Return the problem in which doubtful masks add to the object, but carve nothing that its codes hold solid.
+
+    A gap in such a mask may be a mistake.
+    """
+    if all(photo.mask_confidence == 1 for photo in problem.photos):
+        return problem
+    observations = tuple(
+        seen if photo.mask_confidence == 1 else _without_solid(problem, winner, seen, view)
+        for view, (seen, photo) in enumerate(zip(problem.observations, problem.photos, strict=True))
+    )
+    scoring = sample_pixels(observations, SCORING_RAYS, generator)
+    return replace(problem, observations=observations, scoring=scoring)
+
+
+def _without_solid(problem: Problem, winner: HypothesisBatch, seen: Observation, view: int) -> Observation:
+    """Return a photo's observation without certainty of background that the winner covers."""
+    background = (seen.target_opacity < 0.5).nonzero()[:, 0]
+    parameters = one_view(winner.parameters, view)
+    with torch.no_grad():
+        opacity = render_pixels(problem.model, parameters, seen.batch(background), problem.settings.samples).opacity
+    certainty = seen.certainty.clone()
+    certainty[background[opacity[0, 0] > _SOLID]] = 0.0
+    return replace(seen, certainty=certainty)

@@ -128,6 +128,16 @@ def from_vector(vector: Float[Tensor, "any parameters"], sizes: Parameters) -> P
     return Parameters(angles, distance[..., 0], zoom[..., 0], crop_transform, *codes)
 
 
+def one_view(parameters: Parameters, view: int) -> Parameters:
+    """Return the parameters of a single view."""
+    return parameters._replace(
+        angles=parameters.angles[:, [view]],
+        distance=parameters.distance[:, [view]],
+        zoom=parameters.zoom[:, [view]],
+        crop_transform=parameters.crop_transform[:, [view]],
+    )
+
+
 # Cameras and rays
 
 

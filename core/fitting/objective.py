@@ -158,11 +158,23 @@ def evaluate_objective(
         cells: cells that each shape may occupy; None: ``model.occupied_cells``.
         origin: see :func:`core.fitting.biases.hypothesis_biases`.
     """
-    biases = hypothesis_biases(model, parameters, origin)
-    rendered = _render(model, parameters, biases, pixels, samples, None, cells)
+    rendered = render_pixels(model, parameters, pixels, samples, cells, origin)
     terms = [term(pixels, objective) for term in objective.terms]
     value = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms]).sum(0)
     return ObjectiveValue(value, image_squared_error(rendered, pixels, objective.occluder_scale).detach())
+
+
+def render_pixels(
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    samples: int,
+    cells: Bool[Tensor, "hypotheses x y z"] | None = None,
+    origin: Latents | None = None,
+) -> RenderedPixels:
+    """Render pixels by hypotheses; arguments as in :func:`evaluate_objective`."""
+    biases = hypothesis_biases(model, parameters, origin)
+    return _render(model, parameters, biases, pixels, samples, None, cells)
 
 
 def paper_objective(

@@ -85,6 +85,18 @@ class Observation:
             fractions,
         )
 
+    def batch(self, index: Int[Tensor, "rays"]) -> PixelBatch:
+        """Return some pixels of the photo, a ray each, weighted alike."""
+        return PixelBatch(
+            self.pixels[index][None],
+            self.colours[index][None],
+            self.target_opacity[index][None],
+            self.mask_valid[index][None],
+            self.certainty[index][None],
+            torch.zeros(1, len(index), 1, 2),
+            torch.full((1, len(index)), 1 / max(1, len(index))),
+        )
+
     def sample(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Float[Tensor, "rays"]]:
         """Sample pixels evenly in each stratum; return their indices and :attr:`PixelBatch.weights`."""
         ends = np.rint(np.cumsum(self.fractions) * count).astype(int)

@@ -80,3 +80,19 @@ def test_the_same_seed_gives_the_same_offsets(tiny: Model, known: bool):
     photo = replace(photo_of(tiny, unlike(tiny), camera), camera=camera if known else None)
     (*_, first), (*_, second) = (fit(tiny, FitJob((photo,), tiny_bank(), FREE)) for _ in range(2))
     assert torch.equal(first.codes.shape_offsets, second.codes.shape_offsets)
+
+
+def test_a_doubtful_mask_adds_to_the_object_and_carves_nothing(tiny: Model):
+    camera = tiny.camera(0.5, 0.4)
+    photo = replace(photo_of(tiny, tiny.codes[0], camera), camera=camera)
+    rows, columns = photo.mask.nonzero().float().mean(0).long().tolist()
+    mask, pixels = photo.mask.clone(), photo.pixels.clone()
+    mask[rows - 3 : rows + 4, columns:] = False  # a gap open to the right
+    pixels[~mask] = 1.0
+    seen = dict[float, torch.Tensor]()
+    for confidence in (1.0, 0.9):
+        torn = replace(photo, mask=mask, pixels=pixels, mask_confidence=confidence)
+        *_, last = fit(tiny, FitJob((torn,), tiny_bank(), replace(FREE, free_steps=20)))
+        rendered = render_image(tiny, replace(last.codes, detail=None), camera)
+        seen[confidence] = rendered.opacity[photo.mask & ~mask]
+    assert float(seen[0.9].mean()) > float(seen[1.0].mean()) + 0.05
