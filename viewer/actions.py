@@ -170,7 +170,7 @@ _ENABLED: dict[str, Test] = {
     "see_photo": lambda c: c.session.photo_view is not None,
     "reset": lambda c: c.session.editor.scene.codes != c.session.editor.pair(c.session.editor.state.mix.a),
     "remove_key": lambda c: c.session.player.key is not None,
-    "play": lambda c: bool(c.session.player.timeline.keys),
+    "play": lambda c: bool(c.session.editor.playable.keys),
     "copy_image": lambda c: c.session.viewport.frame is not None and c.session.viewport.baked_frame is None,
     "undo": lambda c: bool(c.session.editor.history.past),
     "redo": lambda c: bool(c.session.editor.history.future),

@@ -1,5 +1,6 @@
 """The editor of an object's codes, its camera and the timeline, with undo."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import chain, takewhile
 
@@ -87,8 +88,9 @@ class Editor:
         return codes
 
     def _last_unmixed(self, kind: CodeKind) -> Codes | None:
-        name, states = getattr(self.state.mix.a, kind), chain([self.state], reversed(self.history.past))
-        of_a = takewhile(lambda state: getattr(state.mix.a, kind) == name, states)
+        now, states = self.state, chain([self.state], reversed(self.history.past))
+        name, model = getattr(now.mix.a, kind), now.scene.codes.model
+        of_a = takewhile(lambda one: getattr(one.mix.a, kind) == name and one.scene.codes.model == model, states)
         return next((state.scene.codes for state in of_a if not getattr(state.mix, kind)), None)
 
     @property
@@ -142,10 +144,12 @@ class Editor:
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object A, without any of B, except locked parts.
+        """Make an object A, without any of B, except locked parts; nothing happens while its model is missing.
 
         A fitted object is seen from its photo's camera at first and after an object of another model.
         """
+        if self.is_missing(name):
+            return
         codes, pair, camera = self.objects[name].codes, Pair(name, name), self.scene.camera
         seen = any(state.mix.a == pair for state in (self.state, *self.history.past))
         if codes.detail and not (seen and self.is_mixable(name)):
@@ -221,18 +225,52 @@ class Editor:
     def restore(self, saved: Project) -> None:
         """Add a project's objects and take its undo history in place of this one.
 
-        Raises ``ValueError``, changing nothing, if :meth:`check` does.
+        The current state is the last one that can be shown; this one if there is none.
         """
-        self.check(saved)
         names = self.objects.add_missing(saved.objects)
         self.objects.remove(*(names[name] for name in saved.removed if name in names))
+        history = saved.history.renamed(names).everywhere(self._with_names_here)
+        order = [*range(len(history.past), -1, -1), *range(len(history.past) + 1, len(history.states))]
+        shown = next((index for index in order if self.can_show(history.states[index])), None)
+        self._go(History(self.state, history.states) if shown is None else history.at(shown))
 
-        def renamed(state: State) -> State:
-            model = state.scene.codes.model
-            here = {name: names.get(name) or self.objects.name_here(name, model) or name for name in state.mix.names}
-            return replace(state, mix=state.mix.renamed(here))
+    # Models that are missing
 
-        self._go(saved.history.everywhere(renamed))
+    def can_show(self, state: State) -> bool:
+        """Return whether a state's model is open and its objects are here, all of that model."""
+        model = state.scene.codes.model
+        here = (name in self.objects and self.objects[name].codes.model == model for name in state.mix.names)
+        return self.models.can_show(state.scene.codes) and all(here)
+
+    def is_missing(self, name: str) -> bool:
+        """Return whether an object cannot be shown because its model is missing."""
+        return not self.models.can_show(self.objects[name].codes)
+
+    @property
+    def playable(self) -> Timeline:
+        """The timeline without keyframes whose model is missing."""
+        timeline = self.state.timeline
+        keys = tuple(key for key in timeline.keys if self.models.can_show(key.view.codes))
+        return timeline if len(keys) == len(timeline.keys) else replace(timeline, keys=keys)
+
+    def add_model(self, model: Model) -> None:
+        """Add the objects of a newly opened model; objects and states that waited for it can be shown."""
+        self.objects.add_model(model)
+        for added in self.objects.ever_added:
+            if (codes := self._adopted(added.codes)) is not added.codes:
+                self.objects.replace(added.name, replace(added, codes=codes))
+        self.history = self.history.everywhere(self._with_names_here)
+
+    def _adopted(self, codes: Codes) -> Codes:
+        """Return codes as those of the open model that extends theirs, if any."""
+        model = self.models.find(codes.model)
+        return model.adopt(codes) if model and model.fits(codes) else codes
+
+    def _with_names_here(self, state: State) -> State:
+        """Return a state with the names that its model's objects have here."""
+        codes = self._adopted(state.scene.codes)
+        here = {name: self.objects.name_here(name, codes.model) or name for name in state.mix.names}
+        return replace(state, scene=replace(state.scene, codes=codes), mix=state.mix.renamed(here))
 
     # Undo
 
@@ -242,16 +280,32 @@ class Editor:
             self.history = self.history.without_gesture()
 
     def undo(self) -> None:
-        """Undo a step, if any."""
-        self._go(self.history.undone())
+        """Undo a step, if any; states that cannot be shown are skipped."""
+        self._go(self._nearest(History.undone))
 
     def redo(self) -> None:
-        """Redo a step, if any."""
-        self._go(self.history.redone())
+        """Redo a step, if any; states that cannot be shown are skipped."""
+        self._go(self._nearest(History.redone))
+
+    def _nearest(self, step: Callable[[History], History]) -> History:
+        """Return the history after steps to the next state that can be shown; the same one if there is none."""
+        before, history = self.history, step(self.history)
+        while not self.can_show(history.now) and history.now is not before.now:
+            before, history = history, step(history)
+        return history if self.can_show(history.now) else self.history
 
     def go_to(self, index: int) -> None:
-        """Go to a state of undo by its index in :attr:`History.states`."""
-        self._go(self.history.at(index))
+        """Go to a state of undo by its index in :attr:`History.states`, if it can be shown."""
+        history = self.history.at(index)
+        if self.can_show(history.now):
+            self._go(history)
+
+    def show_state(self, state: State) -> None:
+        """Go to a state of undo that had to wait for its model."""
+        scene = replace(state.scene, codes=self._adopted(state.scene.codes))
+        scenes = [one.scene for one in self.history.states]
+        if scene in scenes:
+            self.go_to(scenes.index(scene))
 
     # Not edits
 
@@ -262,8 +316,8 @@ class Editor:
 
     def _mix_of(self, model: Model) -> Mix:
         """Return the last mix of a model's objects in undo, else a mix of its first two objects."""
-        used = (state.mix for state in (self.state, *reversed(self.history.past)))
-        of_model = (mix for mix in used if self.objects[mix.b].codes.model == model.fingerprint)
+        states = (self.state, *reversed(self.history.past))
+        of_model = (one.mix for one in states if one.scene.codes.model == model.fingerprint and self.can_show(one))
         return next(of_model, None) or self._first_mix(model)
 
     def _first_mix(self, model: Model) -> Mix:
@@ -274,17 +328,6 @@ class Editor:
     def _mix_from(self, pair: Pair) -> Mix:
         """Return the mix of a pair with its model's last B, at amounts of 0."""
         return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
-
-    def check(self, saved: Project) -> None:
-        """Raise ``ValueError`` if a project mixes objects that are not here, or objects of different models."""
-        known = {one.name: one.codes.model for one in saved.objects}
-        for state in saved.history.states:
-            model = state.scene.codes.model
-            for name in state.mix.names:
-                if name not in known and not self.objects.name_here(name, model):
-                    raise ValueError("it mixes objects that are not here")
-                if known.get(name, model) != model:
-                    raise ValueError("it mixes objects of different models")
 
     def _mix(self, mix: Mix, kinds: tuple[CodeKind, ...], gesture: str = "") -> None:
         mixed = self.unmixed.mixed(self.objects[mix.b].codes, mix.shape, mix.texture)

@@ -17,7 +17,7 @@ from torch import Tensor
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.camera import MAX_SIDE, Camera
 from core.models.architecture_variants import build_field
-from core.models.codes import CodeBook, Entry
+from core.models.codes import CodeBook, Codes, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
@@ -147,6 +147,20 @@ class Model:
     def shares_codes_with(self, fingerprint: str) -> bool:
         """Return True if this model can show codes of the model with this fingerprint: it is or extends that model."""
         return fingerprint in (self.fingerprint, *self.extends)
+
+    def fits(self, codes: Codes) -> bool:
+        """Return whether codes, and those of their photo detail, have the sizes that the field needs."""
+        sizes = (self.field.config.shape_latent,), (self.field.config.texture_latent,)
+        return all((one.shape.shape, one.texture.shape) == sizes for one in (codes, codes.detail) if one)
+
+    def adopt(self, codes: Codes) -> Codes:
+        """Return codes as those of this model, which may extend theirs.
+
+        Raises ``ValueError`` for codes of another model.
+        """
+        if not self.shares_codes_with(codes.model) or not self.fits(codes):
+            raise ValueError(f"it belongs to another model, not to this one of {self.category or 'unnamed objects'}")
+        return codes if codes.model == self.fingerprint else replace(codes, model=self.fingerprint)
 
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
         """Return a camera (rad, rad, scene units) with the training images' size and focal length.

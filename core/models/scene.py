@@ -66,17 +66,15 @@ class Scene:
 
         A scene of a model that ``model`` extends becomes a scene of ``model`` and looks nearly the same.
         """
+        scene = cls.without_model(text)
+        return cls(model.adopt(scene.codes), scene.camera)
+
+    @classmethod
+    def without_model(cls, text: str) -> "Scene":
+        """Parse JSON text whose model is missing, as :meth:`from_json` does."""
         about = typed(_About, parse_json(text), name="scene")
         detail = about.detail and about.detail.read()
-        codes = Codes(torch.tensor(about.shape), torch.tensor(about.texture), detail, model.fingerprint)
-        config = model.field.config
-        sizes = (config.shape_latent,), (config.texture_latent,)
-        pairs = [(one.shape.shape, one.texture.shape) for one in (codes, codes.detail) if one]
-        if not model.shares_codes_with(about.model) or any(pair != sizes for pair in pairs):
-            raise ValueError(
-                f"the scene belongs to another model, not to this one of {model.category or 'unnamed objects'}"
-            )
-        return cls(codes, about.camera)
+        return cls(Codes(torch.tensor(about.shape), torch.tensor(about.texture), detail, about.model), about.camera)
 
 
 class _View(NamedTuple):

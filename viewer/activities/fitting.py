@@ -89,12 +89,13 @@ class Fitting:
         self.view.show(self._fits[name])
 
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Show a saved fit, and continue unfinished requests."""
-        self.view.show(history)
-        found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
-        if name := next(found, ""):
-            self._keep_fit(name)
-        self.queue = pending
+        """Show a saved fit, unless another is shown, and continue unfinished requests."""
+        if not self.history.sources:
+            self.view.show(history)
+            found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
+            if name := next(found, ""):
+                self._keep_fit(name)
+        self.queue = (*self.queue, *pending)
         self._next()
 
     # What is fitted

@@ -6,7 +6,7 @@ from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import PanelContext
 from viewer.values.history import Edit, History, State
-from viewer.widgets import object_tiles
+from viewer.widgets import missing_tiles, object_tiles
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
 _SIDE, _EDGE = 2.7, 0.5  # em: side of a thumbnail, and distance from the view's corner
@@ -67,6 +67,9 @@ class HistoryStrip:
 
     def _draw_edit(self, context: PanelContext, number: int, states: range, edit: Edit, side: float) -> None:
         """Draw an edit's tile; a click goes to the last of its states."""
+        if not context.session.editor.can_show(self._states[edit.last]):
+            missing_tiles.draw_state(context, self._states[edit.last], edit, f"state {number + 1}", side)
+            return
         history = context.session.editor.history
         now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away

@@ -110,8 +110,7 @@ def _commands(category: str) -> Iterator[Ratio]:
 
         def command() -> None:
             environment = os.environ | {"CODENERF_CACHE": folder}
-            about = {"capture_output": True, "text": True, "check": True}
-            said.append(subprocess.run(words, env=environment, cwd=_ROOT, **about).stdout)
+            said.append(subprocess.check_output(words, env=environment, cwd=_ROOT, stderr=subprocess.PIPE, text=True))
 
         plain = _timed(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
         whole = _timed(command, time.perf_counter)
