@@ -250,6 +250,7 @@ class App:
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         if self._folder and (width := hello_imgui.load_user_pref("width").strip()).isdigit():
             self._width, self.context.focus = float(width), ""  # the layout is the last launch's
+        self.session.messages.restart()
         window.on_drop(self._dropped)
         window.limit_size()
         window.shrink_to_monitor()

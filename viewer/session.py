@@ -26,7 +26,7 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
-from viewer.services.messages import MessageKind, Messages
+from viewer.services.messages import Button, MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.pictures import Pixels, read_pictures
 from viewer.services.signal import Signal
@@ -324,12 +324,13 @@ class Session:
         states, objects = project.history.states, project.objects
         codes = (*(state.scene.codes for state in states), *(one.codes for one in objects))
         models = dict.fromkeys(one.model for one in codes if self.models.find(one.model) is None)
+        seen = (Button("OK", lambda: None),)
         for name in dict.fromkeys(self.model_name(model) for model in models):
             text = f"Not there: {name}. What was made with it waits in Mine; click its grey tile to find the file"
-            self.messages.notify(text, MessageKind.NOTE)
+            self.messages.notify(text, MessageKind.NOTE, buttons=seen)
         for original in project.originals:
-            text = f"{original.name} has parts that cannot be read ({original.reasons[0]}); they are kept, in Mine"
-            self.messages.notify(text, MessageKind.NOTE)
+            text = f"Parts of {original.name} cannot be read ({original.reasons[0]}): the whole file is kept in Mine"
+            self.messages.notify(text, MessageKind.NOTE, buttons=seen)
 
     def forget_original(self, original: Original) -> None:
         """Remove a project file with unreadable parts from the project."""

@@ -45,6 +45,7 @@ class UserObjects:
 
     def missing(self, models: OpenModels) -> tuple[EditableObject, ...]:
         """Return the stored objects whose models are missing, the oldest first."""
+        self._stored = {name: one for name, one in self._stored.items() if models.find(one.about.codes.model)}
 
         def unchanged(codes: Codes) -> Codes:
             if models.find(codes.model):

@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Callable
+from pathlib import Path
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -73,14 +74,13 @@ def _draw_menu(act: Callable[[], None], words: str, remove: Callable[[], None]) 
 
 
 def paint(context: PanelContext, file: str, corner: ImVec2, side: float) -> None:
-    """Draw a grey square with the name of a file under a broken link."""
+    """Draw a grey square with a broken link above the name of a file, if any, without its ending."""
     object_tiles.shade(corner, side, context.palette.raised)
     if imgui.is_item_hovered():
         object_tiles.shade(corner, side, (1, 1, 1), 0.12)
-    named = side > 3.5 * hello_imgui.em_size()
-    middle = corner + ImVec2(side, side - (1.4 * small_height() if named else 0.0)) * 0.5
+    room = 1.2 * small_height() if file else 0.0
+    middle = corner + ImVec2(side, side - room) * 0.5
     place = middle - imgui.calc_text_size(_FILE) * 0.5
     imgui.get_window_draw_list().add_text(place, packed(context.palette.quiet), _FILE)
-    if named:
-        gap = 0.3 * hello_imgui.em_size()
-        paint_caption(context, file, corner + ImVec2(gap, side - 1.4 * small_height()), side - 2 * gap)
+    gap = 0.15 * hello_imgui.em_size()
+    paint_caption(context, Path(file).stem, corner + ImVec2(gap, side - room), side - 2 * gap)

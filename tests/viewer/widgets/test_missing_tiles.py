@@ -1,10 +1,10 @@
-from collections.abc import Callable
+import json
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from imgui_bundle import imgui
 
 from core.models.model import Model
 from core.models.open_models import OpenModels
@@ -111,3 +111,119 @@ def loaded(backend: Backend, path: Path) -> OpenModels:
     for name in ("chairs", str(path)):
         models.open(name)
     return models
+
+
+def test_it_is_back_at_the_next_launch_once_its_file_is(
+    drive: Drive, own: Backend, made: Project, stools: Path
+) -> None:
+    folder, aside = stools.parent / "config", stools.rename(stools.with_name("aside"))
+
+    def without(window: Driver) -> None:
+        assert window.session.editor.is_missing("Red stool")
+        window.menu("File/###new_project")  # what is mine stays
+        assert window.session.editor.objects.own == ["Red stool"]
+        assert window.session.editor.is_missing("Red stool")
+
+    def back(window: Driver) -> None:
+        assert window.session.messages.all == []
+        window.click("Library/**/show Red stool")
+        assert window.session.editor.scene.codes == made.objects[0].codes
+        assert window.session.editor.objects.own == ["Red stool"]
+
+    drive(without, own, folder=folder)
+    aside.rename(stools)
+    drive(back, own, folder=folder)
+
+
+def test_a_tile_asks_for_no_file_that_is_back_and_refuses_another_model(
+    drive: Drive, own: Backend, made: Project, stools: Path, lasting_messages: None
+) -> None:
+    aside = stools.rename(stools.with_name("aside"))
+    random_model(11).save(stools.with_name("tables.safetensors"))
+
+    def act(window: Driver) -> None:
+        window.context.drop([str(stools.with_name("a.codenerf"))])
+        window.wait()
+        window.choose("Red stool", "###find model")
+        window.type(str(stools.with_name("tables.safetensors")))
+        window.wait()
+        assert window.session.messages.errors == [
+            "tables.safetensors is another model than stools.safetensors: choose the one from then"
+        ]
+        assert window.session.editor.is_missing("Red stool") and len(list(window.session.models)) == 1
+        aside.rename(stools)
+        window.click("Library/**/show Red stool")
+        window.wait()
+        assert window.session.editor.state.mix.a.shape == "Red stool"
+
+    drive(act, own)
+
+
+def test_a_state_and_a_keyframe_of_a_missing_model_are_grey_and_found_by_a_click(
+    drive: Drive, own: Backend, made: Project, stools: Path
+) -> None:
+    moved = stools.rename(stools.with_name("elsewhere.safetensors"))
+
+    def act(window: Driver) -> None:
+        window.context.drop([str(stools.with_name("a.codenerf"))])
+        window.wait()
+        session, editor = window.session, window.session.editor
+        window.show("Timeline")
+        session.player.play()
+        window.wait(lambda: session.player.seconds > 1.1)
+        session.player.pause()
+        assert len(editor.state.timeline.keys) == 2
+        assert [key.view.codes for key in editor.playable.keys] == [editor.state.timeline.keys[0].view.codes]
+        editor.undo()
+        window.ctx.yield_(3)
+        find(window, "History/state 3", moved)
+        assert editor.model.category == "stools"
+        assert session.messages.errors == []
+
+    drive(act, own)
+
+
+def test_a_removed_tile_is_removed_for_good(drive: Drive, own: Backend, made: Project, stools: Path) -> None:
+    stools.unlink()
+
+    def act(window: Driver) -> None:
+        window.click("Library/**/show Red stool", 1)
+        window.ctx.item_click("//**/###remove object")
+        window.ctx.item_click("//**/###remove for good")
+        window.ctx.yield_(3)
+        assert window.session.editor.objects.own == []
+        assert not list((stools.parent / "config" / "mine").glob("*.json"))
+
+    drive(act, own, folder=stools.parent / "config")
+
+
+def test_a_file_with_unreadable_parts_is_a_tile_from_which_it_is_saved(
+    drive: Drive, own: Backend, made: Project, stools: Path
+) -> None:
+    path = stools.with_name("a.codenerf")
+    with zipfile.ZipFile(path) as file:
+        parts = {name: file.read(name) for name in file.namelist()}
+    about = json.loads(parts["project.json"])
+    about["project"]["history"]["past"][1]["scene"] = "lost"
+    parts["project.json"] = json.dumps(about).encode()
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in parts.items():
+            file.writestr(name, content)
+
+    def act(window: Driver) -> None:
+        session = window.session
+        window.context.drop([str(path)])
+        window.wait()
+        assert len(session.editor.history.states) == len(made.history.states) - 1
+        assert session.save_project(stools.with_name("b.codenerf"))
+        window.click("Library/**/original a.codenerf")
+        window.type(str(stools.with_name("copy.codenerf")))
+        assert stools.with_name("copy.codenerf").read_bytes() == path.read_bytes()
+        window.click("Library/**/original a.codenerf", 1)
+        window.ctx.item_click("//**/###remove object")
+        window.ctx.item_click("//**/###remove for good")
+        window.ctx.yield_(3)
+        assert session.originals == ()
+        assert session.messages.errors == []
+
+    drive(act, own)
