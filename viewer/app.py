@@ -276,9 +276,10 @@ class App:
         window.set_title(f"{window.NAME}: saving …")
         if self._instance:
             self._instance.end()
-        self.session.jobs.worker.close()
+        self.session.jobs.worker.stop()  # its current step goes on while the session is saved
         if self.context.autosave:
             self.context.autosave.close()
+        self.session.jobs.worker.close()
         self._save_preferences()
         if self._folder:
             hello_imgui.save_user_pref("width", f"{self._width:.0f}")

@@ -13,6 +13,7 @@ from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
 from core.rendering.direction_words import Words
+from core.rendering.progressive import Frame
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
@@ -230,6 +231,16 @@ class Session:
     def pictures(self) -> dict[str, Pixels]:
         """The last images of view and tiles by name, for the next launch."""
         return self.thumbnails.newest | self.viewport.picture
+
+    @property
+    def picture_state(self) -> tuple[Frame | None, int]:
+        """The view's image and the number of rendered tiles; while they are the same, so are :attr:`pictures`."""
+        return self.viewport.frame, self.thumbnails.rendered
+
+    @property
+    def is_rendered(self) -> bool:
+        """True while the view is sharp and no tile is rendered."""
+        return self.viewport.sharp and not self.jobs.busy("view", "thumbnails")
 
     @property
     def listed_models(self) -> tuple[Model, ...]:

@@ -18,6 +18,7 @@ from core.rendering.progressive import Frame
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock, endless_fit
+from viewer import autosave as autosave_module
 from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
@@ -393,3 +394,51 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once(launch: Launch, kill: 
     np.testing.assert_array_equal(frame.image, shown.image)
     assert crashed or tile(again).resolution == (64, 64)
     second.close()
+
+
+def test_closing_writes_only_what_was_not_written_before(
+    launch: Launch, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, autosave = launch()
+    session.start()
+    session.editor.show_object("object 3")
+    finish(session, lambda: session.viewport.sharp)
+    for _ in range(2):  # the project with the image of the view, then new tiles
+        session.thumbnails.of_object(session.editor.scene.codes)
+        finish(session)
+        clock.now += autosave_module.EVERY_PICTURES
+        autosave.tick()
+        autosave.finish()
+    made, written = session.editor.history, list[str]()
+    monkeypatch.setattr(Project, "save", lambda *_: written.append("project"))
+    monkeypatch.setattr(autosave_module, "write_pictures", lambda *_: written.append("pictures"))
+    autosave.close()
+    assert written == []
+    monkeypatch.undo()
+    session, autosave = launch()
+    assert session.editor.history == made
+    session.start()
+    assert session.viewport.frame is not None
+    session.editor.show_object("object 4")
+    autosave.close()  # at once
+    session, _ = launch()
+    assert session.editor.state.mix.a.shape == "object 4"
+
+
+def test_a_save_that_failed_is_repeated_when_closing(
+    launch: Launch, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("no space left")
+
+    session, autosave = launch()
+    session.editor.show_object("object 3")
+    monkeypatch.setattr(Project, "save", fail)
+    clock.now += 10.0
+    autosave.tick()
+    autosave.finish()
+    monkeypatch.undo()
+    autosave.close()
+    assert len(session.messages.errors) == 1
+    session, _ = launch()
+    assert session.editor.state.mix.a.shape == "object 3"

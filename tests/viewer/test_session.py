@@ -20,6 +20,7 @@ from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
+from viewer.values.fit_history import FitHistory, FitRequest
 
 
 def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: Editor, model: Model) -> None:
@@ -207,3 +208,31 @@ def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Sessi
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.objects.own == ["block"]
     assert session.messages.errors == []
+
+
+def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, photo: Path, tmp_path: Path) -> None:
+    cars = both.load_model("cars")
+    session = Session(worker, both, seed=0)
+    session.fitting.start(blue_block(photo))
+    finish(session, lambda: not session.fitting.pending)
+    made = session.project()
+    waiting = FitRequest(FitHistory(made.fit.sources, made.fit.photos, model=cars.fingerprint))
+    replace(made, pending=(waiting,), models=(), model_files={}).save(tmp_path / "a.codenerf", session.models)
+
+    def chairs(name: str) -> Model:
+        return both.load_model("chairs")
+
+    without = Session(worker, replace(both, load_model=chairs), seed=0)
+    without.open_project(tmp_path / "a.codenerf")
+    finish(without)
+    assert without.messages.errors == [] and not without.fitting.pending
+    again = without.project()
+    assert len(again.pending) == 1 and len(again.fit.steps) == len(made.fit.steps)
+    assert without.editor.is_missing("block blue")
+
+    without.jobs.backend = both
+    without.open_model("cars")
+    finish(without, lambda: not without.fitting.pending)
+    assert without.editor.objects.own == ["block blue (2)", "block blue"]
+    assert not without.editor.is_missing("block blue") and without.messages.errors == []
+    assert not without.project().pending
