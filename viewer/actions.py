@@ -88,6 +88,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Photo": (
         Action("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and fit it"),
         Action("paste", "Paste photo", "Ctrl+V", "fit the photo in the clipboard"),
+        Gesture("Click a grey tile", "in Mine and History: find the file of a missing model"),
         Gesture("Click a photo under way", "in Mine: watch its fit from the photo's camera"),
         Gesture("Click a numbered box", "fit this one of several objects"),
         Gesture("Wipe", "drag in the view: the photo on the left, the render on the right"),

@@ -279,10 +279,11 @@ class App:
         self.session.jobs.worker.stop()  # its current step goes on while the session is saved
         if self.context.autosave:
             self.context.autosave.close()
-        self.session.jobs.worker.close()
         self._save_preferences()
         if self._folder:
             hello_imgui.save_user_pref("width", f"{self._width:.0f}")
+        window.hide()  # all is saved; nobody has to look at the window until the worker's step ends
+        self.session.jobs.worker.close()
         assert self.context.canvas and self.context.images and self.context.baked_canvas
         self.context.canvas.release()
         self.context.baked_canvas.release()

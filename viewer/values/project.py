@@ -141,10 +141,9 @@ def _read(path: Path, store: BlobStore, open_models: bool) -> Project:
         members = (partial(file.read, _photo(number)) for number in range(count))
         store.photos = [readable(store, member) or b"" for member in members]
     store.timelines = about.timelines
-    parts = about.sessions if about.project is None else (about.project,)
     if open_models:
-        for part in parts:
-            _open_models(part, store.models, path.parent)
+        models = {"models": [session["model"] for session in about.sessions]}
+        _open_models(about.project or models, store.models, path.parent)
     project = _first_format(about, store) if about.project is None else _decoded(about.project, store)
     if open_models:
         _expect_missing(project.models, store)
@@ -155,7 +154,7 @@ def _open_models(about: dict, models: OpenModels, folder: Path) -> None:
     """Open the models of a project from their files, or from files of the same name beside the project."""
     for fingerprint, name in decode(dict[str, str], about.get("model_files", {}), BlobStore()).items():
         models.expect(fingerprint, name)
-    for name in decode(tuple[str, ...], about.get("models") or [about["model"]], BlobStore()):
+    for name in decode(tuple[str, ...], about.get("models", []), BlobStore()):
         for path in (name, str(folder / Path(name).name)):
             with suppress(ValueError):
                 models.open(path)
