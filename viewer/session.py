@@ -340,8 +340,8 @@ class Session:
             text = f"Not there: {name}. What was made with it waits in Mine; click its grey tile to find the file"
             self.messages.notify(text, MessageKind.NOTE, buttons=seen)
         for original in project.originals:
-            text = f"Parts of {original.name} cannot be read ({original.reasons[0]}): the whole file is kept in Mine"
-            self.messages.notify(text, MessageKind.NOTE, buttons=seen)
+            text = f"Parts of {original.name} cannot be read: the rest is open, and the whole file is kept in Mine"
+            self.messages.notify(text, MessageKind.NOTE, buttons=seen, detail="; ".join(original.reasons))
 
     def forget_original(self, original: Original) -> None:
         """Remove a project file with unreadable parts from the project."""

@@ -111,7 +111,7 @@ class LibraryPanel(Panel):
             return
         if isinstance(tile, Original):
             missing_tiles.draw_original(context, tile, corner, size)
-            paint_caption(context, "unreadable parts", below, size.x)
+            paint_caption(context, "damaged", below, size.x)
             return
         if context.session.editor.is_missing(tile):
             missing_tiles.draw_object(context, tile, corner, size)
