@@ -1,4 +1,4 @@
-"""The command line, ``python -m core COMMAND``."""
+"""The command line, ``codenerf COMMAND`` or ``python -m core COMMAND``."""
 
 import sys
 import time
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from core.cli.parser import parse
+from core.runtime.program import program_name
 from core.runtime.signals import on_signals
 from core.runtime.threads import use_one_torch_thread, use_threads
 
@@ -25,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         run(chosen)
     except (ValueError, OSError) as error:
-        print(f"python -m core: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{program_name('core', 'codenerf')}: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

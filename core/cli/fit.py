@@ -4,7 +4,6 @@ import argparse
 import io
 import json
 import math
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -15,7 +14,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from core.cli.explain import draw_detections, write_page
-from core.cli.progress import wait_for_view_bank
+from core.cli.progress import wait_for_view_bank, warn
 from core.fitting.category_check import describe_ambiguity, describe_category, describe_difference, likeliest_model
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -54,9 +53,9 @@ def fit(chosen: argparse.Namespace) -> None:
     with clock("search"):
         last = _search(model, FitJob(photos, bank, settings, chosen.seed), chosen.log)
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
-        print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
+        warn(_doubt(last.confidence, last.runner_up))
     if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
-        print(f"python -m core: {_TOGETHER}", file=sys.stderr)
+        warn(_TOGETHER)
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
     if chosen.explain:
@@ -89,7 +88,7 @@ def _say_categories(chosen: argparse.Namespace, model: Model, photos: Sequence[P
     for path, other in zip(chosen.images[1:], others, strict=True):
         _say(path, describe_difference(guess, other))
     if said := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
-        print(f"python -m core: {said}", file=sys.stderr)
+        warn(said)
 
 
 def _other_objects(cut: CutOut, hints: Hints | None) -> str:
@@ -140,7 +139,7 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: _Stopwat
 def _say(path: Path, text: str) -> None:
     """Print a line about an image to stderr, unless it is empty."""
     if text:
-        print(f"python -m core: {path}: {text}", file=sys.stderr)
+        warn(f"{path}: {text}")
 
 
 def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, pose: Path | None, axes: str) -> Photo:

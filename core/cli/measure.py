@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import torch
 from tqdm import tqdm
 
-from core.cli.progress import wait_for_view_bank
+from core.cli.progress import wait_for_view_bank, warn
 from core.fitting.settings import PRESETS
 from core.lab.benchmarks import (
     ablations,
@@ -82,7 +82,7 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
     for views in objects:
         blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
         if blank:
-            print(f"python -m core: {views.name} is skipped: view {blank[0]} shows no object", file=sys.stderr)
+            warn(f"{views.name} is skipped: view {blank[0]} shows no object")
         else:
             yield views
 

@@ -1,15 +1,22 @@
-"""Progress bars of commands."""
+"""Progress bars and warnings of commands."""
 
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from core.models.model import Model
+from core.runtime.program import program_name
 from core.streams import run_to_end
 
 if TYPE_CHECKING:
     from core.photos.view_bank import ViewBank
+
+
+def warn(text: str) -> None:
+    """Print a line to stderr, after the name of the command."""
+    print(f"{program_name('core', 'codenerf')}: {text}", file=sys.stderr)
 
 
 def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:

@@ -41,3 +41,8 @@ def test_text_stays_readable_and_recent_files_are_few_and_each_once(tmp_path: Pa
         preferences = preferences.with_recent(tmp_path / f"{number}.png")
     assert preferences.recent[:3] == tuple(str(tmp_path / f"{number}.png") for number in (15, 19, 18))
     assert len(preferences.recent) == len(set(preferences.recent)) == 8
+
+
+def test_a_value_of_a_newer_version_leaves_the_others(tmp_path: Path) -> None:
+    (tmp_path / "preferences.json").write_text('{"dark": false, "text": 1.5, "share": {"kind": "hologram"}}')
+    assert Preferences.load(tmp_path) == Preferences(dark=False, text=1.5)
