@@ -1,4 +1,4 @@
-"""The command line, ``python -m core COMMAND``."""
+"""The command line, ``codenerf COMMAND`` or ``python -m core COMMAND``."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""``python -m viewer``: the window, or an image of it without a display."""
+"""``codenerf-viewer`` or ``python -m viewer``: the window, or an image of it without a display."""
 
 import argparse
 import sys
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.runtime.folders import config_folder, is_temporary
+from core.runtime.program import program_name
 from core.runtime.signals import on_signals
 from core.runtime.threads import use_one_torch_thread, use_threads
 from viewer.screen import window
@@ -45,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with closing(instance):
             _run(chosen, folder, instance)
     except (NoDisplayError, ImportError, OSError, ValueError) as error:
-        sys.exit(f"python -m viewer: {error}")
+        sys.exit(f"{program_name('viewer', 'codenerf-viewer')}: {error}")
 
 
 def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
@@ -76,7 +77,7 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
     finally:
         worker.close()
     if headless and (failed := session.messages.errors):
-        sys.exit(f"python -m viewer: {failed[-1]}")
+        sys.exit(f"{program_name('viewer', 'codenerf-viewer')}: {failed[-1]}")
 
 
 def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) -> "Session":
@@ -99,7 +100,7 @@ def _found_again(model: str) -> str:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     words = argparse.ArgumentParser(
-        prog="python -m viewer",
+        prog=program_name("viewer", "codenerf-viewer"),
         description="Opens the window, or raises the one that is open; without a display, renders it into an image.",
         allow_abbrev=False,
     )

@@ -91,6 +91,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Photo": (
         Action("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and fit it"),
         Action("paste", "Paste photo", "Ctrl+V", "fit the photo in the clipboard"),
+        Gesture("Click a grey tile", "in Mine and History: find the file of a missing model"),
         Gesture("Click a photo under way", "in Mine: watch its fit from the photo's camera"),
         Gesture("Click a numbered box", "fit this one of several objects"),
         Gesture("Wipe", "drag in the view: the photo on the left, the render on the right"),
@@ -173,7 +174,7 @@ _ENABLED: dict[str, Test] = {
     "see_photo": lambda c: c.session.photo_view is not None,
     "reset": lambda c: c.session.editor.scene.codes != c.session.editor.original,
     "remove_key": lambda c: c.session.player.key is not None,
-    "play": lambda c: bool(c.session.player.timeline.keys),
+    "play": lambda c: bool(c.session.editor.playable.keys),
     "copy_image": lambda c: c.session.viewport.frame is not None and c.session.viewport.baked_frame is None,
     "undo": lambda c: bool(c.session.editor.history.past),
     "redo": lambda c: bool(c.session.editor.history.future),

@@ -250,6 +250,7 @@ class App:
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         if self._folder and (width := hello_imgui.load_user_pref("width").strip()).isdigit():
             self._width, self.context.focus = float(width), ""  # the layout is the last launch's
+        self.session.messages.restart()
         window.on_drop(self._dropped)
         window.limit_size()
         window.shrink_to_monitor()
@@ -275,12 +276,14 @@ class App:
         window.set_title(f"{window.NAME}: saving …")
         if self._instance:
             self._instance.end()
-        self.session.jobs.worker.close()
+        self.session.jobs.worker.stop()  # its current step goes on while the session is saved
         if self.context.autosave:
             self.context.autosave.close()
         self._save_preferences()
         if self._folder:
             hello_imgui.save_user_pref("width", f"{self._width:.0f}")
+        window.hide()  # all is saved; nobody has to look at the window until the worker's step ends
+        self.session.jobs.worker.close()
         assert self.context.canvas and self.context.images and self.context.baked_canvas
         self.context.canvas.release()
         self.context.baked_canvas.release()

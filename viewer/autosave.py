@@ -10,12 +10,14 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from core.rendering.progressive import Frame
 from viewer.services.messages import MessageKind
 from viewer.services.pictures import Pixels, write_pictures
 from viewer.session import PICTURES, Session
 from viewer.values.project import SUFFIX, Project
 
 EVERY = 5.0  # least s between two saves
+EVERY_PICTURES = 20.0  # least s from a save to one of images alone, which are 25 MB of a large window
 _ENDED, _RUNNING, _AGAIN = "session", "running", "again"  # files of an ended run, a running one, one after a crash
 EARLIER = 10  # replaced sessions that are kept
 
@@ -31,6 +33,7 @@ class Autosave:
         self._session, self._clock = session, clock
         self._pictures_file, self._earlier = folder / PICTURES, folder / "earlier"
         self._written: tuple[object, ...] = ()  # contents of the last save
+        self._pictures: tuple[Frame | None, int] | None = None  # images of the last save
         self._when = clock()  # s of the last save
         self._thread = ThreadPoolExecutor(1, "autosave")
         self._writing: Future[None] | None = None
@@ -55,42 +58,64 @@ class Autosave:
     @property
     def is_up_to_date(self) -> bool:
         """True once everything that was made is in the file."""
-        return self._writing is None and _are_same(self._session.tracked_state, self._written)
+        return self._writing is None and self._is_written
+
+    @property
+    def _is_written(self) -> bool:
+        """True if the last save, perhaps under way, has everything that was made."""
+        return _are_same(self._session.tracked_state, self._written)
 
     def tick(self) -> None:
-        """Begin to save if anything has changed and no drag is in progress; call once a frame."""
+        """Begin to save if anything has changed and no drag is in progress; call once a frame.
+
+        Finished images are saved, too, so that little is left to be written when the window closes.
+        """
         if self._writing and self._writing.done():
             self.finish()
-        if self._session.editor.history.gesture or self.is_up_to_date:
+        passed = self._clock() - self._when
+        if self._session.editor.history.gesture or self._writing or passed < EVERY:
             return
-        if self._writing is None and self._clock() - self._when >= EVERY:
-            state = self._session.tracked_state
-            self._when, self._written = self._clock(), state
-            if not (project := self._session.project()).is_empty:
-                self._writing = self._thread.submit(self._save, project, self._session.pictures)
+        if not self._is_written:
+            self._written = self._session.tracked_state
+            self._begin(None if (project := self._session.project()).is_empty else project)
+        elif passed >= EVERY_PICTURES and self._session.is_rendered and self._have_new_pictures():
+            self._begin(None)
 
-    def _save(self, project: Project, pictures: Mapping[str, Pixels]) -> None:
+    def _begin(self, project: Project | None) -> None:
+        """Begin to write the images, and a project."""
+        self._when, self._pictures = self._clock(), self._session.picture_state
+        self._writing = self._thread.submit(self._save, project, self._session.pictures)
+
+    def _save(self, project: Project | None, pictures: Mapping[str, Pixels]) -> None:
         write_pictures(self._pictures_file, pictures)
-        self._session.keep_edits(project)
-        project.save(self._own_file, self._session.models)
+        if project:
+            self._session.keep_edits(project)
+            project.save(self._own_file, self._session.models)
+
+    def _have_new_pictures(self) -> bool:
+        """Return whether the view or a tile has another image than in the file."""
+        before, now = self._pictures, self._session.picture_state
+        return before is None or before[0] is not now[0] or before[1] != now[1]
 
     def finish(self) -> None:
         """Wait for the current save and report its result."""
         if self._writing:
             writing, self._writing = self._writing, None
-            self._tell(writing.result)
+            if not self._tell(writing.result):
+                self._written = ()
 
     def close(self) -> None:
-        """Save the session for the next run."""
+        """Save what has changed since the last save, for the next run."""
         self.finish()
         self._thread.shutdown()
         self._session.keep_user_objects()
         project = self._session.project()
         if project.is_empty:
             self._own_file.unlink(missing_ok=True)
-        elif self._write(project, self._own_file):
+        elif self._is_written or self._write(project, self._own_file):
             self._own_file.replace(self._ended_file)
-        write_pictures(self._pictures_file, self._session.pictures)
+        if self._have_new_pictures():
+            write_pictures(self._pictures_file, self._session.pictures)
         self._lock.release()
         Path(self._lock.lock_file).unlink(missing_ok=True)
 

@@ -11,6 +11,7 @@ from imgui_bundle import ImVec2, imgui
 
 from core.models.scene import embedded_scene
 from core.photos.decode import IMAGE_SUFFIXES
+from core.runtime.files import atomic_file
 from viewer.autosave import Autosave
 from viewer.screen.baked_canvas import BakedCanvas
 from viewer.screen.canvas import Canvas, Images
@@ -21,6 +22,7 @@ from viewer.services.file_manager import show_in_folder
 from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.camera_text import camera_from_text, camera_text
+from viewer.values.encoding import Original
 from viewer.values.preferences import Preferences
 from viewer.values.printable import file_name
 from viewer.values.project import SUFFIX
@@ -159,6 +161,33 @@ class PanelContext:
             self.session.open_model(str(path))
         else:
             self.session.open_scene(path)
+
+    def find_model(self, fingerprint: str, show: Callable[[], None]) -> None:
+        """Open a missing model from its file if that is back, else ask for the file; then call ``show``."""
+        path = Path(self.session.models.files.get(fingerprint, ""))
+
+        def found(path: Path) -> None:
+            self.session.open_model(str(path), fingerprint, show)
+
+        if is_there(path):
+            found(path)
+        else:
+            title = f"Where is {self.session.model_name(fingerprint)}?"
+            self.files.ask(FileRequest(title, found, MODELS, name=path.name))
+
+    def save_original(self, original: Original) -> None:
+        """Ask for a name and save a copy of a project file with unreadable parts."""
+
+        def save(path: Path) -> None:
+            try:
+                with atomic_file(path) as written:
+                    written.write_bytes(original.content)
+            except ValueError as error:
+                self.session.messages.report("Cannot save the copy", error)
+            else:
+                self.session.messages.notify(f"Saved {path.name}")
+
+        self.files.ask(FileRequest("Save a copy as", save, PROJECTS, True, original.name))
 
     def save_project(self) -> None:
         """Save the project to its file; ask for a name if it has none."""

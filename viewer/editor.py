@@ -1,5 +1,6 @@
 """The editor of an object's codes, its camera and the timeline, with undo."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import chain, takewhile
 
@@ -93,8 +94,9 @@ class Editor:
         return codes
 
     def _last_unmixed(self, kind: CodeKind) -> Codes | None:
-        name, states = getattr(self.state.mix.a, kind), chain([self.state], reversed(self.history.past))
-        of_a = takewhile(lambda state: getattr(state.mix.a, kind) == name, states)
+        now, states = self.state, chain([self.state], reversed(self.history.past))
+        name, model = getattr(now.mix.a, kind), now.scene.codes.model
+        of_a = takewhile(lambda one: getattr(one.mix.a, kind) == name and one.scene.codes.model == model, states)
         return next((state.scene.codes for state in of_a if not getattr(state.mix, kind)), None)
 
     @property
@@ -148,10 +150,12 @@ class Editor:
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object A as it was left, without any of B, except locked parts.
+        """Make an object A, without any of B, except locked parts; nothing happens while its model is missing.
 
         A fitted object is seen from its photo's camera at first and after an object of another model.
         """
+        if self.is_missing(name):
+            return
         codes, pair, camera = self.objects[name].codes, Pair(name, name), self.scene.camera
         seen = any(state.mix.a == pair for state in (self.state, *self.history.past))
         if codes.detail and not (seen and self.is_mixable(name)):
@@ -211,6 +215,7 @@ class Editor:
 
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
         """Show codes from a camera, such as those at a time of the timeline; locks are ignored."""
+        codes = self._adopted(codes)
         is_a = self.state.is_a and codes == self.scene.codes
         self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture, is_a)
 
@@ -250,34 +255,81 @@ class Editor:
     def restore(self, saved: Project) -> None:
         """Add a project's objects and take its undo history in place of this one.
 
-        Its edits of an object replace those made here, which become a branch of the history.
-
-        Raises ``ValueError``, changing nothing, if :meth:`check` does.
+        Its edits of an object replace those made here, which become a branch of the history. The current state is the
+        nearest that can be shown; this one, after the others, if there is none.
         """
-        self.check(saved)
         names = self.objects.match(saved.objects)
 
-        def renamed(state: State) -> State:
-            model, own = state.scene.codes.model, state.mix.names - names.keys()
-            trained = {name: self.objects.name_here(name, model) or name for name in own}
-            state = replace(state, removed=state.removed & names.keys()).renamed(names | trained)
-            # States of former versions do not say so.
-            is_a = state.is_a or state.scene.codes == self.objects[state.mix.a.shape].original
-            return replace(state, is_a=is_a)
+        def with_names_here(state: State) -> State:
+            removed = frozenset(names[name] for name in state.removed & names.keys())
+            return replace(self._with_names_here(state, names), removed=removed)
 
-        history = saved.history.everywhere(renamed)
+        history = saved.history.everywhere(with_names_here)
         for one in saved.objects:
             here = self.objects[names[one.name]]
             if here.unedited and here.codes != one.codes:
                 history = history.beside(self._as_left(here))
             if one.unedited:
                 self.objects.leave(here.name, one.codes)
-        self._go(history)
+        shown = next((number for number in history.nearest if self.can_show(history.steps[number].state)), None)
+        if shown is None:
+            now = replace(self.state, removed=history.now.removed)
+            self._go(History.of(now).after(history))
+        else:
+            self._go(history.at(shown))
 
     def _as_left(self, one: EditableObject) -> State:
-        model = self.models.of(one.codes)
-        mix = Mix(Pair(one.name, one.name), self._first_mix(model).b)
-        return State(Scene(one.codes, orbit.home(model)), mix, is_a=True)
+        """Return a state that shows an object as left; it waits for the object's model if that is missing."""
+        model = self.models.find(one.codes.model)
+        camera = orbit.home(model) if model else self.scene.camera
+        mix = Mix(Pair(one.name, one.name), self._first_mix(model).b if model else one.name)
+        return State(Scene(one.codes, camera), mix, is_a=True)
+
+    # Models that are missing
+
+    def can_show(self, state: State) -> bool:
+        """Return whether a state's model is open and its objects are here, all of that model."""
+        model = state.scene.codes.model
+        return self.models.can_show(state.scene.codes) and all(
+            name in self.objects and self.objects[name].codes.model == model and not self.is_missing(name)
+            for name in state.mix.names
+        )
+
+    def is_missing(self, name: str) -> bool:
+        """Return whether an object cannot be shown because its model is missing."""
+        return not all(map(self.models.can_show, self.objects[name].versions))
+
+    @property
+    def playable(self) -> Timeline:
+        """The timeline without keyframes whose model is missing."""
+        timeline = self.state.timeline
+        keys = tuple(key for key in timeline.keys if self.models.can_show(key.view.codes))
+        return timeline if len(keys) == len(timeline.keys) else replace(timeline, keys=keys)
+
+    def add_model(self, model: Model) -> None:
+        """Add the objects of a newly opened model; objects and states that waited for it can be shown."""
+        self.objects.add_model(model)
+        self.objects.convert(self._adopted)
+
+        def with_names_here(state: State) -> State:
+            waited = model.shares_codes_with(state.scene.codes.model)
+            return self._with_names_here(state, {}) if waited else state
+
+        self.history = self.history.everywhere(with_names_here)
+
+    def _adopted(self, codes: Codes) -> Codes:
+        """Return codes as those of the open model that extends theirs, if any."""
+        model = self.models.find(codes.model)
+        return model.adopt(codes) if model and model.fits(codes) else codes
+
+    def _with_names_here(self, state: State, names: dict[str, str]) -> State:
+        """Return a state with the names of its objects here: by ``names``, or those of its model's objects."""
+        codes = self._adopted(state.scene.codes)
+        own = {name: self.objects.name_here(name, codes.model) or name for name in state.mix.names - names.keys()}
+        mix = state.mix.renamed(own | names)
+        # States of former versions do not say so.
+        is_a = state.is_a or (mix.a.shape in self.objects and codes == self.objects[mix.a.shape].original)
+        return replace(state, scene=replace(state.scene, codes=codes), mix=mix, is_a=is_a)
 
     # Undo
 
@@ -287,16 +339,35 @@ class Editor:
             self._go(self.history.without_gesture())
 
     def undo(self) -> None:
-        """Undo a step, if any."""
-        self._go(self.history.undone())
+        """Undo a step, if any; states that cannot be shown are skipped."""
+        self._go(self._nearest(History.undone))
 
     def redo(self) -> None:
-        """Redo a step, if any."""
-        self._go(self.history.redone())
+        """Redo a step, if any; states that cannot be shown are skipped."""
+        self._go(self._nearest(History.redone))
+
+    def _nearest(self, step: Callable[[History], History]) -> History:
+        """Return the history after steps to the next state that can be shown; the same one if there is none."""
+        before, history = self.history, step(self.history)
+        while not self.can_show(history.now) and history.current != before.current:
+            before, history = history, step(history)
+        return history if self.can_show(history.now) else self.history
 
     def go_to(self, number: int) -> None:
-        """Go to a step of undo, perhaps of another branch, by its index in :attr:`History.steps`."""
-        self._go(self.history.at(number))
+        """Go to a step of undo, perhaps of another branch, by its index in :attr:`History.steps`.
+
+        Nothing happens if it cannot be shown.
+        """
+        history = self.history.at(number)
+        if self.can_show(history.now):
+            self._go(history)
+
+    def show_state(self, state: State) -> None:
+        """Go to a state of undo that had to wait for its model."""
+        scene = replace(state.scene, codes=self._adopted(state.scene.codes))
+        scenes = [step.state.scene for step in self.history.steps]
+        if scene in scenes:
+            self.go_to(scenes.index(scene))
 
     # Not edits
 
@@ -307,8 +378,8 @@ class Editor:
 
     def _mix_of(self, model: Model) -> Mix:
         """Return the last mix of a model's objects in undo, else a mix of its first two objects."""
-        used = (state.mix for state in (self.state, *reversed(self.history.past)))
-        of_model = (mix for mix in used if self.objects[mix.b].codes.model == model.fingerprint)
+        states = (self.state, *reversed(self.history.past))
+        of_model = (one.mix for one in states if one.scene.codes.model == model.fingerprint and self.can_show(one))
         return next(of_model, None) or self._first_mix(model)
 
     def _first_mix(self, model: Model) -> Mix:
@@ -319,17 +390,6 @@ class Editor:
     def _mix_from(self, pair: Pair) -> Mix:
         """Return the mix of a pair with its model's last B, at amounts of 0."""
         return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
-
-    def check(self, saved: Project) -> None:
-        """Raise ``ValueError`` if a project mixes objects that are not here, or objects of different models."""
-        known = {one.name: one.codes.model for one in saved.objects}
-        for state, _ in saved.history.steps:
-            model = state.scene.codes.model
-            for name in state.mix.names:
-                if name not in known and not self.objects.name_here(name, model):
-                    raise ValueError("it mixes objects that are not here")
-                if known.get(name, model) != model:
-                    raise ValueError("it mixes objects of different models")
 
     def _mix(self, mix: Mix, kinds: tuple[CodeKind, ...], gesture: str = "") -> None:
         mixed = self.unmixed.mixed(self.objects[mix.b].codes, mix.shape, mix.texture)

@@ -1,6 +1,6 @@
 """A run of the program apart from its window: the editor, its activities, and their saved state."""
 
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 from itertools import zip_longest
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
 from core.rendering.direction_words import Words
+from core.rendering.progressive import Frame
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
@@ -26,14 +27,15 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
-from viewer.services.messages import Button, Messages
+from viewer.services.messages import Button, MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.pictures import Pixels, read_pictures
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
 from viewer.values import orbit
-from viewer.values.fit_history import FitHistory
+from viewer.values.encoding import Original
+from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.project import Project
@@ -75,9 +77,9 @@ class Session:
         self._words: dict[str, Words | None] = {}  # words of principal directions, by fingerprint
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
-        for fingerprint in self._user_objects.fingerprints():
-            with suppress(ValueError):  # a model that is not shipped is opened from its own file later
-                self.models[fingerprint]
+        for fingerprint, file in self._user_objects.model_files().items():
+            self.models.expect(fingerprint, file)
+            self.models.find(fingerprint)
         self._begin(self.models.open(first), ViewSettings())
 
     def _begin(self, first: Model, view: ViewSettings) -> None:
@@ -86,7 +88,10 @@ class Session:
         self.editor = Editor(self.models, first, self._generator)
         self._initially_there = frozenset[str]()  # names of kept objects
         for model in self.models:
-            self._add_user_objects(model)
+            self._add_user_objects(self._user_objects.open(model))
+        self._add_user_objects(self._user_objects.missing(self.models))
+        self._waiting = FitHistory(), tuple[FitRequest, ...]()  # the last fit and requests of models that are missing
+        self.originals = tuple[Original, ...]()  # project files of which something could not be read
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
@@ -105,6 +110,7 @@ class Session:
     def tick(self) -> None:
         """Deliver the worker's results and advance the activities; call once a frame."""
         self.jobs.worker.deliver()
+        self._add_models()
         self.viewport.tick()
         self.player.tick()
         self.thumbnails.tick()
@@ -121,13 +127,23 @@ class Session:
 
     # Models and their objects
 
-    def open_model(self, name: str) -> None:
-        """Open a model by its shipped name or path in the background, then show its first object."""
+    def open_model(self, name: str, wanted: str = "", show: Callable[[], None] | None = None) -> None:
+        """Open a model by its shipped name or path in the background, then show its first object.
+
+        Args:
+            wanted: fingerprint of the missing model that it should be; empty for any model.
+            show: shows something else than the first object.
+        """
         load = self.jobs.backend.load_model
 
         def loaded(model: Model) -> None:
+            if wanted and not model.shares_codes_with(wanted):
+                text = f"{Path(name).name} is another model than {self.model_name(wanted)}: choose the one from then"
+                self.messages.notify(text, MessageKind.PROBLEM)
+                return
             self.models.add(name, model)
-            self.show_model(name)
+            self._add_models()
+            show() if show else self.show_model(name)
             self.messages.notify(f"Opened {Path(name).name}")
 
         self.jobs.submit(
@@ -142,12 +158,25 @@ class Session:
             self.editor.show_object(next(iter(self.editor.objects.families[model.fingerprint])))
 
     def _add_models(self) -> None:
-        """Add the objects of newly opened models to the library."""
-        for model in self.models:
-            if model.fingerprint not in self.editor.objects.families:
-                self.editor.objects.add_model(model)
-                self._add_user_objects(model)
-                self._build_view_bank(model)
+        """Add the objects of newly opened models to the library; what waited for a model goes on."""
+        new = [model for model in self.models if model.fingerprint not in self.editor.objects.families]
+        for model in new:
+            self.editor.add_model(model)
+            self._add_user_objects(self._user_objects.open(model))
+            self._build_view_bank(model)
+        if new:
+            self._restore_fits(*self._waiting)
+
+    def _restore_fits(self, fit: FitHistory, pending: tuple[FitRequest, ...]) -> None:
+        """Show the last fit and continue requests; those of missing models wait for them."""
+
+        def is_there(history: FitHistory) -> bool:
+            return not history.model or self.models.find(history.model) is not None
+
+        waiting = tuple(request for request in pending if not is_there(request.history))
+        self._waiting = FitHistory() if is_there(fit) else fit, waiting
+        due = tuple(request for request in pending if request not in waiting)
+        self.fitting.restore(fit if is_there(fit) else FitHistory(), due)
 
     @property
     def words(self) -> Words | None:
@@ -198,9 +227,9 @@ class Session:
 
         self.messages.notify(f"Removed {name}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
 
-    def _add_user_objects(self, model: Model) -> None:
+    def _add_user_objects(self, stored: Iterable[EditableObject]) -> None:
         objects = self.editor.objects
-        self._initially_there |= frozenset(map(objects.add, self._user_objects.open(model)))
+        self._initially_there |= frozenset(objects.match(stored).values())
         self._kept = objects.version
 
     def keep_user_objects(self) -> None:
@@ -222,6 +251,16 @@ class Session:
     def pictures(self) -> dict[str, Pixels]:
         """The last images of view and tiles by name, for the next launch."""
         return self.thumbnails.newest | self.viewport.picture
+
+    @property
+    def picture_state(self) -> tuple[Frame | None, int]:
+        """The view's image and the number of rendered tiles; while they are the same, so are :attr:`pictures`."""
+        return self.viewport.frame, self.thumbnails.rendered
+
+    @property
+    def is_rendered(self) -> bool:
+        """True while the view is sharp and no tile is rendered."""
+        return self.viewport.sharp and not self.jobs.busy("view", "thumbnails")
 
     @property
     def listed_models(self) -> tuple[Model, ...]:
@@ -278,12 +317,15 @@ class Session:
         """Return everything that was made as a project."""
         history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
         used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
+        fit = FitHistory() if fitting.running and not fitting.results.checking else fitting.history
         return Project(
             history.without_gesture(),
             tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
-            FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
-            fitting.pending,
+            fit if fit.sources else self._waiting[0],
+            (*fitting.pending, *self._waiting[1]),
             self.models.names,
+            self.models.files,
+            self.originals,
             self.project_path,
         )
 
@@ -294,19 +336,39 @@ class Session:
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
-        named = self.editor.history, self.project_path
+        named = self.editor.history, self.project_path, self.originals
         return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
-        """Take a project's objects, undo history and fits, as :meth:`Editor.restore`.
-
-        Raises ``ValueError``, changing nothing, if the project is invalid.
-        """
+        """Take a project's objects, undo history and fits, as :meth:`Editor.restore`; tell what is missing."""
         self._add_models()
         self.editor.restore(project)
-        self.fitting.restore(project.fit, project.pending)
+        self._restore_fits(project.fit, project.pending)
+        self.originals = project.originals
+        self._tell_missing(project)
         if self.viewport.source != "none":
             self.viewport.begin(self._pictures)
+
+    def _tell_missing(self, project: Project) -> None:
+        """Tell which models and which parts of a project are missing, and what becomes of them."""
+        states, objects = (state for state, _ in project.history.steps), project.objects
+        codes = (*(state.scene.codes for state in states), *(one.codes for one in objects))
+        models = dict.fromkeys(one.model for one in codes if self.models.find(one.model) is None)
+        seen = (Button("OK", lambda: None),)
+        for name in dict.fromkeys(self.model_name(model) for model in models):
+            text = f"Not there: {name}. What was made with it waits in Mine; click its grey tile to find the file"
+            self.messages.notify(text, MessageKind.NOTE, buttons=seen)
+        for original in project.originals:
+            text = f"Parts of {original.name} cannot be read: the rest is open, and the whole file is kept in Mine"
+            self.messages.notify(text, MessageKind.NOTE, buttons=seen, detail="; ".join(original.reasons))
+
+    def forget_original(self, original: Original) -> None:
+        """Remove a project file with unreadable parts from the project."""
+        self.originals = tuple(one for one in self.originals if one is not original)
+
+    def model_name(self, fingerprint: str) -> str:
+        """Return the file name of a model that may be missing."""
+        return Path(self.models.files.get(fingerprint, "")).name or "a model file"
 
     def save_project(self, path: Path) -> bool:
         """Save everything as a project file for any machine; report an error and return False if that fails."""
@@ -327,15 +389,13 @@ class Session:
         """
         try:
             project = Project.load(path, self.models).beside(path.parent)
-            self._add_models()
-            self.editor.check(project)
         except ValueError as error:
             self.messages.report("Cannot open the project", error)
         else:
             self.new()
-            self.restore(project)
             self.project_path = path if keep_path else None
             self.messages.notify(f"Opened {path.name}")
+            self.restore(project)
 
     def new(self) -> None:
         """Begin a new project, in which fitted objects stay; the old one is archived with the removed ones."""

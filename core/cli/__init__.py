@@ -1,1 +1,1 @@
-"""The commands of ``python -m core``."""
+"""The commands of ``codenerf``, or ``python -m core``."""

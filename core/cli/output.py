@@ -7,6 +7,8 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppres
 from pathlib import Path
 from typing import IO, Any, cast
 
+from core.runtime.program import program_name
+
 
 class LastingOutput:
     """A text stream that outlives its reader: a failed write is reported once on stderr, later text is dropped."""
@@ -58,7 +60,7 @@ def lasting_output() -> Iterator[None]:
 
 def say(text: str) -> None:
     """Print a line to people, on stderr."""
-    print(f"python -m core: {text}", file=sys.stderr)
+    print(f"{program_name('core', 'codenerf')}: {text}", file=sys.stderr)
 
 
 def _nowhere() -> IO[str]:

@@ -23,6 +23,7 @@ from core.cli.options import add_command, add_device, add_model, add_no_photo_de
 from core.fitting.settings import PRESETS
 from core.lab.datasets.categories import SPLITS
 from core.lab.training.recipes import RECIPES
+from core.runtime.program import program_name
 
 
 class _Parser(argparse.ArgumentParser):
@@ -43,7 +44,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 def build_parser() -> argparse.ArgumentParser:
     """Build the parser of all commands."""
-    top = _Parser(prog="python -m core", description="CodeNeRF without a window.", allow_abbrev=False)
+    top = _Parser(prog=program_name("core", "codenerf"), description="CodeNeRF without a window.", allow_abbrev=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     _add_render(commands)
     _add_turntable(commands)

@@ -169,6 +169,11 @@ class CodeBook:
         """Indices of the objects that are not collapsed."""
         return tuple(index for index in range(len(self.objects)) if index not in self.collapsed)
 
+    @property
+    def first(self) -> tuple[str, Codes]:
+        """Name and codes of the first object; the mean object if there are none."""
+        return (self.objects[self.valid[0]].name, self[self.valid[0]]) if self.valid else ("mean", self.mean)
+
     @cached_property
     def shape_space(self) -> CodeSpace:
         """Distribution of the shape codes."""

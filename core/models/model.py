@@ -17,7 +17,7 @@ from torch import Tensor
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.camera import MAX_SIDE, Camera
 from core.models.architecture_variants import build_field
-from core.models.codes import CodeBook, Entry
+from core.models.codes import CodeBook, Codes, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.latents import Latents
@@ -161,7 +161,11 @@ class Model:
             shape, texture = (bias.std(0, unbiased=False).clamp_min(_MIN_BIAS_STD) for bias in biases)
             return shape, texture
 
-    def fits(self, latents: Latents) -> bool:
+    def fits(self, codes: Codes) -> bool:
+        """Return whether codes, and those fitted to their photos, have the sizes that the field needs."""
+        return all(map(self._fits, (codes, codes.detail.fitted) if codes.detail else (codes,)))
+
+    def _fits(self, latents: Latents) -> bool:
         """Return whether codes and offsets have the sizes of this model's field."""
         config = self.field.config
         wanted = {
@@ -172,6 +176,15 @@ class Model:
         }
         tensors = {name: getattr(latents, name) for name in wanted}
         return all(tensor is None or tensor.shape == wanted[name] for name, tensor in tensors.items())
+
+    def adopt(self, codes: Codes) -> Codes:
+        """Return codes as those of this model, which may extend theirs.
+
+        Raises ``ValueError`` for codes of another model.
+        """
+        if not self.shares_codes_with(codes.model) or not self.fits(codes):
+            raise ValueError(f"it belongs to another model, not to this one of {self.category or 'unnamed objects'}")
+        return codes if codes.model == self.fingerprint else replace(codes, model=self.fingerprint)
 
     def biases(
         self, latents: Latents

@@ -1,6 +1,7 @@
 """The open models. The fingerprint in an object's codes identifies its model."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from core.models.codes import Codes
 from core.models.library import former_model
@@ -18,6 +19,8 @@ class OpenModels:
         self.load = load
         self._names: dict[str, str] = {}
         self._models: dict[str, Model] = {}  # by fingerprint
+        self._expected: dict[str, str] = {}  # names of models that objects were made with, by fingerprint
+        self._missing = set[str]()  # fingerprints that were searched in vain since the last model was opened
 
     def __iter__(self) -> Iterator[Model]:
         return iter(tuple(self._models.values()))
@@ -26,6 +29,11 @@ class OpenModels:
     def names(self) -> tuple[str, ...]:
         """Shipped names and paths, in the order of opening."""
         return tuple(self._names)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Shipped names and paths by fingerprint, also of models that are missing."""
+        return self._expected | {fingerprint: name for name, fingerprint in self._names.items()}
 
     def open(self, name: str) -> Model:
         """Return the model of a name, loading it unless it is open. Raises ``ValueError`` if loading fails."""
@@ -37,27 +45,66 @@ class OpenModels:
         """Add a loaded model. If a model with its fingerprint is open, that model only gets another name."""
         self._models.setdefault(model.fingerprint, model)
         self._names[name] = model.fingerprint
+        self._missing.clear()
+
+    def expect(self, fingerprint: str, name: str) -> None:
+        """Note the name or path of the model with a fingerprint, which is opened when codes refer to it."""
+        if name and self._expected.get(fingerprint) != name:
+            self._expected[fingerprint] = name
+            self._missing.discard(fingerprint)
 
     def is_former(self, model: Model) -> bool:
         """True for a formerly shipped model, which opens when codes refer to it."""
         return model.fingerprint in self._names  # its name in the library
 
     def of(self, codes: Codes) -> Model:
-        """Return the model of an object. Raises ``ValueError`` if it is not open."""
+        """Return the model of an object. Raises ``ValueError`` if it is missing."""
         return self[codes.model]
 
-    def __getitem__(self, fingerprint: str) -> Model:
+    def can_show(self, codes: Codes) -> bool:
+        """Return whether an object's model is there, and the codes fit it."""
+        model = self.find(codes.model)
+        return model is not None and model.fits(codes)
+
+    def find(self, fingerprint: str) -> Model | None:
         """Return the open model with a fingerprint, else an open model that extends it.
 
-        Otherwise opens the formerly shipped model. Raises ``ValueError`` if there is none.
+        Otherwise opens the formerly shipped model, or the expected file. None if there is none.
         """
-        if found := self._models.get(fingerprint):
-            return found
-        if extending := next((one for one in self if one.shares_codes_with(fingerprint)), None):
+        if model := self._models.get(fingerprint):
+            return model
+        if fingerprint in self._missing:
+            return None
+        if extending := next((model for model in self if model.shares_codes_with(fingerprint)), None):
             return extending
         if former := former_model(fingerprint):
             return self.open(former)
-        raise ValueError("it belongs to a model that is not open: drop the model's file on the window first")
+        if expected := self._load_expected(fingerprint):
+            return expected
+        self._missing.add(fingerprint)
+        return None
+
+    def _load_expected(self, fingerprint: str) -> Model | None:
+        """Open the expected file of a model; None if it is missing, damaged or another model by now."""
+        name = self._expected.get(fingerprint, "")
+        if name in self._names or not Path(name).is_file():
+            return None
+        try:
+            model = self.load(name)
+        except ValueError:
+            return None
+        if not model.shares_codes_with(fingerprint):
+            return None
+        self.add(name, model)
+        return self._models[model.fingerprint]
+
+    def __getitem__(self, fingerprint: str) -> Model:
+        """Return a model as :meth:`find` does. Raises ``ValueError`` if it is missing."""
+        if model := self.find(fingerprint):
+            return model
+        name = Path(self._expected.get(fingerprint, "")).name
+        missing = f"the model {name}, which is not there" if name else "a model that is not open"
+        raise ValueError(f"it belongs to {missing}: drop the model's file on the window first")
 
     def of_category(self, category: str) -> Model | None:
         """Return the first open model of a category ("cars"), if any."""

@@ -67,6 +67,12 @@ class Scene:
 
         A scene of a model that ``model`` extends becomes a scene of ``model`` and looks nearly the same.
         """
+        scene = cls.without_model(text)
+        return cls(model.adopt(scene.codes), scene.camera)
+
+    @classmethod
+    def without_model(cls, text: str) -> "Scene":
+        """Parse JSON text whose model is missing, as :meth:`from_json` does."""
         about = typed(_About, parse_json(text), name="scene")
         detail = about.detail and about.detail.read()
         codes = Codes(
@@ -75,13 +81,8 @@ class Scene:
             read_offsets(about.shape_offsets),
             read_offsets(about.texture_offsets),
             detail,
-            model.fingerprint,
+            about.model,
         )
-        latents = [codes] if detail is None else [codes, detail.fitted]
-        if not model.shares_codes_with(about.model) or not all(map(model.fits, latents)):
-            raise ValueError(
-                f"the scene belongs to another model, not to this one of {model.category or 'unnamed objects'}"
-            )
         return cls(codes, about.camera)
 
 

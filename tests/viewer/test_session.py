@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
@@ -21,7 +20,7 @@ from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
-from viewer.values.project import Project
+from viewer.values.fit_history import FitHistory, FitRequest
 
 
 def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: Editor, model: Model) -> None:
@@ -75,11 +74,6 @@ def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, edito
     session.save_project(tmp_path / "no such folder" / "a.codenerf")
     assert session.messages.errors[-1].startswith("Cannot save the project")
     session.save_project(tmp_path / "a.codenerf")
-    project = Project.load(tmp_path / "a.codenerf", session.models)
-    scene = replace(project.history.now.scene, codes=replace(project.history.now.scene.codes, model="another"))
-    foreign = replace(project, history=project.history.joined(replace(project.history.now, scene=scene)))
-    with pytest.raises(ValueError, match="cannot be read back"):
-        foreign.save(tmp_path / "foreign.codenerf", session.models)
     (tmp_path / "torn.codenerf").write_bytes((tmp_path / "a.codenerf").read_bytes()[:500])
     before = editor.history
     for name in ("torn", "missing"):
@@ -214,3 +208,31 @@ def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Sessi
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.objects.own == ["block"]
     assert session.messages.errors == []
+
+
+def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, photo: Path, tmp_path: Path) -> None:
+    cars = both.load_model("cars")
+    session = Session(worker, both, seed=0)
+    session.fitting.start(blue_block(photo))
+    finish(session, lambda: not session.fitting.pending)
+    made = session.project()
+    waiting = FitRequest(FitHistory(made.fit.sources, made.fit.photos, model=cars.fingerprint))
+    replace(made, pending=(waiting,), models=(), model_files={}).save(tmp_path / "a.codenerf", session.models)
+
+    def chairs(name: str) -> Model:
+        return both.load_model("chairs")
+
+    without = Session(worker, replace(both, load_model=chairs), seed=0)
+    without.open_project(tmp_path / "a.codenerf")
+    finish(without)
+    assert without.messages.errors == [] and not without.fitting.pending
+    again = without.project()
+    assert len(again.pending) == 1 and len(again.fit.steps) == len(made.fit.steps)
+    assert without.editor.is_missing("block blue")
+
+    without.jobs.backend = both
+    without.open_model("cars")
+    finish(without, lambda: not without.fitting.pending)
+    assert without.editor.objects.own == ["block blue (2)", "block blue"]
+    assert not without.editor.is_missing("block blue") and without.messages.errors == []
+    assert not without.project().pending

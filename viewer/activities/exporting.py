@@ -46,7 +46,7 @@ class Exporting:
         Nothing happens while another file is written, or for a video without keyframes. A name without an
         ending is a folder of frames; a PNG also holds the scene.
         """
-        timeline, backend, models = self._editor.state.timeline, self._jobs.backend, self._jobs.models
+        timeline, backend, models = self._editor.playable, self._jobs.backend, self._jobs.models
         if settings.kind == "mesh":
             model, camera = self._editor.model, _camera(self._editor.scene)
             about = settings.mesh_settings(model.metres)
@@ -83,7 +83,7 @@ class Exporting:
             yield 0.0
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
-        view = settings.views(self._jobs.models, scene, self._editor.state.timeline)[0]
+        view = settings.views(self._jobs.models, scene, self._editor.playable)[0]
         about = settings.behind, settings.exact, settings.shows_shadow
         for image in self._jobs.backend.pictures(self._jobs.models, [view], *about):
             if image is not None:

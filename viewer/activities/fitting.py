@@ -102,15 +102,14 @@ class Fitting:
         self.view.show(self._fits[name])
 
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Show a saved fit, and continue unfinished requests."""
-        self.view.show(history)
-        found = (one.name for one in self._editor.objects.added if history.last and one.original == history.last.codes)
-        if name := next(found, ""):
-            self._keep_fit(name)
-        self.queue = tuple(request for request in pending if not request.problem)
-        for request in pending:
-            if request.problem:
-                self.questions = (*self.questions, _failure(request))
+        """Show a saved fit, unless another is shown, and continue unfinished requests; failed ones are questions."""
+        if not self.history.sources:
+            self.view.show(history)
+            added, last = self._editor.objects.added, history.last
+            if name := next((one.name for one in added if last and one.original == last.codes), ""):
+                self._keep_fit(name)
+        self.queue = (*self.queue, *(request for request in pending if not request.problem))
+        self.questions = (*self.questions, *(_failure(request) for request in pending if request.problem))
         self._next()
 
     # What is fitted

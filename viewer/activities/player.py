@@ -48,7 +48,7 @@ class Player:
 
     def play(self) -> None:
         """Play from the playhead, or from the beginning if the playhead is at the end."""
-        if not self.timeline.keys:
+        if not self._editor.playable.keys:
             return
         if not self.timeline.loop and self.seconds >= self.timeline.length - 1e-3:
             self.seconds = 0.0
@@ -66,7 +66,7 @@ class Player:
         """Move the playhead and show its frame; :meth:`Editor.end_gesture` ends the drag."""
         self.close()
         self.seconds = max(0.0, min(self.timeline.length, seconds))
-        if self.timeline.keys:
+        if self._editor.playable.keys:
             self._show()
 
     def tick(self) -> None:
@@ -112,7 +112,8 @@ class Player:
         self.close()
         self.seconds = moved.keys[index].seconds
         self._editor.set_timeline(moved, gesture)
-        self._editor.show(*moved.keys[index].view, gesture)
+        if self._jobs.models.can_show(moved.keys[index].view.codes):
+            self._editor.show(*moved.keys[index].view, gesture)
 
     def go_to_key(self, index: int) -> None:
         """Move the playhead to a keyframe and show it."""
@@ -139,6 +140,6 @@ class Player:
         self._editor.set_timeline(self.timeline.looped(loop))
 
     def _show(self) -> None:
-        view = self.timeline.at(self.seconds)
+        view = self._editor.playable.at(self.seconds)
         self._editor.show(view.codes, view.camera, gesture=_GESTURE)
         self._last_scene, self._last_timeline = self._editor.scene, self.timeline

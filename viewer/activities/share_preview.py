@@ -24,16 +24,16 @@ class SharePreview:
 
     def update(self, settings: ShareSettings) -> None:
         """Update the preview; call once a frame while it is visible. A video without keyframes has none."""
-        state, models = self._editor.state, self._jobs.models
-        wanted = state.scene, state.timeline, settings.kind, settings.fill, settings.wide, settings.shows_shadow
-        unwanted = settings.kind == "video" and not state.timeline.keys
+        scene, timeline, models = self._editor.scene, self._editor.playable, self._jobs.models
+        wanted = scene, timeline, settings.kind, settings.fill, settings.wide, settings.shows_shadow
+        unwanted = settings.kind == "video" and not timeline.keys
         if unwanted or wanted == self._shown or self._editor.history.gesture:
             return
         self._shown = wanted
         small = replace(settings, size=round(_SIZE / WIDE) if settings.wide else _SIZE)
 
         def stream() -> Iterator[Image | None]:
-            view = small.views(models, state.scene, state.timeline)[0]
+            view = small.views(models, scene, timeline)[0]
             job = RenderJob(*view, RenderSettings(FEW_SAMPLES, divisors=(1,)), shadow=small.shows_shadow)
             for frame in self._jobs.frames(job):
                 yield over(frame, None, view.camera) if frame else None

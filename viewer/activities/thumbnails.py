@@ -87,6 +87,7 @@ class Thumbnails:
         self._stored = {digest: one for digest, one in (stored or {}).items() if len(one) <= SIZE}
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()  # cached thumbnails, the least recently used first
         self._queue: dict[_Key, Codes] = {}  # requests of this frame
+        self.rendered = 0  # thumbnails so far
         self._failed: set[_Key] = set()  # keys whose rendering failed, not tried again
 
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
@@ -146,6 +147,7 @@ class Thumbnails:
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:
         key, frame = rendered
+        self.rendered += 1
         self._frames[key] = replace(frame, depth=_no_depth(frame.opacity), evaluations=None)
         while len(self._frames) > _MAX_KEPT:
             self._frames.popitem(last=False)

@@ -91,7 +91,8 @@ def entries(context: PanelContext) -> Iterator[Entry]:
         yield Entry(mode.capitalize(), "view mode", partial(session.viewport.change, mode=mode))
     objects = session.editor.objects
     families = (objects.families[model.fingerprint] for model in session.listed_models)
-    listed = [*objects.own, *chain.from_iterable(families)]
+    own = (name for name in objects.own if not session.editor.is_missing(name))
+    listed = [*own, *chain.from_iterable(families)]
     names = {readable(name): name for name in reversed(listed)}
     for words, name in names.items():
         yield Entry(words, "object", partial(session.editor.show_object, name))

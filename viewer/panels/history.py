@@ -9,7 +9,7 @@ from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import PanelContext
 from viewer.values.history import Branch, Edit, History, State
-from viewer.widgets import object_tiles
+from viewer.widgets import missing_tiles, object_tiles
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 from viewer.widgets.text import push_small
 
@@ -90,26 +90,35 @@ class HistoryStrip:
         history, now = context.session.editor.history, context.session.editor.history.current
         side = height * (_FOLDED if tile.branch else 1)
         low, shown = corner + ImVec2(0, height - side), now in tile.steps
+        state = history.now if shown else history.steps[tile.steps[-1]].state
         imgui.set_cursor_screen_pos(low)
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
-        elif object_tiles.tile_button(tile.name, (side, side)) and not shown:
-            context.session.editor.go_to(tile.steps[-1])
+        elif not context.session.editor.can_show(state):
+            missing_tiles.draw_state(context, state, tile.words, tile.name, side)
+        else:
+            if object_tiles.tile_button(tile.name, (side, side)) and not shown:
+                context.session.editor.go_to(tile.steps[-1])
+            tooltip(_about(tile, shown))
+            frame = _thumbnail(context, state, shown and bool(history.gesture))
+            object_tiles.paint_frame(context, frame, low, side)
         if shown and self._shown != now:
             imgui.set_scroll_here_x()
             self._shown = now
-        tooltip(_about(tile, shown))
-        state = history.now if shown else history.steps[tile.steps[-1]].state
-        object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), low, side)
-        if tile.undone:
-            object_tiles.shade(low, side, context.palette.panel, object_tiles.DIMMED)
-        if tile.branch:
-            push_small()
-            object_tiles.mark(low, _FORK, context.palette.warm)
-            imgui.pop_font()
-        if shown:
-            object_tiles.outline(low, side, context.palette.accent)
+        _draw_marks(context, tile, shown, low, side)
         return corner + ImVec2(side, 0)
+
+
+def _draw_marks(context: PanelContext, tile: _Tile, shown: bool, low: ImVec2, side: float) -> None:
+    """Draw a tile's shade if it is undone, its fork if it is a branch, and its border if it is shown."""
+    if tile.undone:
+        object_tiles.shade(low, side, context.palette.panel, object_tiles.DIMMED)
+    if tile.branch:
+        push_small()
+        object_tiles.mark(low, _FORK, context.palette.warm)
+        imgui.pop_font()
+    if shown:
+        object_tiles.outline(low, side, context.palette.accent)
 
 
 def _about(tile: _Tile, shown: bool) -> str:

@@ -9,13 +9,16 @@ from core.models.codes import CODE_KINDS
 from core.models.model import Model
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
+from viewer.values.encoding import Original
 from viewer.values.fit_history import FitRequest
 from viewer.values.variety import family, readable
-from viewer.widgets import object_tiles, user_objects, waiting_tiles
+from viewer.widgets import missing_tiles, object_tiles, user_objects, waiting_tiles
 from viewer.widgets.controls import action_button, draw_choice, tooltip
 from viewer.widgets.object_tiles import unmixable
 from viewer.widgets.text import caption, heading, paint_caption, push_small, small_height
 from viewer.widgets.welcome import Welcome
+
+Tile = str | FitRequest | Original  # an object, by name; a waiting photo; a project file with unreadable parts
 
 _INVITATION = "What you fit to photos comes here."
 _STRIP = 9.0  # em: a lower panel is a strip
@@ -57,15 +60,16 @@ class LibraryPanel(Panel):
 
     def _draw_objects(self, context: PanelContext, names: dict[str, str], strip: bool) -> None:
         """Draw waiting photos and added objects, then those of each model, under headings or in one row."""
-        waiting = context.session.fitting.pending
+        session = context.session
+        waiting = session.fitting.pending
         if len(waiting) > self._waiting:
             imgui.set_scroll_x(0.0)
             imgui.set_scroll_y(0.0)
         self._waiting = len(waiting)
-        mine: list[str | FitRequest] = [*waiting, *context.session.editor.objects.own]
-        families = context.session.editor.objects.families
-        mine = mine if self._filter in (_ALL, _MINE) else [*waiting]
-        groups = {"Mine": mine} if mine or self._filter in (_ALL, _MINE) else dict[str, list[str | FitRequest]]()
+        listed = self._filter in (_ALL, _MINE)
+        mine: list[Tile] = [*waiting, *session.editor.objects.own, *session.originals] if listed else [*waiting]
+        families = session.editor.objects.families
+        groups = {"Mine": mine} if mine or listed else dict[str, list[Tile]]()
         groups |= {
             name: [*self._listed(families[model])] for model, name in names.items() if self._filter in (_ALL, model)
         }
@@ -87,8 +91,8 @@ class LibraryPanel(Panel):
             names += [head, *variants] if head in self._unfolded else [head]
         return names
 
-    def _draw_tiles(self, context: PanelContext, tiles: Sequence[str | FitRequest], strip: bool = False) -> None:
-        """Draw tiles of objects, by name, and of waiting photos."""
+    def _draw_tiles(self, context: PanelContext, tiles: Sequence[Tile], strip: bool = False) -> None:
+        """Draw tiles in rows, or in one row."""
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
         gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
         columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (least + gap)))
@@ -105,12 +109,20 @@ class LibraryPanel(Panel):
         imgui.set_cursor_screen_pos(start)
         imgui.dummy((columns * step.x - gap, max(0.0, rows * step.y - gap)))
 
-    def _draw_tile(self, context: PanelContext, tile: str | FitRequest, corner: ImVec2, size: ImVec2) -> None:
+    def _draw_tile(self, context: PanelContext, tile: Tile, corner: ImVec2, size: ImVec2) -> None:
         imgui.set_next_item_allow_overlap()
         below = corner + ImVec2(0, size.x)
         if isinstance(tile, FitRequest):
             waiting_tiles.draw(context, tile, corner, size)
             paint_caption(context, tile.history.sources[0].name, below, size.x)
+            return
+        if isinstance(tile, Original):
+            missing_tiles.draw_original(context, tile, corner, size)
+            paint_caption(context, "damaged", below, size.x)
+            return
+        if context.session.editor.is_missing(tile):
+            missing_tiles.draw_object(context, tile, corner, size)
+            paint_caption(context, tile, below, size.x)
             return
         families = context.session.editor.objects.families_of(tile)
         _draw_object(context, tile, corner, size, self._user_menu)

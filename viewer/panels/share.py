@@ -106,7 +106,7 @@ class ShareDialog:
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         image = context.session.exporting.preview.image
-        if settings.kind == "video" and not context.session.player.timeline.keys:
+        if settings.kind == "video" and not context.session.editor.playable.keys:
             image = None
         if image is None or context.images is None:
             imgui.dummy((side, side / WIDE if settings.wide else side))
@@ -236,7 +236,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     """Draw the button that saves, or progress; below, the path of the last saved file."""
     exporting = context.session.exporting
     if not draw_progress(context, *KINDS):
-        ready = settings.kind != "video" or bool(context.session.player.timeline.keys)
+        ready = settings.kind != "video" or bool(context.session.editor.playable.keys)
         idle, accent = ready and not exporting.running, context.palette.accent
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
             share = partial(exporting.share, settings=_as_in_view(context, settings))

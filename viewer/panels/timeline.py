@@ -7,7 +7,7 @@ from viewer.activities.player import Player
 from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import mixed, packed
-from viewer.widgets import object_tiles
+from viewer.widgets import missing_tiles, object_tiles
 from viewer.widgets.controls import action_button, button, end_gesture, flow, tooltip
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
@@ -87,6 +87,10 @@ def _draw_key(
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):
         player.move_key(index, player.timeline.keys[index].seconds + across / width * player.timeline.length)
     end_gesture(context)
+    if not context.session.models.can_show(key.view.codes):
+        tooltip(f"Key {index + 1} needs {context.session.model_name(key.view.codes.model)}, which is not there")
+        missing_tiles.paint(context, "", corner, side)
+        return
     tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it in time; Delete removes the shown one")
     thumbnail = context.session.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
     object_tiles.paint_frame(context, thumbnail, corner, side)

@@ -167,6 +167,11 @@ def set_title(title: str) -> None:
     glfw.set_window_title(glfw_utils.glfw_window_hello_imgui(), title)
 
 
+def hide() -> None:
+    """Take the window off the screen."""
+    glfw.hide_window(glfw_utils.glfw_window_hello_imgui())
+
+
 def resize(width: int, height: int) -> None:
     """Resize the window to these px, even beyond the screen."""
     glfw.set_window_size(glfw_utils.glfw_window_hello_imgui(), width, height)

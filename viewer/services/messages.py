@@ -5,7 +5,7 @@ import logging
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import Enum
 from pathlib import Path
@@ -106,6 +106,10 @@ class Messages:
             logging.getLogger(__name__).error(what, exc_info=error)
             detail = f"{type(error).__name__}: {error}"
         self.notify(f"{what}: {error_text(error)}", MessageKind.PROBLEM, detail=detail)
+
+    def restart(self) -> None:
+        """Show all messages for as long as new ones: the window that shows them has just opened."""
+        self.all = [replace(message, born=time.monotonic()) for message in self.all]
 
     def dismiss(self, message: Message) -> None:
         """Remove a message."""

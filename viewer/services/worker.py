@@ -99,11 +99,15 @@ class Worker:
             if not entry.muted:
                 callback()
 
-    def close(self) -> None:
-        """Stop the thread after its current step, and wait for it; streams are closed, so that they clean up."""
+    def stop(self) -> None:
+        """Let the thread end after its current step; streams are closed, so that they clean up."""
         with self._changed:
             self._closing = True
             self._changed.notify()
+
+    def close(self) -> None:
+        """Stop the thread and wait for it."""
+        self.stop()
         self._thread.join()
         self._delivery.clear()
 

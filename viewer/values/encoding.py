@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -17,12 +17,23 @@ from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.open_models import OpenModels
-from core.models.photo_detail import Erasure, PhotoView, decompressed
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView, decompressed
 from core.photos.photo import Photo
-from core.runtime.reading import field_types, open_image, reading, typed, whole
-from viewer.values.fit_history import FittedPhoto
+from core.runtime.reading import field_types, first_line, open_image, reading, typed, whole
+from viewer.values.fit_history import FitRequest, FittedPhoto
+from viewer.values.objects import EditableObject
+
+
+class Original(NamedTuple):
+    """A project file of which something could not be read, kept as it was."""
+
+    name: str  # of the file
+    reasons: tuple[str, ...]  # why something could not be read, each once
+    content: bytes
+
 
 _SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
+_SEPARATE = EditableObject, FitRequest, Original  # types of items of which an unreadable one leaves the others
 _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
 
 
@@ -31,12 +42,14 @@ class BlobStore:
     """Values that JSON refers to by number: arrays, photos, and values shared by many states."""
 
     tensors: list[Tensor] = field(default_factory=list)
-    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity; WebP of photo detail
+    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity; WebP of photo detail; originals
     timelines: list[Any] = field(default_factory=list)
     """Timelines, views and erasures of photos: JSON, replaced by values when decoded."""
     models: OpenModels | None = None  # models of decoded codes; None for encoding
     model: str = ""  # fingerprint for codes without one
     left: int = _MAX_PHOTOS  # bytes left for the pixels of photos not yet decoded
+    missing: set[str] = field(default_factory=set)  # fingerprints of decoded codes whose model is missing
+    unreadable: list[str] = field(default_factory=list)  # reasons why values were left out, one for each
     _known: dict[int, tuple[object, int]] = field(default_factory=dict)  # stored values and their numbers, by id
 
     def number(self, value: object, stored: list, make: Callable[[], Any]) -> int:
@@ -60,6 +73,9 @@ def encode(value: Any, store: BlobStore) -> Any:
         return {"image": image, "fine": fine} | {name: encode(getattr(value, name), store) for name in _BESIDE_IMAGE}
     if isinstance(value, FittedPhoto):
         return {"source": encode(value.source, store), "photo": encode(value.photo, store)}
+    if isinstance(value, Original):
+        content = store.number(value.content, store.photos, lambda: value.content)
+        return {"name": value.name, "reasons": value.reasons, "content": content}
     if is_dataclass(value) or hasattr(value, "_fields"):
         return _encode_fields(value, store)
     if isinstance(value, tuple | frozenset):
@@ -89,6 +105,22 @@ def _reader(kind: Any, store: BlobStore) -> Callable[[Any], Any] | None:
     if isinstance(kind, type) and issubclass(kind, AbstractArray):
         return lambda number: _tensor(_part(store.tensors, number), kind)
     return None
+
+
+def readable(store: BlobStore, read: Callable[[], Any]) -> Any:
+    """Return the value of ``read``; None if it raises, for a reason that is noted in the store."""
+    try:
+        return read()
+    except Exception as error:
+        store.unreadable.append(first_line(error))
+        return None
+
+
+def _decode_separately(kind: Any, values: Any, store: BlobStore) -> tuple[Any, ...]:
+    """Decode a list, leaving out unreadable items."""
+    listed = readable(store, partial(typed, list, values, name=kind.__name__)) or []
+    items = (readable(store, partial(decode, kind, value, store)) for value in listed)
+    return tuple(item for item in items if item is not None)
 
 
 def encode_photo(photo: Photo) -> bytes:
@@ -140,14 +172,24 @@ def _decode_fitted_photo(about: Any, store: BlobStore) -> FittedPhoto:
     return FittedPhoto.of(source, _decode_photo(about["photo"], store))
 
 
+def _decode_original(about: Any, store: BlobStore) -> Original:
+    about = typed(dict, about, name="original")
+    reasons = decode(tuple[str, ...], about["reasons"], store)
+    return Original(str(about["name"]), reasons, _part(store.photos, about["content"]))
+
+
 def _decode_codes(about: Any, store: BlobStore) -> Codes:
-    """Decode codes of an open model or of one that it extends. Raises ``ValueError`` if neither is open."""
+    """Decode codes, as those of the open model that extends theirs; they stay as they are if their model is missing.
+
+    Raises ``ValueError`` if they do not fit their model.
+    """
     codes: Codes = _decode_in_place(Codes, about, store)
+    codes = codes if codes.model else replace(codes, model=store.model)
     assert store.models is not None, "no models"
-    model = store.models[codes.model or store.model]
-    if not all(map(model.fits, [codes] if codes.detail is None else [codes, codes.detail.fitted])):
-        raise ValueError(f"it does not match its model of {model.category or 'unnamed objects'}")
-    return replace(codes, model=model.fingerprint)
+    if model := store.models.find(codes.model):
+        return model.adopt(codes)
+    store.missing.add(codes.model)
+    return codes
 
 
 def _decode_shared(kind: Any, about: Any, store: BlobStore) -> Any:
@@ -176,8 +218,12 @@ def _part(stored: list, number: Any) -> Any:
 _SPECIAL: dict[Any, Callable[[Any, BlobStore], Any]] = {
     Photo: _decode_photo,
     FittedPhoto: _decode_fitted_photo,
+    PhotoDetail: lambda about, store: readable(store, partial(_decode_in_place, PhotoDetail, about, store)),
+    Original: _decode_original,
     Codes: _decode_codes,
-} | {kind: partial(_decode_shared, kind) for kind in _SHARED}
+}
+_SPECIAL |= {kind: partial(_decode_shared, kind) for kind in _SHARED}
+_SPECIAL |= {tuple[kind, ...]: partial(_decode_separately, kind) for kind in _SEPARATE}  # type: ignore[valid-type]
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
@@ -162,12 +162,8 @@ class History:
 
     def check(self) -> None:
         """Raise ``ValueError`` unless the steps are one tree and the current step is on the path to the tip."""
-        roots = [number for number, step in enumerate(self.steps) if step.parent == -1]
-        reached = list(roots)
-        for number in reached:
-            reached += self._children.get(number, ())
         numbers = range(len(self.steps))
-        whole = len(roots) == 1 and len(reached) == len(numbers)
+        whole = len(self._children.get(-1, ())) == 1 and len(self._descending) == len(numbers)
         if not whole or self.tip not in numbers or self.tip in self._children or self.current not in self._path:
             raise ValueError("the undo history is no tree")
 
@@ -228,6 +224,14 @@ class History:
         for number, step in enumerate(self.steps):
             children.setdefault(step.parent, []).append(number)
         return children
+
+    @cached_property
+    def _descending(self) -> tuple[int, ...]:
+        """Indices of the steps that can be reached from the first, each after its parent."""
+        reached = list(self._children.get(-1, ()))
+        for number in reached:
+            reached += self._children.get(number, ())
+        return tuple(reached)
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -321,17 +325,24 @@ class History:
         history = self
         while len(history.steps) > DEPTH + 1:
             ends = (number for number in range(len(history.steps)) if number not in history._children)
-            history = history._without(next((end for end in ends if end != history.tip), history._path[0]))
+            history = history.without({next((end for end in ends if end != history.tip), history._path[0])})
         return history
 
-    def _without(self, dropped: int) -> History:
-        """Return the history without an end, or without the first step if all others are one path."""
+    def without(self, dropped: Container[int]) -> History:
+        """Return the history without some steps; later steps follow those before. At least one step must be left.
 
-        def shifted(number: int) -> int:
-            return -1 if number == dropped else number - (number > dropped)
-
-        steps = (Step(state, shifted(parent)) for number, (state, parent) in enumerate(self.steps) if number != dropped)
-        return replace(self, steps=tuple(steps), current=shifted(self.current), tip=shifted(self.tip))
+        Without the first step, the next one on the current path is the first, and other branches begin there.
+        """
+        kept = [number for number in range(len(self.steps)) if number not in dropped]
+        root = next((number for number in self._path if number not in dropped), kept[0])
+        last = {-1: root}  # by step: itself, or else the last one before it that is kept
+        for number in self._descending:
+            last[number] = last[self.steps[number].parent] if number in dropped else number
+        index = {number: place for place, number in enumerate(kept)}
+        parents = {number: index[last[self.steps[number].parent]] for number in kept} | {root: -1}
+        steps = tuple(Step(self.steps[number].state, parents[number]) for number in kept)
+        history = replace(self, steps=steps, current=index[last[self.current]], tip=index[last[self.tip]])
+        return replace(history, tip=history._end(history.tip))
 
     def without_gesture(self) -> History:
         """Return the history with the drag ended: the next edit is another step."""
@@ -356,6 +367,12 @@ class History:
             return self
         tip = self.tip if number in self._path else self._end(number)
         return replace(self, current=number, tip=tip, gesture="", moved=False)
+
+    @property
+    def nearest(self) -> tuple[int, ...]:
+        """Indices of all steps: the current one, those before it, those after it, then those of other branches."""
+        others = set(range(len(self.steps))) - set(self._path)
+        return (*reversed(self._path[: self._place + 1]), *self._later, *sorted(others, reverse=True))
 
     def after(self, earlier: History) -> History:
         """Return the history with all states of another one before its own."""

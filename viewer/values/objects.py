@@ -1,8 +1,9 @@
 """The objects of a session: the training objects of open models, and added objects."""
 
 import re
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import torch
 
@@ -30,6 +31,11 @@ class EditableObject:
     def original(self) -> Codes:
         """The codes as fitted or opened."""
         return self.unedited or self.codes
+
+    @property
+    def versions(self) -> tuple[Codes, Codes]:
+        """The codes as fitted or opened, and as left."""
+        return self.original, self.codes
 
     def left_as(self, codes: Codes) -> "EditableObject":
         """Return the object with its newest edit."""
@@ -118,6 +124,14 @@ class ObjectLibrary:
         self._added[name] = self._added[name].refitted(better)
         self.version += 1
 
+    def convert(self, change: Callable[[Codes], Codes]) -> None:
+        """Change the codes of added objects, also those before their edits."""
+        for name, one in self._added.items():
+            codes = change(one.codes)
+            if codes is not one.codes:
+                self._added[name] = replace(one, codes=codes, unedited=one.unedited and change(one.unedited))
+        self.version += 1
+
     def leave(self, name: str, codes: Codes) -> None:
         """Keep the newest edit of an added object; nothing happens for any other object."""
         if name in self._added and self._added[name].codes != codes:
@@ -146,7 +160,7 @@ class ObjectLibrary:
         """
         before, names = list(self.ever_added), dict[str, str]()
         others = tuple(others)
-        for key in (_versions, _original):
+        for key in (attrgetter("versions"), attrgetter("original")):
             for other in others:
                 equal = [one for one in before if other.name not in names and key(one) == key(other)]
                 if equal:
@@ -154,14 +168,6 @@ class ObjectLibrary:
                     before.remove(nearest)
                     names[other.name] = nearest.name
         return {other.name: names.get(other.name) or self.add(other) for other in others}
-
-
-def _versions(one: EditableObject) -> tuple[Codes, Codes]:
-    return one.original, one.codes
-
-
-def _original(one: EditableObject) -> Codes:
-    return one.original
 
 
 def unique_name(wanted: str, taken: Container[str]) -> str:

@@ -1,10 +1,11 @@
 """Preferences, kept between launches in a file that may be missing or damaged."""
 
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from core.runtime.files import write_json
-from core.runtime.reading import optional, read_json, typed
+from core.runtime.reading import field_types, optional, read_json, typed
 from viewer.values.share_settings import ShareSettings
 
 _FILE = "preferences.json"
@@ -38,6 +39,9 @@ class Preferences:
 
     @classmethod
     def load(cls, folder: Path) -> "Preferences":
-        """Read the preferences of a folder; the initial ones if the file is missing or invalid."""
-        stored = optional(lambda: typed(cls, read_json(folder / _FILE), name="preferences")) or cls()
+        """Read the preferences of a folder; the initial ones where the file is missing or invalid."""
+        about = optional(lambda: typed(dict, read_json(folder / _FILE))) or {}
+        kinds = {name: kind for name, kind in field_types(Preferences).items() if name in about}
+        values = {name: optional(partial(typed, kind, about[name])) for name, kind in kinds.items()}
+        stored = cls(**{name: value for name, value in values.items() if value is not None})
         return replace(stored.with_text_size(stored.text), recent=stored.recent[:_RECENT])

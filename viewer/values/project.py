@@ -7,21 +7,26 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from safetensors.torch import load, save
 
 from core.models.open_models import OpenModels
+from core.models.scene import Scene
 from core.runtime.files import atomic_file
-from core.runtime.reading import open_zip, parse_json, reading, typed
-from viewer.values.encoding import BlobStore, decode, encode
+from core.runtime.reading import open_zip, parse_json, read_bytes, reading, typed
+from viewer.values import orbit
+from viewer.values.encoding import BlobStore, Original, decode, encode, readable
 from viewer.values.fit_history import FitHistory, FitRequest
-from viewer.values.history import History
+from viewer.values.history import History, Mix, Pair, State, Step
 from viewer.values.objects import EditableObject, unique_name
 
 SUFFIX = ".codenerf"
 _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
+_ANY_FORMAT = "codenerf-project-"
+_FORMATS = "codenerf-project-1", "codenerf-project-2", "codenerf-project-3"  # known ones, the newest last
+_MAX_ORIGINAL = 50_000_000  # limit of a file that is kept because something in it could not be read
 _MAX_BYTES = 100_000_000  # limit of the unpacked content; a day's work takes a few million bytes
 
 
@@ -34,12 +39,15 @@ class Project:
     fit: FitHistory = field(default_factory=FitHistory)  # the last finished fit
     pending: tuple[FitRequest, ...] = ()  # the running fit and the waiting ones
     models: tuple[str, ...] = ()  # names and paths of the open models
+    model_files: dict[str, str] = field(default_factory=dict)  # the same, and of missing models, by fingerprint
+    originals: tuple[Original, ...] = ()  # files of which something could not be read
     path: Path | None = None  # file that a person saved it to, only in autosaved sessions
 
     @property
     def is_empty(self) -> bool:
         """True if nothing was made, edited or begun."""
-        return not (len(self.history.steps) > 1 or self.fit.sources or self.pending)
+        made = len(self.history.steps) > 1 or self.fit.sources or self.pending
+        return not (made or self.originals)
 
     def shared(self) -> "Project":
         """Return the project for other machines: paths are names, except those of photos not yet read."""
@@ -63,14 +71,15 @@ class Project:
             objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
             fit=self.fit if self.fit.sources else earlier.fit,
             pending=(*self.pending, *earlier.pending),
+            model_files=earlier.model_files | self.model_files,
         )
 
     def save(self, path: Path, models: OpenModels) -> None:
         """Write the project atomically. Raises ``ValueError`` if it cannot be written or read back."""
         store = BlobStore()
         bare = replace(self, fit=_shortened(self.fit), pending=tuple(map(_request, self.pending)))
-        about = {"format": "codenerf-project-3", "project": encode(bare, store), "timelines": store.timelines}
-        with atomic_file(path, partial(Project.load, models=models)) as written, zipfile.ZipFile(written, "w") as file:
+        about = {"format": _FORMATS[-1], "project": encode(bare, store), "timelines": store.timelines}
+        with atomic_file(path, partial(_check, models=models)) as written, zipfile.ZipFile(written, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
             # Cloned because safetensors refuses tensors that share memory.
             file.writestr(_TENSORS, save({str(number): one.clone() for number, one in enumerate(store.tensors)}))
@@ -81,15 +90,16 @@ class Project:
     def load(cls, path: Path, models: OpenModels) -> "Project":
         """Read a project and open its models.
 
-        Raises ``ValueError`` for a damaged file, or codes of a model that cannot be opened.
+        Codes of a missing model stay as they are. If another part cannot be read, the project is without it and holds
+        the whole file as one of its :attr:`originals`. Raises ``ValueError`` if the file is damaged as a whole.
         """
-        with reading(path, "a project"), open_zip(path, _MAX_BYTES) as file:
-            about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
-            tensors = load(file.read(_TENSORS))
-            count = sum(name.startswith("photos/") for name in file.namelist())
-            photos = [file.read(_photo(number)) for number in range(count)]
-            store = BlobStore([tensors[str(number)] for number in range(len(tensors))], photos, about.timelines, models)
-            return _first_format(about, store) if about.project is None else _decoded(about.project, store)
+        with reading(path, "a project"):
+            store = BlobStore(models=models)
+            project = _read(path, store, open_models=True)
+            if not store.unreadable:
+                return project
+            original = Original(path.name, tuple(dict.fromkeys(store.unreadable)), read_bytes(path, _MAX_ORIGINAL))
+            return replace(project, originals=(*project.originals, original))
 
     def _moved(self, move: Callable[[Path], Path]) -> "Project":
         """Apply ``move`` to the paths of photos that were read."""
@@ -103,7 +113,7 @@ class _About(NamedTuple):
     The first format had a session per model instead of one project, the second a history without branches.
     """
 
-    format: Literal["codenerf-project-1", "codenerf-project-2", "codenerf-project-3"]
+    format: str
     timelines: list
     project: dict | None = None  # since the second format
     model: str = ""  # first format: the current model
@@ -111,44 +121,139 @@ class _About(NamedTuple):
     path: Path | None = None  # first format
 
 
-def _decoded(about: dict, store: BlobStore) -> Project:
+def _check(path: Path, models: OpenModels) -> None:
+    """Raise ``ValueError`` if a written project cannot be read back completely."""
+    store = BlobStore(models=models)
+    _read(path, store, open_models=False)
+    if store.unreadable:
+        raise ValueError(store.unreadable[0])
+
+
+def _read(path: Path, store: BlobStore, open_models: bool) -> Project:
+    """Read a project without its unreadable parts, for which the store has the reasons."""
     assert store.models is not None
-    for name in about.get("models", ()):
-        with suppress(ValueError):  # decoding codes of a missing model raises
-            store.models.open(str(name))
-    found: Project = decode(Project, _branching(about), store)
-    found.history.check()
-    for fit in (found.fit, *(request.history for request in found.pending)):
-        _check_cameras(fit)
-    return found
+    with open_zip(path, _MAX_BYTES) as file:
+        about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
+        if not about.format.startswith(_ANY_FORMAT):
+            raise ValueError(f"{about.format} is no format of this program")
+        if about.format not in _FORMATS:
+            store.unreadable.append("a newer version of this program has written it")
+        tensors = load(file.read(_TENSORS))
+        store.tensors = [tensors[str(number)] for number in range(len(tensors))]
+        count = sum(name.startswith("photos/") for name in file.namelist())
+        members = (partial(file.read, _photo(number)) for number in range(count))
+        store.photos = [readable(store, member) or b"" for member in members]
+    store.timelines = about.timelines
+    if open_models:
+        models = {"models": [session["model"] for session in about.sessions]}
+        _open_models(about.project or models, store.models, path.parent)
+    project = _first_format(about, store) if about.project is None else _decoded(about.project, store)
+    if open_models:
+        _expect_missing(project.models, store)
+    return project
 
 
-def _branching(about: dict) -> dict:
-    """Convert the history of the first two formats: consecutive states, and removed objects beside them."""
-    history = about["history"]
+def _open_models(about: dict, models: OpenModels, folder: Path) -> None:
+    """Open the models of a project from their files, or from files of the same name beside the project."""
+    for fingerprint, name in decode(dict[str, str], about.get("model_files", {}), BlobStore()).items():
+        models.expect(fingerprint, name)
+    for name in decode(tuple[str, ...], about.get("models", []), BlobStore()):
+        for path in (name, str(folder / Path(name).name)):
+            with suppress(ValueError):
+                models.open(path)
+                break
+
+
+def _expect_missing(names: tuple[str, ...], store: BlobStore) -> None:
+    """Note the likely files of missing models, which older projects list without fingerprints."""
+    assert store.models is not None
+    likely = " or ".join(name for name in names if name not in store.models.names)
+    for fingerprint in store.missing - store.models.files.keys():
+        store.models.expect(fingerprint, likely)
+
+
+def _decoded(about: dict, store: BlobStore) -> Project:
+    """Decode a project without its unreadable parts."""
+    history = _decode_history(about, store)
+    fit = readable(store, lambda: _checked(decode(FitHistory, about.get("fit", {}), store)))
+    project: Project = decode(Project, about | {"history": {"steps": []}, "fit": {}}, store)
+    pending = [request for request in project.pending if readable(store, partial(_checked, request.history))]
+    return replace(project, history=history, fit=fit or FitHistory(), pending=tuple(pending))
+
+
+def _decode_history(about: dict, store: BlobStore) -> History:
+    """Decode a project's history without unreadable states; readable ones are consecutive if they are no tree."""
+    stored = _branching(about, store)
+    steps = _listed(stored, "steps", store)
+    states = [readable(store, partial(_decode_state, step, store)) for step in steps]
+    unreadable = {number for number, state in enumerate(states) if state is None}
+    if len(unreadable) == len(states):
+        return History.of(_first_state(store))
+    some = next(filter(None, states))  # in place of unreadable ones
+    states = [state or some for state in states]
+    return (readable(store, partial(_tree, stored, states)) or History.of(*states)).without(unreadable)
+
+
+def _decode_state(step: dict, store: BlobStore) -> State:
+    return decode(State, step["state"], store)
+
+
+def _tree(stored: dict, states: list[State]) -> History:
+    """Return states as the stored tree. Raises ``ValueError`` if it is none."""
+    steps = enumerate(stored["steps"])
+    parents = [step.get("parent") if isinstance(step, dict) else number - 1 for number, step in steps]
+    parents = typed(tuple[int, ...], parents, name="parents")
+    current, tip = (typed(int, stored.get(name, 0), name=name) for name in ("current", "tip"))
+    history = History(tuple(map(Step, states, parents)), current, tip)
+    history.check()
+    return history
+
+
+def _first_state(store: BlobStore) -> State:
+    """Return a state that shows the first object of the first open model."""
+    assert store.models is not None
+    model = next(iter(store.models))
+    name, codes = model.codes.first
+    return State(Scene(codes, orbit.home(model)), Mix(Pair(name, name), name), is_a=True)
+
+
+def _branching(about: dict, store: BlobStore) -> dict:
+    """Return a project's history; of the first two formats, with consecutive states and removed objects beside it."""
+    history: dict = typed(dict, about.get("history", {}), name="history")
     if "steps" in history:
-        return about
-    removed = {"removed": about.get("removed", [])}
-    states = [*history.get("past", ()), history["now"], *history.get("future", ())]
-    steps = [{"state": state | removed, "parent": number - 1} for number, state in enumerate(states)]
-    tree = {"steps": steps, "current": len(history.get("past", ())), "tip": len(steps) - 1}
-    return about | {"history": tree}
+        return history
+    past, future = (_listed(history, name, store) for name in ("past", "future"))
+    removed = {"removed": _listed(about, "removed", store)}
+    states = [state | removed if isinstance(state, dict) else state for state in (*past, history.get("now"), *future)]
+    steps = [{"state": state, "parent": number - 1} for number, state in enumerate(states)]
+    return {"steps": steps, "current": len(past), "tip": len(steps) - 1}
+
+
+def _listed(about: dict, name: str, store: BlobStore) -> list:
+    """Return a list in JSON; an empty one if it is missing or unreadable."""
+    return readable(store, partial(typed, list, about.get(name, []), name=name)) or []
 
 
 def _first_format(about: _About, store: BlobStore) -> Project:
     """Join the sessions of all models; the current model's comes last."""
-    assert store.models is not None
-    found: Project | None = None
+    project: Project | None = None
     for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
-        store.model = session["history"]["now"]["scene"]["model"]  # which codes of this format lack
-        one = _decoded(_completed(session, store) | {"models": [session["model"]]}, store)
-        model = store.models[store.model].fingerprint  # of the open model, which may extend the stored one
-        pending = tuple(request._replace(history=_of_model(request.history, model)) for request in one.pending)
-        one = replace(one, fit=_of_model(one.fit, model), pending=pending, path=about.path)
-        found = one.after(found) if found else one
-    if found is None:
-        raise ValueError("the project is empty")
-    return found
+        if part := readable(store, partial(_session_of_first_format, session, about.path, store)):
+            project = part.after(project) if project else part
+    if project is None:
+        raise ValueError(*store.unreadable[:1] or ("the project is empty",))
+    return project
+
+
+def _session_of_first_format(session: dict, path: Path | None, store: BlobStore) -> Project:
+    """Decode the session of one model, whose fingerprint its codes lack."""
+    assert store.models is not None
+    store.model = session["history"]["now"]["scene"]["model"]
+    part = _decoded(_completed(session, store) | {"models": [session["model"]]}, store)
+    found = store.models.find(store.model)
+    model = found.fingerprint if found else store.model  # the open model may extend the stored one
+    pending = tuple(request._replace(history=_of_model(request.history, model)) for request in part.pending)
+    return replace(part, fit=_of_model(part.fit, model), pending=pending, path=path)
 
 
 def _completed(value: Any, store: BlobStore) -> Any:
@@ -182,13 +287,14 @@ def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
     return replace(fit, sources=(*read, *fit.sources[len(read) :]), photos=photos)
 
 
-def _check_cameras(fit: FitHistory) -> None:
-    """Raise ``ValueError`` if the cameras of a fit differ in image size from its photos."""
+def _checked(fit: FitHistory) -> FitHistory:
+    """Return a fit. Raises ``ValueError`` if its cameras differ in image size from its photos."""
     sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
     for step in fit.steps:
         for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
             if not {(camera.width, camera.height) for camera in cameras} <= sizes:
                 raise ValueError("the cameras have another size than the photos")
+    return fit
 
 
 def _shortened(fit: FitHistory) -> FitHistory:

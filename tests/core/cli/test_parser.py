@@ -1,10 +1,17 @@
 """The words of the command line."""
 
+import os
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
+
+import pytest
 
 from core.cli.parser import build_parser
 from core.export import mesh, video
+
+_ROOT = Path(__file__).parents[3]
 
 
 def test_help_answers_without_torch() -> None:
@@ -30,3 +37,24 @@ def test_the_formats_in_help_are_those_that_can_be_written() -> None:
     for name, formats in (("turntable", video.FORMATS), ("mesh", mesh.FORMATS)):
         (out,) = (action for action in commands[name]._actions if action.dest == "out")
         assert out.metavar == "X" + "|".join(formats)
+
+
+@pytest.mark.parametrize(("script", "module"), [("codenerf", "core.__main__"), ("codenerf-viewer", "viewer.__main__")])
+def test_a_console_script_works_and_names_itself_beside_packages_of_the_same_names(
+    script: str, module: str, tmp_path: Path
+) -> None:
+    scripts = tomllib.loads((_ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    assert scripts[script] == f"{module}:main"
+    for package in ("core", "viewer"):
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "__init__.py").write_text("raise ImportError('of this folder')")
+    path = tmp_path / "bin" / script  # as pip writes it
+    path.parent.mkdir()
+    path.write_text(f"import sys\nfrom {module} import main\nsys.exit(main())\n")
+    about = {"capture_output": True, "text": True, "check": False, "cwd": tmp_path}
+    environment = os.environ | {"PYTHONPATH": str(_ROOT)}
+    done = subprocess.run([sys.executable, str(path), "--help"], env=environment, **about)
+    assert done.stdout.startswith(f"usage: {script} "), done.stderr
+    done = subprocess.run([sys.executable, str(path), "--no-such-option"], env=environment, **about)
+    assert done.returncode == 2
+    assert f"{script}: " in done.stderr

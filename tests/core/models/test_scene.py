@@ -38,7 +38,7 @@ def test_a_scene_of_another_model_is_refused_by_name(model: Model, tmp_path):
     other.save(tmp_path / "s.json")
     save_image(PIXELS, tmp_path / "s.png", other)
     for name in ("s.json", "s.png"):
-        with pytest.raises(ValueError, match=f"{name}: the scene belongs to another model"):
+        with pytest.raises(ValueError, match=f"{name}: it belongs to another model"):
             open_scene(tmp_path / name, model)
 
 

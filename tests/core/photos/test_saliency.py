@@ -1,35 +1,35 @@
 import ctypes
-import importlib.util
 import resource
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import onnxruntime
 import pytest
 from PIL import Image
 
-from core.photos.saliency import network_file, predict_saliency
+from core.photos import saliency
+from core.photos.saliency import predict_saliency
+from core.runtime.networks import NETWORKS
 
 
-def test_a_network_that_cannot_be_fetched_is_said_with_what_to_do(tmp_path, monkeypatch, caplog):
-    def fetch(name: str) -> None:
-        raise OSError("no route to host")
-
-    monkeypatch.setenv("U2NET_HOME", str(tmp_path))
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _: SimpleNamespace(origin=str(tmp_path / "rembg/a.py")))
-    monkeypatch.setitem(sys.modules, "rembg", SimpleNamespace(new_session=fetch))
+def test_without_its_file_everything_else_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog):
+    monkeypatch.setattr(saliency, "NETWORKS", tmp_path)
     assert predict_saliency(Image.new("RGB", (31, 17), "red")) is None
-    (said,) = caplog.messages
-    assert said.endswith(f"without the saliency network: u2netp.onnx cannot be fetched; put it into {tmp_path}")
+    (warning,) = caplog.messages
+    assert warning.startswith("objects are cut out without the saliency network: u2netp.onnx is missing")
+    (tmp_path / "u2netp.onnx").write_bytes(b"damaged")
+    caplog.clear()
+    assert predict_saliency(Image.new("RGB", (31, 17), "red")) is None
+    (warning,) = caplog.messages
+    assert "u2netp.onnx cannot be used" in warning
 
 
 def test_the_map_is_the_stretched_output_for_standardised_colours():
     image = Image.effect_mandelbrot((320, 320), (-2, -1.5, 1, 1.5), 60).convert("RGB")
     values = np.asarray(image) / np.asarray(image).max()
     colours = ((values - (0.485, 0.456, 0.406)) / (0.229, 0.224, 0.225)).transpose(2, 0, 1)[None]
-    session = onnxruntime.InferenceSession(str(network_file()), providers=["CPUExecutionProvider"])
+    session = onnxruntime.InferenceSession(str(NETWORKS / "u2netp.onnx"), providers=["CPUExecutionProvider"])
     (found, *_) = session.run(None, {session.get_inputs()[0].name: colours.astype(np.float32)})
     expected = (found[0, 0] - found.min()) / np.ptp(found[0, 0])
     np.testing.assert_allclose(predict_saliency(image), expected, atol=1 / 255 + 1e-3)

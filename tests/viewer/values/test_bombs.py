@@ -111,7 +111,8 @@ Project.load(Path(sys.argv[1]), models)
 before = megabytes()
 for path in map(Path, sys.argv[2:]):
     try:
-        Project.load(path, models)
+        (original,) = Project.load(path, models).originals
+        print(f"{path.stem}: {original.name}: {original.reasons}")
     except ValueError as error:
         print(f"{path.stem}: {error}")
 print(megabytes() - before)

@@ -3,6 +3,7 @@ import math
 import random
 import shutil
 import zipfile
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -78,7 +79,7 @@ def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session:
     assert [len(step.hypotheses) for step in found.fit.steps[:-1]] == [1] * 9
     assert (last.hypotheses[0].crop_transform == expected.hypotheses[0].crop_transform).all()
     assert found.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
-    session.editor.check(found)
+    assert all(map(session.editor.can_show, found.history.states))
 
 
 def test_states_share_what_they_have_in_common(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
@@ -112,32 +113,119 @@ def test_a_photo_keeps_what_no_image_can_hold(models: OpenModels, model: Model, 
     assert found.fine == photo.fine
 
 
-@pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "no key", "bad number", "format", "bad photo"])
-def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, harm: str):
-    path = tmp_path / "a.codenerf"
-    saved.save(path, models)
+def rewrite(path: Path, change: Callable[[dict, dict[str, bytes]], None]) -> None:
+    """Change the JSON and the members of a project's file."""
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist()}
     about = json.loads(parts["project.json"])
-    if harm == "no tensors":
-        del parts["tensors.safetensors"]
-    elif harm == "no key":
-        del about["project"]["history"]["steps"][0]["state"]["mix"]["a"]
-    elif harm == "bad number":
-        about["project"]["history"]["steps"][0]["state"]["scene"]["camera"]["distance"] = "far"
-    elif harm == "format":
-        about["format"] = "another"
-    elif harm == "bad photo":
-        parts["photos/0.png"] = b"no image"
+    change(about, parts)
     parts["project.json"] = json.dumps(about).encode()
     with zipfile.ZipFile(path, "w") as file:
         for name, content in parts.items():
             file.writestr(name, content)
+
+
+@pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "format"])
+def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, harm: str):
+    path = tmp_path / "a.codenerf"
+    saved.save(path, models)
+
+    def change(about: dict, parts: dict[str, bytes]) -> None:
+        if harm == "no tensors":
+            del parts["tensors.safetensors"]
+        elif harm == "format":
+            about["format"] = "another"
+
+    rewrite(path, change)
     if harm in ("empty", "text", "cut"):
         path.write_bytes({"empty": b"", "text": b"hello", "cut": path.read_bytes()[:900]}[harm])
     with pytest.raises(ValueError, match=r"a\.codenerf: ") as error:
         Project.load(path, models)
     assert "\n" not in str(error.value)
+
+
+def _last_state(about: dict, parts: dict[str, bytes]) -> None:
+    history = about["project"]["history"]
+    del history["steps"][history["current"]]["state"]["mix"]["a"]
+
+
+def _camera(about: dict, parts: dict[str, bytes]) -> None:
+    about["project"]["history"]["steps"][1]["state"]["scene"]["camera"]["distance"] = "far"
+
+
+def _every_state(about: dict, parts: dict[str, bytes]) -> None:
+    for step in about["project"]["history"]["steps"]:
+        step["state"]["scene"] = 0
+
+
+def _object(about: dict, parts: dict[str, bytes]) -> None:
+    about["project"]["objects"][0]["confidence"] = 7
+
+
+def _fit(about: dict, parts: dict[str, bytes]) -> None:
+    about["project"]["fit"]["steps"][0]["loss"] = "small"
+
+
+def _photo(about: dict, parts: dict[str, bytes]) -> None:
+    parts["photos/0.png"] = b"no image"
+
+
+def _request(about: dict, parts: dict[str, bytes]) -> None:
+    about["project"]["pending"][0]["history"]["sources"][0]["path"] = 3
+
+
+def _newer(about: dict, parts: dict[str, bytes]) -> None:
+    about["format"] = "codenerf-project-9"
+
+
+_HARMS = _last_state, _camera, _every_state, _object, _fit, _photo, _request, _newer
+
+
+@pytest.mark.parametrize("harm", _HARMS, ids=lambda harm: harm.__name__)
+def test_a_part_that_cannot_be_read_leaves_the_others_and_its_file_is_kept(
+    models: OpenModels, saved: Project, tmp_path: Path, harm: Callable[[dict, dict[str, bytes]], None]
+) -> None:
+    path = tmp_path / "a.codenerf"
+    saved.save(path, models)
+    rewrite(path, harm)
+    project = Project.load(path, models)
+    lost = {_last_state: 1, _camera: 1, _every_state: len(saved.history.states) - 1}.get(harm, 0)
+    assert len(project.history.states) == len(saved.history.states) - lost
+    assert len(project.objects) == len(saved.objects) - (harm is _object)
+    assert bool(project.fit.steps) == (harm not in (_fit, _photo))
+    assert len(project.pending) == len(saved.pending) - (harm is _request)
+    (original,) = project.originals
+    assert original.name == "a.codenerf" and original.content == path.read_bytes() and all(original.reasons)
+    project.save(tmp_path / "b.codenerf", models)
+    again = Project.load(tmp_path / "b.codenerf", models)
+    assert again.originals == project.originals
+    assert again.history == project.history
+
+
+def test_what_belongs_to_a_missing_model_is_saved_as_it_was(models: OpenModels, saved: Project, tmp_path: Path) -> None:
+    def foreign(about: dict, parts: dict[str, bytes]) -> None:
+        about["project"]["objects"][0]["codes"]["model"] = "0" * 16
+        about["project"]["history"]["steps"][1]["state"]["scene"]["codes"]["model"] = "0" * 16
+        about["project"]["models"] = ["chairs", "/gone/stools.safetensors"]
+        about["project"]["model_files"] = {}
+
+    saved.save(tmp_path / "a.codenerf", models)
+    rewrite(tmp_path / "a.codenerf", foreign)
+    (model,) = models
+
+    def load(name: str) -> Model:
+        raise ValueError(f"no such model: {name}")
+
+    here = OpenModels(load)
+    here.add("chairs", model)
+    project = Project.load(tmp_path / "a.codenerf", here)
+    assert here.files["0" * 16] == "/gone/stools.safetensors"
+    assert not project.originals
+    replace(project, model_files=here.files).save(tmp_path / "b.codenerf", here)
+    again = Project.load(tmp_path / "b.codenerf", here)
+    assert again.objects[0].codes == replace(saved.objects[0].codes, model="0" * 16)
+    assert again.history == project.history
+    assert again.model_files["0" * 16] == "/gone/stools.safetensors"
 
 
 def test_a_project_that_is_not_there_or_of_no_open_model(models: OpenModels, tmp_path: Path, saved: Project) -> None:
@@ -146,16 +234,22 @@ def test_a_project_that_is_not_there_or_of_no_open_model(models: OpenModels, tmp
     saved.save(tmp_path / "a.codenerf", models)
     (model,) = models
     other = OpenModels(lambda name: random_model(seed=9))
-    with pytest.raises(ValueError, match="a model that is not open"):
-        Project.load(tmp_path / "a.codenerf", other)
+    found = Project.load(tmp_path / "a.codenerf", other)
+    assert found.history == saved.history and not any(
+        other.can_show(state.scene.codes) for state in found.history.states
+    )
     extended = replace(random_model(seed=9), extends=(model.fingerprint,))
     found = Project.load(tmp_path / "a.codenerf", OpenModels(lambda name: extended))
     assert {state.scene.codes.model for state in found.history.states} == {extended.fingerprint}
 
 
-def test_what_mixes_objects_that_nobody_has_is_refused(session: Session, saved: Project) -> None:
-    with pytest.raises(ValueError, match="mixes objects that are not here"):
-        Editor(session.models, session.editor.model, torch.Generator()).check(replace(saved, objects=()))
+def test_states_that_mix_objects_that_nobody_has_are_not_shown(session: Session, saved: Project) -> None:
+    editor = Editor(session.models, session.editor.model, torch.Generator())
+    editor.restore(replace(saved, objects=()))
+    assert [editor.can_show(state) for state in editor.history.states] == [
+        "block" not in state.mix.names for state in saved.history.states
+    ]
+    assert editor.can_show(editor.state)
 
 
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])

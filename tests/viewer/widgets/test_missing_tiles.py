@@ -1,0 +1,229 @@
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.models.model import Model
+from core.models.open_models import OpenModels
+from tests.conftest import random_model
+from tests.viewer.driver import Drive, Driver
+from viewer.autosave import Autosave
+from viewer.services.backend import Backend
+from viewer.services.worker import Worker
+from viewer.session import Session
+from viewer.values.objects import EditableObject
+from viewer.values.project import Project
+
+
+@pytest.fixture
+def stools(tmp_path: Path) -> Path:
+    """The file of a person's own model."""
+    model = replace(random_model(9), category="stools")
+    model.save(tmp_path / "stools.safetensors")
+    return tmp_path / "stools.safetensors"
+
+
+@pytest.fixture
+def own(backend: Backend, model: Model) -> Backend:
+    """The shipped model, and models of files."""
+    return replace(backend, load_model=lambda name: Model.load(Path(name)) if Path(name).suffix else model)
+
+
+def make(session: Session, stools: Path) -> None:
+    """A chair, a fitted stool, an edit of the stool, and a chair again, all of them keyframes."""
+    editor = session.editor
+    editor.show_object("object 2")
+    session.player.add_key()
+    model = session.models.open(str(stools))
+    session.tick()
+    name = editor.objects.add(EditableObject("Red stool", model.codes[1], True, 0.8))
+    editor.show_object(name)
+    session.player.seek(1.0)
+    editor.show_object(name)
+    session.player.add_key()
+    editor.mix_both(0.0, 0.5)
+    editor.show_object("object 3")
+    session.tick()
+
+
+@pytest.fixture
+def made(worker: Worker, own: Backend, stools: Path, tmp_path: Path) -> Project:
+    """A project with them in ``a.codenerf``, and the same kept in a folder for the next launch."""
+    folder = tmp_path / "config"
+    folder.mkdir()
+    session = Session(worker, own, 0, folder)
+    autosave = Autosave(session, folder)
+    make(session, stools)
+    session.save_project(tmp_path / "a.codenerf")
+    autosave.close()
+    assert session.messages.errors == []
+    return session.project()
+
+
+def find(window: Driver, widget: str, path: Path) -> None:
+    """Click a grey tile and answer with the path of the model."""
+    window.click(widget)
+    window.type(str(path))
+    window.wait()
+
+
+def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
+    drive: Drive, own: Backend, made: Project, stools: Path, tmp_path: Path
+) -> None:
+    moved = stools.rename(tmp_path / "elsewhere.safetensors")
+
+    def act(window: Driver) -> None:
+        session, editor = window.session, window.session.editor
+        assert session.messages.errors == []
+        assert any("stools.safetensors" in message.text for message in session.messages.shown)
+        assert editor.state.mix.a.shape == "object 3"
+        assert editor.objects.own == ["Red stool"]
+        tile = window.ctx.item_info("//Library/**/show Red stool").rect_full
+        grey = window.capture()[int(tile.min.y) + 3 : int(tile.min.y) + 20, int(tile.min.x) + 3 : int(tile.max.x) - 3]
+        assert np.ptp(grey, -1).max() < 16  # no picture, no colour
+        window.undo()
+        assert editor.state.mix.a.shape == "object 2"  # the states of the stool are skipped
+        window.redo()
+        assert editor.state.mix.a.shape == "object 3"
+        assert session.save_project(tmp_path / "b.codenerf")
+        find(window, "Library/**/show Red stool", moved)
+        assert editor.state.mix.a.shape == "Red stool"
+        assert [state.scene for state in editor.history.states[: len(made.history.states)]] == [
+            state.scene for state in made.history.states
+        ]
+        window.undo()
+        window.undo()
+        assert editor.model.category == "stools"
+        assert len(editor.playable.keys) == 2
+        assert session.messages.errors == []
+
+    drive(act, own, folder=tmp_path / "config")
+    again = Project.load(tmp_path / "b.codenerf", loaded(own, moved))
+    assert [one.codes for one in again.objects] == [one.codes for one in made.objects]
+    assert again.history.states == made.history.states
+
+
+def loaded(backend: Backend, path: Path) -> OpenModels:
+    models = OpenModels(backend.load_model)
+    for name in ("chairs", str(path)):
+        models.open(name)
+    return models
+
+
+def test_it_is_back_at_the_next_launch_once_its_file_is(
+    drive: Drive, own: Backend, made: Project, stools: Path
+) -> None:
+    folder, aside = stools.parent / "config", stools.rename(stools.with_name("aside"))
+
+    def without(window: Driver) -> None:
+        assert window.session.editor.is_missing("Red stool")
+        window.menu("File/###new_project")  # what is mine stays
+        assert window.session.editor.objects.own == ["Red stool"]
+        assert window.session.editor.is_missing("Red stool")
+
+    def back(window: Driver) -> None:
+        assert window.session.messages.all == []
+        window.click("Library/**/show Red stool")
+        assert window.session.editor.scene.codes == made.objects[0].codes
+        assert window.session.editor.objects.own == ["Red stool"]
+
+    drive(without, own, folder=folder)
+    aside.rename(stools)
+    drive(back, own, folder=folder)
+
+
+def test_a_tile_asks_for_no_file_that_is_back_and_refuses_another_model(
+    drive: Drive, own: Backend, made: Project, stools: Path, lasting_messages: None
+) -> None:
+    aside = stools.rename(stools.with_name("aside"))
+    random_model(11).save(stools.with_name("tables.safetensors"))
+
+    def act(window: Driver) -> None:
+        window.context.drop([str(stools.with_name("a.codenerf"))])
+        window.wait()
+        window.choose("Red stool", "###find model")
+        window.type(str(stools.with_name("tables.safetensors")))
+        window.wait()
+        assert window.session.messages.errors == [
+            "tables.safetensors is another model than stools.safetensors: choose the one from then"
+        ]
+        assert window.session.editor.is_missing("Red stool") and len(list(window.session.models)) == 1
+        aside.rename(stools)
+        window.click("Library/**/show Red stool")
+        window.wait()
+        assert window.session.editor.state.mix.a.shape == "Red stool"
+
+    drive(act, own)
+
+
+def test_a_state_and_a_keyframe_of_a_missing_model_are_grey_and_found_by_a_click(
+    drive: Drive, own: Backend, made: Project, stools: Path
+) -> None:
+    moved = stools.rename(stools.with_name("elsewhere.safetensors"))
+
+    def act(window: Driver) -> None:
+        window.context.drop([str(stools.with_name("a.codenerf"))])
+        window.wait()
+        session, editor = window.session, window.session.editor
+        window.show("Timeline")
+        session.player.play()
+        window.wait(lambda: session.player.seconds > 1.1)
+        session.player.pause()
+        assert len(editor.state.timeline.keys) == 2
+        assert [key.view.codes for key in editor.playable.keys] == [editor.state.timeline.keys[0].view.codes]
+        editor.undo()
+        window.ctx.yield_(3)
+        find(window, "History/state 3", moved)
+        assert editor.model.category == "stools"
+        assert session.messages.errors == []
+
+    drive(act, own)
+
+
+def test_a_removed_tile_is_removed_for_good(drive: Drive, own: Backend, made: Project, stools: Path) -> None:
+    stools.unlink()
+
+    def act(window: Driver) -> None:
+        window.click("Library/**/show Red stool", 1)
+        window.ctx.item_click("//**/###remove object")
+        window.ctx.item_click("//**/###remove for good")
+        window.ctx.yield_(3)
+        assert window.session.editor.objects.own == []
+        assert not list((stools.parent / "config" / "mine").glob("*.json"))
+
+    drive(act, own, folder=stools.parent / "config")
+
+
+def test_a_file_with_unreadable_parts_is_a_tile_from_which_it_is_saved(
+    drive: Drive, own: Backend, made: Project, stools: Path
+) -> None:
+    path = stools.with_name("a.codenerf")
+    with zipfile.ZipFile(path) as file:
+        parts = {name: file.read(name) for name in file.namelist()}
+    about = json.loads(parts["project.json"])
+    about["project"]["history"]["steps"][1]["state"]["scene"] = "lost"
+    parts["project.json"] = json.dumps(about).encode()
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in parts.items():
+            file.writestr(name, content)
+
+    def act(window: Driver) -> None:
+        session = window.session
+        window.context.drop([str(path)])
+        window.wait()
+        assert len(session.editor.history.states) == len(made.history.states) - 1
+        assert session.save_project(stools.with_name("b.codenerf"))
+        window.click("Library/**/original a.codenerf")
+        window.type(str(stools.with_name("copy.codenerf")))
+        assert stools.with_name("copy.codenerf").read_bytes() == path.read_bytes()
+        window.click("Library/**/original a.codenerf", 1)
+        window.ctx.item_click("//**/###remove object")
+        window.ctx.item_click("//**/###remove for good")
+        window.ctx.yield_(3)
+        assert session.originals == ()
+        assert session.messages.errors == []
+
+    drive(act, own)

@@ -1,0 +1,84 @@
+"""Grey tiles of what cannot be shown: objects and states of missing models, and project files with unreadable parts."""
+
+import textwrap
+from pathlib import Path
+
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+
+from viewer.context import PanelContext
+from viewer.screen.theme import packed
+from viewer.values.encoding import Original
+from viewer.values.history import State
+from viewer.values.variety import readable
+from viewer.widgets import object_tiles
+from viewer.widgets.controls import tooltip
+from viewer.widgets.text import paint_caption, small_height
+
+_FILE = icons_fontawesome_4.ICON_FA_UNLINK
+_WIDE = 60  # characters of a tooltip's line
+
+
+def draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2) -> None:
+    """Draw an object whose model is missing; a click or its menu asks for the model's file."""
+    session = context.session
+    model = session.editor.objects[name].codes.model
+    file = session.model_name(model)
+
+    def find() -> None:
+        context.find_model(model, lambda: session.editor.show_object(name))
+
+    if object_tiles.tile_button(f"show {name}", size):
+        find()
+    tooltip(f"{readable(name)} needs its model, {file}, which is not there\nClick to find it, right click for more")
+    if imgui.begin_popup_context_item():
+        if imgui.menu_item_simple("Find…###find model"):
+            find()
+        if imgui.menu_item_simple("Remove###remove object"):
+            session.remove(name)
+        imgui.end_popup()
+    paint(context, file, corner, size.x)
+
+
+def draw_state(context: PanelContext, state: State, words: str, name: str, side: float) -> None:
+    """Draw a state of the history that cannot be shown, described in words; a click asks for the model's file."""
+    session, corner = context.session, imgui.get_cursor_screen_pos()
+    model = state.scene.codes.model
+    if session.models.can_show(state.scene.codes):
+        object_tiles.tile_button(name, (side, side))
+        tooltip(f"Cannot be shown, as one of its objects is missing: {words}")
+    else:
+        if object_tiles.tile_button(name, (side, side)):
+            context.find_model(model, lambda: session.editor.show_state(state))
+        tooltip(f"Needs {session.model_name(model)}, which is not there: {words}\nClick to find it")
+    paint(context, "", corner, side)
+
+
+def draw_original(context: PanelContext, original: Original, corner: ImVec2, size: ImVec2) -> None:
+    """Draw a project file with unreadable parts; a click or its menu saves a copy of it."""
+    session = context.session
+    if object_tiles.tile_button(f"original {original.name}", size):
+        context.save_original(original)
+    reasons = "\n".join(textwrap.shorten(reason, _WIDE, placeholder=" …") for reason in original.reasons[:3])
+    tooltip(f"Parts of {original.name} cannot be read; it is kept as it was\n{reasons}\nClick to save a copy of it")
+    if imgui.begin_popup_context_item():
+        if imgui.menu_item_simple("Save a copy…###save original"):
+            context.save_original(original)
+        if imgui.begin_menu("Remove###remove object"):
+            if imgui.menu_item_simple("Remove it for good###remove for good"):
+                session.forget_original(original)
+            imgui.end_menu()
+        imgui.end_popup()
+    paint(context, original.name, corner, size.x)
+
+
+def paint(context: PanelContext, file: str, corner: ImVec2, side: float) -> None:
+    """Draw a grey square with a broken link above the name of a file, if any, without its ending."""
+    object_tiles.shade(corner, side, context.palette.raised)
+    if imgui.is_item_hovered():
+        object_tiles.shade(corner, side, (1, 1, 1), 0.12)
+    room = 1.2 * small_height() if file else 0.0
+    middle = corner + ImVec2(side, side - room) * 0.5
+    place = middle - imgui.calc_text_size(_FILE) * 0.5
+    imgui.get_window_draw_list().add_text(place, packed(context.palette.quiet), _FILE)
+    gap = 0.15 * hello_imgui.em_size()
+    paint_caption(context, Path(file).stem, corner + ImVec2(gap, side - room), side - 2 * gap)
