@@ -155,10 +155,13 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 
 def detailed_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """The same; the last step has the detail of the photos, as that of a real fit."""
+    """The same; the last step has offsets of the biases and the detail of the photos, as that of a real fit."""
     *steps, last = quick_fit(model, job)
     yield from steps
-    yield with_photo_detail(model, job.photos, last)
+    generator = torch.Generator().manual_seed(0)
+    shape, texture = ((0.3 * torch.randn(std.shape, generator=generator)).half() for std in model.bias_std)
+    codes = replace(last.codes, shape_offsets=shape, texture_offsets=texture)
+    yield with_photo_detail(model, job.photos, replace(last, codes=codes, search_psnr=last.psnr))
 
 
 class CheckedFit:

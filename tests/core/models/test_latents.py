@@ -3,18 +3,24 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from core.export.keyframes import Keyframe, Timeline, View
+from core.export.mesh import extract_mesh
+from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.latents import Latents, mixed_offsets, read_offsets
 from core.models.model import Model
 from core.models.scene import Scene
+from core.rendering.baked_field import render_baked
+from core.rendering.baking import bake
 from core.rendering.images import render_image
 from core.rendering.reference import render_exact
+from core.streams import run_to_end
 
 BLOCKS, WIDTH = 2, 32  # of the tiny model
 
@@ -45,6 +51,25 @@ def test_every_renderer_shows_offsets_and_zeros_change_nothing(tiny: Model):
     assert float((exact.colour - fast.colour).abs().mean()) < 0.01
     assert float((exact.colour - render_exact(tiny, plain, camera).colour).abs().mean()) > 0.01
     assert torch.equal(render_image(tiny, zeros, camera).colour, render_image(tiny, plain, camera).colour)
+
+
+def test_bakes_meshes_and_thumbnails_show_offsets(tiny: Model):
+    codes, camera = freed(tiny, 0), tiny.camera(0.7, 0.4)
+    exact = render_exact(tiny, codes, camera)
+    *_, baked = (field for field in bake(tiny, codes) if field is not None)
+    assert psnr(render_baked(baked, camera).colour, exact.colour) > 35
+    mesh = run_to_end(extract_mesh(tiny, codes, 48))
+    plain = run_to_end(extract_mesh(tiny, tiny.codes[0], 48))
+    assert not np.array_equal(mesh.vertices, plain.vertices)
+    depths = density_on(tiny, codes, mesh.vertices), density_on(tiny, tiny.codes[0], mesh.vertices)
+    assert depths[0] < depths[1]
+
+
+def density_on(model: Model, codes: Codes, vertices: np.ndarray) -> float:
+    """Spread of the logarithm of densities on a surface; small on the object's own."""
+    points = torch.from_numpy(vertices).float()
+    density, _ = model.field.density(points, model.biases(codes)[0])
+    return float(density.clamp_min(1e-6).log().std())
 
 
 def test_texture_offsets_do_not_change_the_opacity(tiny: Model):
