@@ -1,15 +1,12 @@
 """The biases of hypotheses and their derivatives: those of codes, or free ones around an object's.
 
 A search moves along the principal directions of the codes. A free stage (:mod:`core.fitting.free`) moves the biases
-themselves: shape and texture of its parameters are coordinates of offsets from the biases of fixed codes, the *origin*.
-The coordinates are standard normal where offsets vary and correlate as biases do over the training codes, with a part
-that is independent for each bias.
+themselves: shape and texture of its parameters are offsets from the biases of fixed codes, the *origin*, in standard
+deviations of the biases over the training codes (:attr:`core.models.model.Model.bias_std`).
 """
 
-from functools import lru_cache
-
 import torch
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.fitting.hypotheses import Parameters
@@ -19,8 +16,6 @@ from core.models.model import Model
 from core.rendering.jacobian import BiasJacobians
 from core.rendering.shape_cells import shape_cells
 from core.runtime.precision import matmul_dtype
-
-_CORRELATED = 0.7  # fraction of an offset's variance that follows the training biases; with 0, fits are less steady
 
 
 def hypothesis_biases(
@@ -62,12 +57,10 @@ def hypothesis_codes(
 def _offsets(
     model: Model, parameters: Parameters
 ) -> tuple[Float[Tensor, "hypotheses blocks width"], Float[Tensor, "hypotheses more_blocks width"]]:
-    """Return the offsets of free hypotheses, in standard deviations of the training biases."""
+    """Return the offsets of free hypotheses."""
     shape, texture = (
-        (coordinates @ factor.T).unflatten(1, std.shape)
-        for coordinates, factor, std in zip(
-            (parameters.shape, parameters.texture), _factors(model), model.bias_std, strict=True
-        )
+        offsets.unflatten(1, std.shape)
+        for offsets, std in zip((parameters.shape, parameters.texture), model.bias_std, strict=True)
     )
     return shape, texture
 
@@ -82,8 +75,8 @@ def bias_jacobians(model: Model, parameters: Parameters, origin: Latents | None 
             model.field.texture_bias_jacobian(textures.code(parameters.texture), textures.basis).to(dtype),
         )
     shape, texture = (
-        (std.flatten()[:, None] * factor).unflatten(0, std.shape).to(dtype).expand(len(parameters.shape), -1, -1, -1)
-        for std, factor in zip(model.bias_std, _factors(model), strict=True)
+        torch.diag(std.flatten()).unflatten(0, std.shape).to(dtype).expand(len(parameters.shape), -1, -1, -1)
+        for std in model.bias_std
     )
     return BiasJacobians(shape, texture)
 
@@ -93,21 +86,3 @@ def hypothesis_cells(
 ) -> Bool[Tensor, "hypotheses x y z"] | None:
     """Return the cells that each hypothesis' shape may occupy (:func:`core.rendering.shape_cells.shape_cells`)."""
     return shape_cells(model, hypothesis_biases(model, parameters, origin)[0])
-
-
-@lru_cache(maxsize=2)
-def _factors(model: Model) -> tuple[Float[Tensor, "shape_biases shape_biases"], Float[Tensor, "biases biases"]]:
-    """Return triangular matrices from standard normal coordinates to offsets of shape and texture."""
-    with torch.inference_mode(False), torch.no_grad():  # cached
-        biases = model.field.biases(model.codes.shapes, model.codes.textures)
-        shape, texture = (
-            _factor(((bias - bias.mean(0)) / std).flatten(1).double())
-            for bias, std in zip(biases, model.bias_std, strict=True)
-        )
-        return shape, texture
-
-
-def _factor(offsets: Float64[Tensor, "rows biases"]) -> Float[Tensor, "biases biases"]:
-    """Return the Cholesky factor of the covariance of training offsets, shrunk towards independence."""
-    covariance = offsets.T @ offsets / len(offsets)
-    return torch.linalg.cholesky(torch.eye(len(covariance)).to(covariance).lerp(covariance, _CORRELATED)).float()

@@ -2,8 +2,8 @@
 
 A code of 64 numbers enters the network as some 300 biases, so codes reach only a thin surface in the space of biases.
 Offsets from that surface are found like codes, by Gauss-Newton steps on the photos. Their prior is normal, with the
-covariance of the biases over the training codes (:mod:`core.fitting.biases`). GAN inversion leaves its latent space in
-the same way (R. Abdal et al., "Image2StyleGAN", ICCV 2019; D. Roich et al., "Pivotal tuning for latent-based editing of
+spread of the biases over the training codes (:mod:`core.fitting.biases`). GAN inversion leaves its latent space in the
+same way (R. Abdal et al., "Image2StyleGAN", ICCV 2019; D. Roich et al., "Pivotal tuning for latent-based editing of
 real images", 2021). Density still cannot see texture.
 """
 

@@ -18,7 +18,7 @@ class FitSettings:
     have fewer."""
     code_prior: float = 1e-5
     """weight of a code's squared standard deviations, relative to a pixel's squared error (Eq. 5's 1 / nu^2)"""
-    free_steps: int = 12  # with free biases, after the search (:mod:`core.fitting.free`); 0: codes alone
+    free_steps: int = 20  # with free biases, after the search (:mod:`core.fitting.free`); 0: codes alone
     max_restarts: int = 1  # further searches while the single unknown camera is in doubt; the best result is kept
     estimate_focal: bool = False
     """search the focal length of unknown cameras too, with 1.5 times the hypotheses; else use the model's"""
@@ -57,7 +57,7 @@ class PaperSettings(FitSettings):
 
 
 PRESETS: dict[str, FitSettings] = {
-    "draft": FitSettings(hypotheses=12, steps=26, rays=512, free_steps=6, max_restarts=0),
+    "draft": FitSettings(hypotheses=12, steps=26, rays=512, free_steps=10, max_restarts=0),
     "normal": FitSettings(),
     "fine": FitSettings(hypotheses=40, steps=84, rays=1536),
     "paper": PaperSettings(),
