@@ -327,8 +327,9 @@ class Editor:
         codes = self._adopted(state.scene.codes)
         own = {name: self.objects.name_here(name, codes.model) or name for name in state.mix.names - names.keys()}
         mix = state.mix.renamed(own | names)
-        # States of former versions do not say so.
-        is_a = state.is_a or (mix.a.shape in self.objects and codes == self.objects[mix.a.shape].original)
+        is_a, a = state.is_a, mix.a.shape
+        if is_a is None and a in self.objects:  # of a former version
+            is_a = codes == self.objects[a].original
         return replace(state, scene=replace(state.scene, codes=codes), mix=mix, is_a=is_a)
 
     # Undo

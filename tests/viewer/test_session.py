@@ -5,13 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.scene import Scene, save_image
 from core.photos.view_bank import ViewBank
-from tests.conftest import random_model
+from tests.conftest import open_models, random_model
 from tests.core.tiny import tiny_bank
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_fit
@@ -21,6 +22,8 @@ from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest
+from viewer.values.objects import EditableObject
+from viewer.values.project import Project
 
 
 def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: Editor, model: Model) -> None:
@@ -208,6 +211,113 @@ def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Sessi
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.objects.own == ["block"]
     assert session.messages.errors == []
+
+
+def edited_stool(session: Session, stools: Model) -> tuple[int, int]:
+    """Edit a stool twice, the second time from before the first; return both steps of undo, and show a chair."""
+    editor = session.editor
+    editor.show_object(editor.objects.add(EditableObject("stool", stools.codes[1], True)))
+    for shift in (1.0, 2.0):
+        editor.set_texture(stools.codes[1].texture + shift)
+        editor.undo()
+    (branch,) = editor.history.branches
+    editor.redo()
+    last = editor.history.current
+    editor.show_object("object 3")
+    return branch.last, last
+
+
+def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
+    worker: Worker, backend: Backend, model: Model, tmp_path: Path
+) -> None:
+    stools = replace(random_model(9), category="stools")
+    after = replace(random_model(11), extends=(stools.fingerprint,), category="stools")
+    there: dict[str, Model] = {"chairs": model, "stools": stools}
+    backend = replace(backend, load_model=lambda name: there.get(name, model))
+    session = Session(worker, backend, seed=0, folder=tmp_path)
+    session.models.open("stools")
+    session.tick()
+    first, last = edited_stool(session, stools)
+    made = session.editor.history
+    session.keep_user_objects()
+    session.save_project(tmp_path / "a.codenerf")
+    del there["stools"]
+
+    session = Session(worker, backend, seed=0, folder=tmp_path)
+    session.open_project(tmp_path / "a.codenerf")
+    editor = session.editor
+    assert session.messages.errors == [] and editor.objects.own == ["stool"]
+    assert editor.history == made
+    for number in (first, last):
+        editor.go_to(number)
+        assert editor.history == made  # it cannot be shown
+    kept = editor.objects["stool"]
+    assert kept.codes == made.steps[last].state.scene.codes and kept.original == stools.codes[1]
+    session.keep_edits(session.project())
+    session.keep_user_objects()
+    session.save_project(tmp_path / "b.codenerf")
+
+    session.models.add("after", after)
+    session.tick()
+    for number in (first, last):
+        editor.go_to(number)
+        assert editor.scene.codes == replace(made.steps[number].state.scene.codes, model=after.fingerprint)
+        assert editor.objects["stool"].codes == editor.scene.codes
+    assert [codes.model for codes in editor.objects["stool"].versions] == [after.fingerprint] * 2
+    editor.reset()
+    assert editor.scene.codes == replace(stools.codes[1], model=after.fingerprint)
+
+    there["stools"] = stools
+    session = Session(worker, backend, seed=0)
+    session.models.open("stools")
+    session.open_project(tmp_path / "b.codenerf")
+    assert session.editor.history == made
+    assert session.editor.objects["stool"].codes == kept.codes
+
+
+def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
+    worker: Worker, backend: Backend, model: Model, tmp_path: Path
+) -> None:
+    stools = replace(random_model(9), category="stools")
+    editor = Editor(open_models(model, stools), model, torch.Generator())
+    one = EditableObject("stool", stools.codes[1], True)
+    editor.show_object(editor.objects.add(one))
+    editor.set_texture(stools.codes[1].texture + 1.0)
+    saved = Project(editor.history, editor.objects.ever_added)
+
+    editor = Editor(open_models(model), model, torch.Generator())
+    here = one.left_as(replace(one.codes, texture=one.codes.texture + 2.0))
+    editor.objects.add(here)
+    editor.restore(saved)
+    assert editor.objects["stool"].codes == saved.objects[0].codes
+    (branch,) = editor.history.branches
+    editor.models.add("stools", stools)
+    editor.add_model(stools)
+    editor.go_to(branch.last)
+    assert editor.scene.codes == here.codes == editor.objects["stool"].codes
+
+
+def test_without_any_state_that_can_be_shown_work_goes_on_after_them(model: Model) -> None:
+    stools = replace(random_model(9), category="stools")
+    editor = Editor(open_models(stools), stools, torch.Generator())
+    name = editor.objects.add(EditableObject("stool", stools.codes[1], True))
+    editor.show_object(name)
+    editor.remove(name)
+    saved = Project(editor.history, editor.objects.ever_added)
+
+    editor = Editor(open_models(model), model, torch.Generator())
+    shown = editor.scene
+    editor.restore(saved)
+    assert editor.scene == shown and editor.objects.own == []
+    assert editor.history.past == saved.history.states
+    editor.undo()
+    editor.redo()
+    assert editor.scene == shown
+    editor.models.add("stools", stools)
+    editor.add_model(stools)
+    editor.undo()
+    editor.undo()
+    assert editor.objects.own == ["stool"] and editor.model is stools
 
 
 def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, photo: Path, tmp_path: Path) -> None:

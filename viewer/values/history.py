@@ -62,7 +62,8 @@ class State:
     mix: Mix
     timeline: Timeline = field(default_factory=Timeline)
     removed: frozenset[str] = frozenset()  # names of unlisted added objects
-    is_a: bool = False  # the codes are those of object A, perhaps edited: not sampled, nor from the timeline
+    is_a: bool | None = False
+    """The codes are those of object A, perhaps edited: not sampled, nor from the timeline. None: not known yet."""
 
     @property
     def version_of(self) -> str:

@@ -223,8 +223,8 @@ def _branching(about: dict, store: BlobStore) -> dict:
     if "steps" in history:
         return history
     past, future = (_listed(history, name, store) for name in ("past", "future"))
-    removed = {"removed": _listed(about, "removed", store)}
-    states = [state | removed if isinstance(state, dict) else state for state in (*past, history.get("now"), *future)]
+    later = {"removed": _listed(about, "removed", store), "is_a": None}
+    states = [state | later if isinstance(state, dict) else state for state in (*past, history.get("now"), *future)]
     steps = [{"state": state, "parent": number - 1} for number, state in enumerate(states)]
     return {"steps": steps, "current": len(past), "tip": len(steps) - 1}
 

@@ -208,6 +208,27 @@ def test_beyond_the_limit_only_the_oldest_ends_beside_the_path_are_dropped(opera
                 assert len(history.steps) == len(history.states)
 
 
+@settings(deadline=None, max_examples=200)
+@given(st.lists(_OPERATIONS, max_size=20), st.sets(st.integers(0, 12)))
+def test_steps_that_are_left_out_leave_one_tree_of_the_others(
+    operations: list[tuple[str, int]], dropped: set[int]
+) -> None:
+    history = History.of(_state(_MODEL, 0, 0))
+    for kind, number in operations:
+        history = _operated(history, kind, number)
+    kept = [step.state for number, step in enumerate(history.steps) if number not in dropped]
+    if not kept:
+        return
+    left = history.without(dropped)
+    left.check()
+    assert [step.state for step in left.steps] == kept
+    if history.current not in dropped:
+        assert left.now is history.now
+    first = [state for number, state in zip(history._path, history.states, strict=True) if number not in dropped]
+    assert not first or list(left.states[: len(first)]) == first
+    assert sorted(history.nearest) == list(range(len(history.steps))) and history.nearest[0] == history.current
+
+
 def _state(model: Model, number: int, azimuth: float) -> State:
     return State(Scene(model.codes[number], model.camera(azimuth, 0)), Mix(Pair("a", "a"), "b"))
 

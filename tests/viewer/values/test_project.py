@@ -202,6 +202,60 @@ def test_a_part_that_cannot_be_read_leaves_the_others_and_its_file_is_kept(
     assert again.history == project.history
 
 
+@pytest.fixture
+def branched(saved: Project) -> Project:
+    """The same at a branch from the second state; the later ones are another branch."""
+    history = saved.history.at(1)
+    camera, codes = history.now.scene.camera, history.past[0].scene.codes
+    edited = replace(history.now, scene=replace(history.now.scene, codes=replace(codes, texture=codes.texture + 0.1)))
+    turned = replace(edited, scene=replace(edited.scene, camera=replace(camera, azimuth=0.5)))
+    return replace(saved, history=history.changed(edited).changed(turned))
+
+
+@pytest.mark.parametrize("lost", ["first", "fork", "now", "end of the other", "step", "all but the other"])
+def test_branches_stay_where_a_state_between_cannot_be_read(
+    models: OpenModels, branched: Project, tmp_path: Path, lost: str
+) -> None:
+    history, path = branched.history, tmp_path / "a.codenerf"
+    (branch,) = history.branches
+    own = [history.steps.index(step) for step in history.steps if step.state in history.states]
+    numbers = {"first": [0], "fork": [1], "now": [history.current], "end of the other": [branch.last], "step": [1]}
+    dropped = numbers.get(lost, own)
+    branched.save(path, models)
+
+    def harm(about: dict, parts: dict[str, bytes]) -> None:
+        for number in dropped:
+            if lost == "step":
+                about["project"]["history"]["steps"][number] = "lost"
+            else:
+                about["project"]["history"]["steps"][number]["state"]["mix"] = None
+
+    rewrite(path, harm)
+    project = Project.load(path, models)
+    project.history.check()
+    assert len(project.originals) == 1
+    left = [step.state for number, step in enumerate(history.steps) if number not in dropped]
+    assert [step.state for step in project.history.steps] == left
+    assert len(project.history.branches) == (lost != "all but the other")
+    if history.current not in dropped:
+        assert project.history.now == history.now
+
+
+@pytest.mark.parametrize(
+    "harm", [{"current": 99}, {"tip": 0}, {"tip": "last"}, {"current": None}, {"steps": 3}], ids=str
+)
+def test_states_that_are_no_tree_are_consecutive(
+    models: OpenModels, branched: Project, tmp_path: Path, harm: dict
+) -> None:
+    path = tmp_path / "a.codenerf"
+    branched.save(path, models)
+    rewrite(path, lambda about, parts: about["project"]["history"].update(harm))
+    project = Project.load(path, models)
+    assert project.originals[0].content == path.read_bytes()
+    scenes = [step.state.scene for step in branched.history.steps]
+    assert [state.scene for state in project.history.states] == (scenes[:1] if "steps" in harm else scenes)
+
+
 def test_what_belongs_to_a_missing_model_is_saved_as_it_was(models: OpenModels, saved: Project, tmp_path: Path) -> None:
     def foreign(about: dict, parts: dict[str, bytes]) -> None:
         about["project"]["objects"][0]["codes"]["model"] = "0" * 16

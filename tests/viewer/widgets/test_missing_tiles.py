@@ -183,14 +183,45 @@ def test_a_state_and_a_keyframe_of_a_missing_model_are_grey_and_found_by_a_click
     drive(act, own)
 
 
-def test_a_removed_tile_is_removed_for_good(drive: Drive, own: Backend, made: Project, stools: Path) -> None:
+def test_a_branch_of_a_missing_model_is_grey_and_found_by_a_click(
+    drive: Drive, own: Backend, worker: Worker, stools: Path
+) -> None:
+    session, path = Session(worker, own, 0), stools.with_name("a.codenerf")
+    editor, model = session.editor, session.models.open(str(stools))
+    session.tick()
+    editor.show_object("object 2")
+    editor.show_object(editor.objects.add(EditableObject("Red stool", model.codes[1], True, 0.8)))
+    made = editor.scene
+    editor.undo()
+    editor.show_object("object 3")
+    assert session.save_project(path)
+    moved = stools.rename(stools.with_name("elsewhere.safetensors"))
+
+    def act(window: Driver) -> None:
+        window.context.drop([str(path)])
+        window.wait()
+        editor = window.session.editor
+        assert editor.state.mix.a.shape == "object 3"
+        find(window, "History/branch 1", moved)
+        assert editor.scene == made
+        assert window.session.messages.errors == []
+
+    drive(act, own)
+
+
+def test_a_removed_tile_comes_back_by_undo_and_is_deleted_by_new(
+    drive: Drive, own: Backend, made: Project, stools: Path
+) -> None:
     stools.unlink()
 
     def act(window: Driver) -> None:
-        window.click("Library/**/show Red stool", 1)
-        window.ctx.item_click("//**/###remove object")
-        window.ctx.item_click("//**/###remove for good")
-        window.ctx.yield_(3)
+        window.choose("Red stool", "###remove object")
+        assert window.session.editor.objects.own == []
+        window.undo()
+        assert window.session.editor.objects.own == ["Red stool"]
+        assert window.session.editor.is_missing("Red stool")
+        window.redo()
+        window.menu("File/###new_project")
         assert window.session.editor.objects.own == []
         assert not list((stools.parent / "config" / "mine").glob("*.json"))
 
