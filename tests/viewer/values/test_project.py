@@ -363,6 +363,23 @@ def test_a_project_with_branches_and_an_edited_object_opens(worker: Worker, back
     assert sorted(editor.objects.own) == ["block", "block blue"]
 
 
+def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backend, tmp_path: Path) -> None:
+    folder = Path("tests/files/da8bdc5")
+    shutil.copytree(folder / "mine", tmp_path / "mine")
+    session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    fitted, mixed = editor.objects["block"].codes, editor.scene.codes
+    assert fitted.shape_offsets is not None and fitted.detail is not None
+    assert fitted.detail.fitted.shape_key == fitted.shape_key
+    assert mixed.shape_offsets is not None  # half of B, which has none
+    torch.testing.assert_close(mixed.shape_offsets.float(), fitted.shape_offsets.float() / 2, atol=1e-3, rtol=1e-2)
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert editor.scene.codes == mixed
+
+
 def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -> None:
     """Scenes that were opened had a photo of null."""
     with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:
