@@ -17,7 +17,7 @@ from core.fitting.objective import render_pixels
 from core.fitting.observations import Observation, sample_pixels
 from core.fitting.problem import SCORING_RAYS, Problem
 from core.fitting.schedule import Stage
-from core.fitting.search import refine
+from core.fitting.search import refine, score
 from core.models.latents import Latents
 
 _SOLID = 0.7  # opacity of codes above which they hold a background pixel of a doubtful mask for the object
@@ -35,8 +35,10 @@ def free_biases(
     parameters, (shapes, textures) = winner.parameters, problem.spaces
     origin = Latents(shapes.code(parameters.shape[0]), textures.code(parameters.texture[0]))
     shape, texture = (torch.zeros(1, std.numel()) for std in problem.model.bias_std)
-    freed = replace(winner, parameters=parameters._replace(shape=shape, texture=texture))
-    for best in refine(replace(_cautious(problem, winner, generator), origin=origin), freed, stage, generator):
+    problem = replace(_cautious(problem, winner, generator), origin=origin)
+    start = replace(winner, parameters=parameters._replace(shape=shape, texture=texture))
+    start = score(problem, start, stage.robust_scale)  # by this objective, whose prior is of the offsets
+    for best in refine(problem, start, stage, generator):
         yield origin, best
 
 
