@@ -1,10 +1,7 @@
 """Shapes and types of core are checked at run time, and what core and viewer tests share is made here."""
 
-import atexit
 import copy
 import os
-import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -26,10 +23,6 @@ os.environ["CODENERF_THREADS"] = "1"  # a process for each core runs tests
 
 # Before anything of core is.
 install_import_hook("core", "tests.checked.checked")
-
-# View banks are kept here, not where those of the person who runs the tests are.
-os.environ["CODENERF_CACHE"] = tempfile.mkdtemp(prefix="codenerf-tests-")
-atexit.register(shutil.rmtree, os.environ["CODENERF_CACHE"], ignore_errors=True)
 
 hypothesis.settings.register_profile(
     "shared machine",

@@ -102,10 +102,8 @@ class Session:
         self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
-        """Begin to render the scene and to build the view banks."""
+        """Begin to render the scene."""
         self.viewport.begin(self._pictures)
-        for model in self.models:
-            self._build_view_bank(model)
 
     def tick(self) -> None:
         """Deliver the worker's results and advance the activities; call once a frame."""
@@ -163,7 +161,6 @@ class Session:
         for model in new:
             self.editor.add_model(model)
             self._add_user_objects(self._user_objects.open(model))
-            self._build_view_bank(model)
         if new:
             self._restore_fits(*self._waiting)
 
@@ -191,17 +188,6 @@ class Session:
             name = f"words {model.fingerprint}"
             self.jobs.submit(Job(name, lambda: measure(model), keep, share=BACKGROUND_SHARE))
         return self._words[model.fingerprint]
-
-    @property
-    def preparing(self) -> float | None:
-        """The finished fraction of the view banks, 0..1; None once all are built."""
-        shares = [self.jobs.banks.shares.get(model.fingerprint, 0.0) for model in self.models]
-        busy = self.jobs.busy(*(f"view bank {model.fingerprint}" for model in self.models))
-        return sum(shares) / len(shares) if busy else None
-
-    def _build_view_bank(self, model: Model) -> None:
-        name, banks = f"view bank {model.fingerprint}", self.jobs.banks
-        self.jobs.submit(Job(name, lambda: banks.wait(model), lambda _: None, share=BACKGROUND_SHARE))
 
     def rename(self, name: str, to: str) -> None:
         """Rename an added object everywhere."""

@@ -1,6 +1,6 @@
 """The viewpoint classifier: a small network that predicts from which direction an image shows an object.
 
-The view bank (:mod:`core.photos.view_bank`) compares silhouettes of a few prototypes, and a new object may resemble
+The view bank (:mod:`core.models.view_bank`) compares silhouettes of a few prototypes, and a new object may resemble
 them from many sides. This network was trained on augmented training images and recognises a front. It predicts no
 codes: its output is a prior on the camera's direction, on a grid.
 """

@@ -29,7 +29,6 @@ from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
-from core.photos.view_bank import ViewBank
 from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
 _AS_PROMINENT = 0.7  # fraction of the first object's prominence from which a second object is mentioned
@@ -49,11 +48,11 @@ def fit(chosen: argparse.Namespace) -> None:
     _compare_categories(chosen, cuts)
     model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
-        bank = wait_for_view_bank(model)
-    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), repeat(bank), poses, repeat(chosen.pose_scale)))
+        wait_for_view_bank(model)
+    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_scale)))
     _say_category(chosen, model, cuts[0].categories)
     with clock("search"):
-        last = _search(model, FitJob(photos, bank, settings, chosen.seed), chosen.log)
+        last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
     try:
         _write_files(chosen, model, photos[0], cuts[0], last)
     finally:  # files first, as words may have no reader; but a file that fails takes no words away
@@ -181,9 +180,9 @@ def _is_transforms(poses: Sequence[Path]) -> bool:
     return len(poses) == 1 and poses[0].suffix.lower() == ".json"
 
 
-def _photo(path: Path, cut: CutOut, model: Model, bank: ViewBank, posed: PosedImage | None, scale: float) -> Photo:
+def _photo(path: Path, cut: CutOut, model: Model, posed: PosedImage | None, scale: float) -> Photo:
     with naming(path):
-        photo = prepare_photo(cut, model, bank, posed)
+        photo = prepare_photo(cut, model, posed)
         if posed and posed.focal and photo.camera:  # SRN's poses are in a model's units
             require_scale([photo.mask.numpy()], [photo.camera], scale)
         return photo

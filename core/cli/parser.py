@@ -57,7 +57,6 @@ def build_parser() -> argparse.ArgumentParser:
     _add_train_parts(commands)
     _add_convert(commands)
     _add_evaluate(commands)
-    _add_cache(commands)
     add_bench(commands)
     return top
 
@@ -211,11 +210,6 @@ def _add_preset(command: argparse.ArgumentParser) -> None:
         default="normal",
         help="how much work; paper: the authors' method, from one initialisation",
     )
-
-
-def _add_cache(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "cache", "cache.cache", "list cached files that speed up the start: view banks")
-    command.add_argument("--clear", action="store_true", help="remove the files; they are rebuilt when needed")
 
 
 def _add_dataset(commands: argparse._SubParsersAction) -> None:

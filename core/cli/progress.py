@@ -1,15 +1,10 @@
 """Progress bars of commands."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from core.models.model import Model
-from core.streams import run_to_end
-
-if TYPE_CHECKING:
-    from core.photos.view_bank import ViewBank
 
 
 def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
@@ -23,9 +18,10 @@ def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
             bar.update()
 
 
-def wait_for_view_bank(model: Model) -> "ViewBank":
-    """Build the model's view bank under a progress bar, or read it from the cache folder."""
+def wait_for_view_bank(model: Model) -> None:
+    """Compute the view bank under a progress bar if the model's file has none."""
     from core.photos.view_bank import build_view_bank  # imported late: videos do not need it
 
     with tqdm(desc="view bank", total=1.0, bar_format="{desc} {percentage:.0f} %", leave=False, disable=None) as bar:
-        return run_to_end(build_view_bank(model), lambda share: bar.update(share - bar.n))
+        for fraction in build_view_bank(model):
+            bar.update(fraction - bar.n)

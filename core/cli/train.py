@@ -4,12 +4,13 @@ import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import torch
 from tqdm import tqdm
 
 from core.classifiers.viewpoint import ViewpointClassifier
-from core.cli.progress import run_with_progress
+from core.cli.progress import run_with_progress, wait_for_view_bank
 from core.lab.datasets.categories import Split
 from core.lab.datasets.glb_objects import mesh_tasks, pair_tasks
 from core.lab.datasets.render_objects import RenderTask, render_objects
@@ -24,6 +25,8 @@ from core.models.authors_checkpoint import load_authors
 from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
+from core.photos.view_bank import view_bank
+from core.rendering.direction_words import direction_words
 from core.runtime.files import require_writable
 
 _CHECKPOINT_EVERY = 5000  # steps between two checkpoints, each measured on held-out views
@@ -81,11 +84,13 @@ def train(chosen: argparse.Namespace) -> None:
                 tqdm.write(f"step {step.step}: {found:.2f} dB on held-out views, {step.seconds:.0f} s")
                 points.append(CurvePoint(step.step, step.seconds, found))
                 write_curve(curve, chosen.out.stem, points)
+    model = trainer.model()
     if initial and initial.viewpoint_classifier:
-        replace(trainer.model(), viewpoint_classifier=initial.viewpoint_classifier).save(chosen.out)
+        model = replace(model, viewpoint_classifier=initial.viewpoint_classifier)
     elif chosen.recipe == "default":
         steps = max(1, chosen.steps // _VIEWPOINT_FRACTION)
-        _with_viewpoint(trainer.model(), training, steps, chosen.seed).save(chosen.out)
+        model = _with_viewpoint(model, training, steps, chosen.seed)
+    _save_complete(model, chosen.out)
 
 
 def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
@@ -94,7 +99,7 @@ def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
     model, dataset = load_model(chosen.model), read_dataset(chosen.datasets, scale=chosen.pose_scale)
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, but the model {model.category}")
-    _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
+    _save_complete(_with_viewpoint(model, dataset, chosen.steps, chosen.seed), chosen.out)
 
 
 def train_part_head(chosen: argparse.Namespace) -> None:
@@ -107,8 +112,15 @@ def train_part_head(chosen: argparse.Namespace) -> None:
     trial = fit_part_head(names, [one for index, one in enumerate(places) if index % _VALIDATION_STRIDE] or places)
     features, part = (torch.cat(values) for values in zip(*tested, strict=True))
     share = 100 * float((trial(features).argmax(1) == part).float().mean())
-    replace(model, part_head=fit_part_head(names, places)).save(chosen.out)
+    _save_complete(replace(model, part_head=fit_part_head(names, places)), chosen.out)
     print(f"{', '.join(names)}: {share:.1f} % of the surface of {len(tested)} held-out objects")
+
+
+def _save_complete(model: Model, path: Path) -> None:
+    """Save a model with its view bank and the words of its directions; compute those that it lacks."""
+    wait_for_view_bank(model)
+    *_, words = direction_words(model)
+    replace(model, view_bank=view_bank(model), words=words).save(path)
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
@@ -142,6 +154,6 @@ def convert(chosen: argparse.Namespace) -> None:
     if chosen.out.suffix != ".safetensors":
         raise ValueError(f"{chosen.out.name}: a model file must end in .safetensors")
     model = load_authors(chosen.checkpoint, chosen.config)
-    model.save(chosen.out)
+    _save_complete(model, chosen.out)
     lost = ", ".join(str(index) for index in sorted(model.codes.collapsed))
     print(f"{len(model.codes)} {model.category}" + (f"; excluded as nearly empty: {lost}" if lost else ""))

@@ -50,7 +50,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     # Where the network paints the background, its colour would be free, too.
     job = replace(job, settings=replace(settings, free_steps=0) if model.white_from_network else settings)
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
-    problem = Problem.of(model.soft, job, generator)
+    problem = Problem.of(model, job, generator)
     unknown = int(problem.unknown.sum())
     schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)

@@ -61,7 +61,7 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
     for view, found in candidates.items():
         _place(problem, view, parameters, found)
         if problem.bank and problem.components.prototype_shapes:
-            prototypes = space.coordinates(problem.bank.codes.shape)[found.prototype[:count]]
+            prototypes = space.coordinates(problem.bank.shapes(model.codes))[found.prototype[:count]]
             parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))
     return batch
 
@@ -124,7 +124,8 @@ def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> F
         return mean.expand(count, -1)
     if bank.is_empty:  # With a known camera even an untrained model can be fitted.
         return mean
-    shapes, similarity = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
+    shapes = space.coordinates(bank.shapes(problem.model.codes))
+    similarity = torch.zeros(len(shapes))
     for photo, camera in zip(problem.photos, cameras, strict=True):
         image = ObjectMask(photo.mask, camera.focal, photo.unseen)
         similarity += shape_similarity(bank, image, camera.azimuth, camera.elevation)

@@ -25,9 +25,10 @@ from core.geometry.camera import Camera
 from core.models.codes import CodeSpace
 from core.models.latents import Latents
 from core.models.model import Model
+from core.models.view_bank import ViewBank
 from core.photos.photo import Photo
 from core.photos.ranking import ObjectMask, expected_scales
-from core.photos.view_bank import ViewBank
+from core.photos.view_bank import view_bank
 
 SCORING_RAYS = 2048  # per photo, constant
 _VALIDATION_RAYS = 512  # per photo, not used by steps: for the uncertainty of a camera
@@ -38,7 +39,6 @@ class FitJob:
     """Photos of one object to fit. Raises ``ValueError`` without photos, or if a resumed fit had more or fewer."""
 
     photos: tuple[Photo, ...]
-    bank: ViewBank  # of the fitted model
     settings: FitSettings = field(default_factory=FitSettings)
     seed: int = 0
     resume_from: Hypothesis | None = None  # refine this one, without a search
@@ -55,7 +55,7 @@ class FitJob:
 class Problem:
     """The constant part of a fit: photos of one object with unknown codes and cameras."""
 
-    model: Model
+    model: Model  # without contrast
     bank: ViewBank | None  # None: start from random cameras and the mean shape
     settings: FitSettings
     components: Components
@@ -81,8 +81,10 @@ class Problem:
         scoring, validation = (
             sample_pixels(observations, count, generator) for count in (SCORING_RAYS, _VALIDATION_RAYS)
         )
-        bank = job.bank if components.view_bank else None
-        return cls(model, bank, settings, components, photos, observations, cameras, viewpoints, scoring, validation)
+        bank = view_bank(model) if components.view_bank else None
+        return cls(
+            model.soft, bank, settings, components, photos, observations, cameras, viewpoints, scoring, validation
+        )
 
     @property
     def unknown(self) -> Bool[Tensor, "views"]:

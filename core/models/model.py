@@ -20,9 +20,10 @@ from core.models.architecture_variants import build_field
 from core.models.codes import CodeBook, Codes, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
-from core.models.latents import Latents
+from core.models.latents import CodeKind, Latents
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
 from core.models.part_head import PartHead
+from core.models.view_bank import ViewBank
 from core.runtime.files import atomic_file
 from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
 
@@ -31,7 +32,10 @@ _MIN_BIAS_STD = 1e-3  # of a bias that hardly differs between training objects
 _LARGEST = 1e6  # upper bound of lengths in scene units and px
 _CELLS = "occupied_cells"
 _CLASSIFIER = "viewpoint."  # prefix of the viewpoint classifier's tensors
+_BANK = "view_bank."  # prefix of the view bank's tensors
 _PARTS = "parts.weight", "parts.bias"
+
+Words = dict[CodeKind, tuple[str, ...]]  # for the first directions of shape and of texture, such as "taller"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,10 @@ class Model:
     stored_cells: Bool[Tensor, "x y z"] | None = None
     """:attr:`occupied_cells` from the model file; None: the file has none, compute them from the codes"""
     part_head: PartHead | None = None  # labels the parts of a mesh, on the processor; None: a mesh is one part
+    view_bank: ViewBank | None = None
+    """small views to compare photos with; None: the file has none, :mod:`core.photos.view_bank` computes it"""
+    words: Words | None = None
+    """None: the file has none, :func:`core.rendering.direction_words.direction_words` finds them"""
 
     def __post_init__(self) -> None:
         sizes = {"focal": self.focal, "distance": self.distance, "metres": self.metres}
@@ -73,6 +81,8 @@ class Model:
                 raise ValueError(f"the weights {name} of a model must be finite")
         if self.part_head and self.part_head.weight.shape[1] != self.field.config.width:
             raise ValueError("the part head does not fit the field")
+        if self.view_bank and not self.view_bank.fits(self.codes):
+            raise ValueError("the view bank does not fit the codes")
         self.field.requires_grad_(False).eval()
         object.__setattr__(self, "codes", replace(self.codes, model=self.fingerprint))
         if self.viewpoint_classifier:
@@ -220,6 +230,7 @@ class Model:
             "white_from_network": self.white_from_network,
             "extends": self.extends,
             "parts": self.part_head.names if self.part_head else (),
+            "words": self.words,
         }
         with atomic_file(path, Model.load) as partial:
             partial.write_bytes(save(_all_tensors(self), metadata={"format": FORMAT, "model": json.dumps(about)}))
@@ -239,12 +250,22 @@ class Model:
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
         cells, classifier = tensors.pop(_CELLS, None), _pop_classifier(tensors)
         head = PartHead(about.parts, *(tensors.pop(name).float() for name in _PARTS)) if about.parts else None
+        views = _pop_prefixed(tensors, _BANK)
+        bank = ViewBank.from_tensors(views, about.distance) if views else None
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about.objects)
         codes = CodeBook(shapes, textures, objects, about.collapsed)
         cells = None if cells is None else unpack(cells)
         rest = {name: getattr(about, name) for name in _About._fields if name not in _NOT_FIELDS}
-        return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells, part_head=head)
+        return cls(
+            field,
+            codes,
+            **rest,
+            viewpoint_classifier=classifier,
+            stored_cells=cells,
+            part_head=head,
+            view_bank=bank,
+        )
 
 
 def singular(category: str) -> str:
@@ -272,6 +293,7 @@ class _About(NamedTuple):
     extends: tuple[str, ...] = ()
     metres: float = 1.0
     parts: tuple[str, ...] = ()  # names of the part head's parts
+    words: Words | None = None
 
 
 _NOT_FIELDS = ("config", "objects", "collapsed", "parts")  # metadata that is not a field of Model
@@ -279,23 +301,30 @@ _NOT_FIELDS = ("config", "objects", "collapsed", "parts")  # metadata that is no
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
     """Remove the viewpoint classifier's tensors from a file's and return the classifier; None if it has none."""
-    state = {name.removeprefix(_CLASSIFIER): name for name in tensors if name.startswith(_CLASSIFIER)}
+    state = _pop_prefixed(tensors, _CLASSIFIER)
     if not state:
         return None
     classifier = ViewpointClassifier()
-    classifier.load_state_dict({name: tensors.pop(stored).float() for name, stored in state.items()})
+    classifier.load_state_dict({name: tensor.float() for name, tensor in state.items()})
     return classifier
 
 
+def _pop_prefixed(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """Remove the tensors whose names begin with a prefix; return them by the rest of their names."""
+    stored = [name for name in tensors if name.startswith(prefix)]
+    return {name.removeprefix(prefix): tensors.pop(name) for name in stored}
+
+
 def _all_tensors(model: Model) -> dict[str, Tensor]:
-    """Return all tensors to save: field in float32, codes in float16 if lossless, classifier in float16, cells."""
+    """Return all tensors to save: the field in float32, codes in float16 if lossless, and the other parts, if any."""
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
     classifier = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
     head = dict(zip(_PARTS, (model.part_head.weight, model.part_head.bias), strict=True)) if model.part_head else {}
+    bank = {_BANK + name: tensor for name, tensor in model.view_bank.to_tensors().items()} if model.view_bank else {}
     rendering = _rendering_tensors(model)
     rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
-    return rendering | classifier | cells | head
+    return rendering | classifier | cells | head | bank
 
 
 def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:

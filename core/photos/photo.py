@@ -22,7 +22,7 @@ from core.photos.plain_background import NoBackgroundError
 from core.photos.ranking import ObjectMask, offset_from_expected
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.sharpness import edge_softness, measure_blur
-from core.photos.view_bank import SizeRange, ViewBank, apparent_size
+from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
 DOUBTFUL_MASK = 0.5  # confidence of a mask below which people are warned
 _MAX_OFFSET = 0.02  # focal lengths: an object further from its expected position was moved in its image
@@ -70,7 +70,6 @@ class Photo:
 def load_photo(
     path: Path | str,
     model: Model,
-    bank: ViewBank,
     pose: Path | None = None,
     hints: Hints | None = None,
     pose_axes: str = "opencv",
@@ -83,7 +82,6 @@ def load_photo(
     pixels are unknown.
 
     Args:
-        bank: the model's view bank (:func:`core.photos.view_bank.build_view_bank`), which gives the usual size.
         pose: SRN's camera-to-world matrix (16 numbers), or a transforms.json; the image is then only resized.
         hints: to the object, for an image without a plain background.
         pose_axes: of the pose, see :func:`core.geometry.pose_files.find_pose`.
@@ -95,7 +93,7 @@ def load_photo(
     posed = None if pose is None else find_pose(pose, path, pose_axes)
     cut = read_cut_out(path, hints)
     with naming(path):
-        return prepare_photo(cut, model, bank, posed)
+        return prepare_photo(cut, model, posed)
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
@@ -114,7 +112,7 @@ def naming(path: Path) -> Iterator[None]:
         raise kind(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, posed: PosedImage | None = None) -> Photo:
+def prepare_photo(cut: CutOut, model: Model, posed: PosedImage | None = None) -> Photo:
     """Prepare a cut-out at the model's size like a training image; with a pose it is only resized."""
     height, width = cut.mask.shape
     size = model.image_size
@@ -122,6 +120,7 @@ def prepare_photo(cut: CutOut, model: Model, bank: ViewBank, posed: PosedImage |
         across = max(1, round(size * width / height))
         photo = _resampled(cut, (0, 0, width, height), (across, size))
         return replace(photo, camera=posed.camera(across, size, model.focal))
+    bank = view_bank(model)
     usual = apparent_size(bank, model)
     left, top, right, bottom = bounding_box(cut.mask)
     scaled, half = True, max(right - left, bottom - top) / usual.median / 2

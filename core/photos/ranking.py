@@ -13,7 +13,7 @@ from torch.nn import functional
 from core.classifiers.viewpoint import AZIMUTHS
 from core.geometry.camera import camera_rotation
 from core.geometry.pixels import bounding_box
-from core.photos.view_bank import SIDE, ViewBank, unpack_bits
+from core.models.view_bank import SIDE, ViewBank, unpack_bits
 
 _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
 """of a difference in size (logarithm) and position (object sizes), relative to the overlap"""

@@ -1,98 +1,48 @@
-"""The view bank: small views of a model's prototypes from all sides, used to rank cameras for a photo.
+"""Building a model's view bank (:mod:`core.models.view_bank`), which model files hold.
 
-Prototypes are clouds of surface points, splatted onto small images. Every view is normalised to its bounding box, so a
-match gives the direction independent of the size; the ratio of the sizes then gives the distance.
-:func:`build_view_bank` builds a bank once per model and user, and keeps it in the cache folder.
+Prototypes are clouds of surface points, splatted onto small images.
 """
 
 import math
 from collections.abc import Generator
-from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import torch
-from jaxtyping import Bool, Float, UInt8
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import directions
 from core.geometry.camera import camera_rotation
-from core.models.codes import Codes
 from core.models.model import Model
 from core.models.occupied_cells import pack
+from core.models.view_bank import SIDE, ViewBank
 from core.rendering.surface import surface_points
-from core.runtime.files import atomic_file
-from core.runtime.folders import VIEW_BANKS, cache_folder
 from core.runtime.pool import map_pieces
+from core.streams import run_to_end
 
 PROTOTYPES = 120
 """With 60, fits of a model's own objects end in worse codes; with 240, fits of other objects are no better."""
-SIDE = 24  # px, of a view
-FORMAT = "view-bank-2"  # of the files; others are rebuilt
 _MIN_POINTS = 20  # points of a usable prototype
-_SPLATTED = 24  # views at a time: points of more leave the cache and take much memory
-_TENSORS = ("silhouettes", "sizes", "offsets")  # in the files, beside codes and distance
-
-
-@dataclass(frozen=True, eq=False)
-class ViewBank:
-    """Small views of prototypes from :func:`core.classifiers.viewpoint.directions`, normalised to their bounding boxes.
-
-    Raises ``ValueError`` for parts that do not match.
-    """
-
-    codes: Codes  # of the prototypes, (prototypes, latent); the first is the mean object
-    distance: float  # scene units, of all views
-    silhouettes: UInt8[Tensor, "prototypes views bytes"]
-    """masks, pixels row by row, eight to a byte, the lowest bit first"""
-    sizes: Float[Tensor, "prototypes views"]  # longer side of the bounding box, in focal lengths
-    offsets: Float[Tensor, "prototypes views 2"]
-    """middle of the bounding box (x, y) relative to the image's, in focal lengths"""
-
-    def __post_init__(self) -> None:
-        count = len(self.codes.shape), len(self.azimuth)
-        shapes = [(*count, SIDE * SIDE // 8), count, (*count, 2)]
-        if [getattr(self, name).shape for name in _TENSORS] != shapes:
-            raise ValueError(f"the parts of a view bank do not fit {count[0]} prototypes")
-        finite = bool(self.sizes.isfinite().all() and self.offsets.isfinite().all())
-        if not (finite and 0 < self.distance < math.inf):
-            raise ValueError("the numbers of a view bank must be finite")
-
-    @property
-    def azimuth(self) -> Float[Tensor, "views"]:
-        """rad"""
-        return directions()[0]
-
-    @property
-    def elevation(self) -> Float[Tensor, "views"]:
-        """rad"""
-        return directions()[1]
-
-    @property
-    def is_empty(self) -> bool:
-        """The bank has no prototypes, as the model renders nothing."""
-        return not len(self.codes.shape)
-
-    def require_prototypes(self) -> None:
-        """Raise ``ValueError`` if the bank is empty."""
-        if self.is_empty:
-            raise ValueError("the model shows no objects: all of its prototypes are empty")
+_SPLATTED = 24  # views per batch; larger batches overflow the processor's cache
+_BUILT: WeakKeyDictionary[Model, ViewBank] = WeakKeyDictionary()  # of models whose files have no bank
 
 
 def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
-    """Read the view bank of a model from the cache folder, or compute it (seconds) and keep it there.
+    """Return the view bank of a model's file; without one, compute it (seconds) once per process.
 
-    Yields the finished share (0..1) after each prototype; returns the bank.
+    Yields the finished fraction (0..1) after each prototype while computing.
     """
-    path = cache_folder() / VIEW_BANKS / f"{model.fingerprint}.{FORMAT}.safetensors"
-    if (bank := _read(path)) is None:
-        bank = yield from _build(model)
-        if not bank.is_empty:
-            _save(bank, path)
+    bank = model.view_bank or _BUILT.get(model)
+    if bank is None:
+        bank = _BUILT[model] = yield from _build(model)
     return bank
+
+
+def view_bank(model: Model) -> ViewBank:
+    """Return a model's view bank as :func:`build_view_bank` does, without progress."""
+    return run_to_end(build_view_bank(model))
 
 
 class SizeRange(NamedTuple):
@@ -112,61 +62,38 @@ def apparent_size(bank: ViewBank, model: Model) -> SizeRange:
     return SizeRange(scale * median, scale * float(bank.sizes.min()), scale * float(bank.sizes.max()))
 
 
-# Keeping
-
-
-def _read(path: Path) -> ViewBank | None:
-    """Map a file into memory; None if it is missing or damaged."""
-    try:
-        with safe_open(path, framework="pt") as file:
-            codes = Codes(file.get_tensor("shape"), file.get_tensor("texture"))
-            distance = float(file.get_tensor("distance"))
-            return ViewBank(codes, distance, *(file.get_tensor(name) for name in _TENSORS))
-    except (OSError, SafetensorError, ValueError, RuntimeError, TypeError):
-        return None
-
-
-def _save(bank: ViewBank, path: Path) -> None:
-    tensors = {name: getattr(bank, name) for name in _TENSORS}
-    tensors |= {"shape": bank.codes.shape, "texture": bank.codes.texture, "distance": torch.tensor(bank.distance)}
-    with suppress(OSError, ValueError, SafetensorError):  # an unwritable folder
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_file(path) as partial:
-            save_file({name: tensor.cpu().contiguous() for name, tensor in tensors.items()}, partial)
-
-
-# Building
-
-
 def _build(model: Model) -> Generator[float, None, ViewBank]:
     for _ in model.find_occupied_cells():
         yield 0.0
     azimuth, elevation = directions()
-    prototypes = _prototypes(model)
+    rows, mean = _prototypes(model), model.codes.mean
     # Preallocated: small results between large temporaries would keep the memory of these from being returned.
-    shape = len(prototypes), len(azimuth)
+    shape = len(rows), len(azimuth)
     silhouettes = torch.empty(*shape, SIDE * SIDE // 8, dtype=torch.uint8)
-    parts = silhouettes, torch.empty(shape), torch.empty(*shape, 2)
+    sizes, offsets = (torch.empty(*shape, *more, dtype=torch.half) for more in ((), (2,)))  # the precision of files
 
     def fill(number: int) -> bool:
-        points = surface_points(model, prototypes[number])[0].cpu()
+        row = rows[number]
+        codes = mean if row < 0 else replace(mean, shape=model.codes.shapes[row])
+        points = surface_points(model, codes)[0].cpu()
         for start in range(0, len(azimuth) if len(points) >= _MIN_POINTS else 0, _SPLATTED):
-            some = slice(start, start + _SPLATTED)
-            masks, size, offset = _splat(points, azimuth[some], elevation[some], model.distance)
-            for part, whole in zip((pack(masks).reshape(len(masks), -1), size, offset), parts, strict=True):
-                whole[number, some] = part
+            views = slice(start, start + _SPLATTED)
+            masks, size, offset = _splat(points, azimuth[views], elevation[views], model.distance)
+            silhouettes[number, views] = pack(masks).reshape(len(masks), -1)
+            sizes[number, views] = size
+            offsets[number, views] = offset
         return len(points) >= _MIN_POINTS
 
-    kept = list[bool]()
-    for seen in map_pieces(fill, range(len(prototypes))):
-        kept.append(seen)
-        yield len(kept) / len(prototypes)
-    shapes, textures = (torch.stack([getattr(one, kind) for one in prototypes]) for kind in ("shape", "texture"))
-    return ViewBank(Codes(shapes[kept], textures[kept]), model.distance, *(part[kept] for part in parts))
+    usable = list[bool]()
+    for is_usable in map_pieces(fill, range(len(rows))):
+        usable.append(is_usable)
+        yield len(usable) / len(rows)
+    prototypes = torch.tensor(rows)[usable]
+    return ViewBank(prototypes, model.distance, silhouettes[usable], sizes[usable].float(), offsets[usable].float())
 
 
-def _prototypes(model: Model) -> list[Codes]:
-    """Return the mean object and varied objects, those nearest to the centres of k-means over shapes."""
+def _prototypes(model: Model) -> list[int]:
+    """Return -1 for the mean shape, then the rows of varied shapes: those nearest to the centres of k-means."""
     book = model.codes
     valid = book.valid
     coordinates = book.shape_space.coordinates(book.shapes[[book.objects[index].shape for index in valid]])
@@ -180,7 +107,7 @@ def _prototypes(model: Model) -> list[Codes]:
             [coordinates[nearest == i].mean(0) if (nearest == i).any() else centres[i] for i in range(count)]
         )
     medoids = torch.cdist(centres, coordinates).argmin(1).unique()
-    return [book.mean] + [book[valid[index]] for index in medoids.tolist()]
+    return [-1] + [book.objects[valid[index]].shape for index in medoids.tolist()]
 
 
 def _splat(
@@ -199,8 +126,3 @@ def _splat(
     column, row = scaled.long().clamp_(0, SIDE - 1).unbind(1)
     masks = torch.zeros(len(azimuth), SIDE * SIDE, dtype=torch.bool).scatter_(1, row * SIDE + column, True)
     return masks.reshape(-1, SIDE, SIDE), size, middle
-
-
-def unpack_bits(packed: UInt8[Tensor, "views bytes"]) -> Float[Tensor, "views pixels"]:
-    """Unpack the masks (0 or 1) of :attr:`ViewBank.silhouettes`."""
-    return ((packed[..., None] >> torch.arange(8, dtype=torch.uint8)) & 1).flatten(-2).float()

@@ -14,10 +14,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.models.codes import CodeKind, Codes
-from core.models.model import Model
+from core.models.model import Model, Words
 from core.rendering.surface import surface_points
 
-Words = dict[CodeKind, tuple[str, ...]]
+_COUNT = 6  # directions of shape and of texture
 _REACH = 1.5  # standard deviations to either side of the mean
 _EDGE = 0.01  # fraction of the points at either end of an axis that count as specks outside the object
 _CORNER = 0.2  # size of a silhouette's corner relative to its width and height
@@ -57,21 +57,25 @@ OPPOSITES = {
 }  # the opposite of every word
 
 
-def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
-    """Find words for the first ``count`` directions of shape and of texture.
+def direction_words(model: Model) -> Iterator[Words | None]:
+    """Find words for the first directions of shape and of texture, or read those of the model's file.
 
-    Yields None after each direction. The last item has the words of each kind, one per direction, "" if unnamed.
+    Yields None after each measured direction. The last item has the words of each kind, one per direction, "" if
+    unnamed.
 
     Example:
         >>> from core.models.library import load_model
-        >>> *_, words = direction_words(load_model("cars"), count=3)  # doctest: +SKIP
-        >>> words["texture"]  # doctest: +SKIP
-        ('lighter', 'redder', 'greener top')
+        >>> *_, words = direction_words(load_model("cars"))
+        >>> words["texture"][:2]
+        ('lighter', 'plainer')
     """
+    if model.words:
+        yield {kind: tuple(word if word in OPPOSITES else "" for word in model.words.get(kind, ())) for kind in _TABLES}
+        return
     words = Words()
     for kind, table in _TABLES.items():
         found = list[dict[str, float]]()
-        steps = getattr(model.codes, f"{kind}_space").basis[:count]
+        steps = getattr(model.codes, f"{kind}_space").basis[:_COUNT]
         for step in steps:
             less, more = (_measured(model, _moved(model.codes.mean, kind, side * _REACH * step)) for side in (-1, 1))
             found.append({name: more[name] - less[name] for name in more} if less and more else {})

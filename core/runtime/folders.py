@@ -1,21 +1,13 @@
-"""The user's folders for caches and configuration; temporary folders for users without a home."""
+"""The user's folder for configuration; a temporary folder for users without a home."""
 
 import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from platformdirs import user_cache_path, user_config_path
+from platformdirs import user_config_path
 
-VIEW_BANKS = "view-banks"  # in the cache folder
-_CACHE_VARIABLE = "CODENERF_CACHE"  # environment variable that overrides the platform's folder
 _NAME = "codenerf-viewer"
-
-
-def cache_folder() -> Path:
-    """Return the folder of results that are slow to compute again: ``CODENERF_CACHE``, else the platform's."""
-    named = os.environ.get(_CACHE_VARIABLE)
-    return Path(named) if named else _or_temporary(lambda: user_cache_path(_NAME, appauthor=False))
 
 
 def config_folder() -> Path:

@@ -21,7 +21,7 @@ from core.rendering.reference import render_exact
 from core.runtime.precision import use_dtype
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.lab.training.test_trainer import SETTINGS
-from tests.core.tiny import photo_of, tiny_bank, tiny_model
+from tests.core.tiny import photo_of, tiny_model
 
 pytestmark = [
     pytest.mark.cuda,
@@ -63,7 +63,7 @@ def test_a_fit_finds_the_same_camera_and_explains_the_photo_as_well():
     truth = model.camera(1.2, 0.3)
     photo = photo_of(model, model.codes[0], truth)
     settings = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
-    here, there = (list(fit(one, FitJob((photo,), tiny_bank(), settings)))[-1] for one in (model, on_card(model)))
+    here, there = (list(fit(one, FitJob((photo,), settings)))[-1] for one in (model, on_card(model)))
     assert rotation_error(here.cameras[0], truth) < 10
     assert rotation_error(there.cameras[0], truth) < 10
     assert there.psnr > 30

@@ -15,10 +15,10 @@ from core.models.codes import CodeBook, Codes, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.model import Model
+from core.models.view_bank import ViewBank
 from core.photos.photo import Photo
-from core.photos.view_bank import ViewBank, build_view_bank
+from core.photos.view_bank import view_bank
 from core.rendering.reference import render_exact
-from core.streams import run_to_end
 
 EXTENT = (0.4, 0.4, 0.4)
 SIDE = 40
@@ -36,10 +36,9 @@ def tiny_model() -> Model:
     return Model(field, CodeBook(corners, corners.clone(), objects), EXTENT, "stools", SIDE, 60.0, 2.0)
 
 
-@cache
 def tiny_bank() -> ViewBank:
     """The view bank of the tiny model."""
-    return run_to_end(build_view_bank(tiny_model()))
+    return view_bank(tiny_model())
 
 
 def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:

@@ -18,7 +18,6 @@ from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import (
     Clock,
     no_guess,
-    quick_bank,
     quick_colour,
     quick_fit,
     quick_frames,
@@ -26,6 +25,7 @@ from tests.viewer.stand_ins import (
     quick_photo,
     quick_pictures,
     two_models,
+    with_quick_bank,
 )
 from viewer.app import App
 from viewer.editor import Editor
@@ -51,7 +51,7 @@ def clock() -> Clock:
 @pytest.fixture(scope="session")
 def model() -> Model:
     """Made once; nothing here changes it."""
-    return random_model()
+    return with_quick_bank(random_model())
 
 
 @pytest.fixture
@@ -62,7 +62,6 @@ def backend(model: Model) -> Backend:
         frame_photo=quick_photo,
         frames=quick_frames,
         fit=quick_fit,
-        view_bank=quick_bank,
         pictures=quick_pictures,
         guess_category=no_guess,
         paint=quick_paint,
@@ -88,10 +87,9 @@ def both(backend: Backend) -> Backend:
 
 @pytest.fixture
 def real_backend(model: Model) -> Backend:
-    """Nothing stands in but a tiny model. Its view bank is left out: that of a mist takes a minute."""
+    """Nothing stands in but a tiny model, whose view bank is that of another: that of a mist takes a minute."""
     return Backend(
         load_model=lambda name: model,
-        view_bank=quick_bank,
         guess_category=no_guess,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )

@@ -23,7 +23,6 @@ from core.models.open_models import OpenModels
 from core.photos.detector import Detection
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import ViewBank
 from core.rendering.background import Background
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
@@ -44,9 +43,9 @@ class Clock:
 
 def two_models() -> dict[str, Model]:
     """By name: chairs, and cars, which are called ``car 0`` and so on."""
-    cars = random_model(5)
+    chairs, cars = map(with_quick_bank, (random_model(), random_model(5)))
     named = tuple(entry._replace(name=entry.name.replace("object", "car")) for entry in cars.codes.objects)
-    return {"chairs": random_model(), "cars": replace(cars, category="cars", codes=replace(cars.codes, objects=named))}
+    return {"chairs": chairs, "cars": replace(cars, category="cars", codes=replace(cars.codes, objects=named))}
 
 
 def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
@@ -79,10 +78,10 @@ def small_video(models: OpenModels, views: list[View], path: Path, settings: Vid
     return write_video(models, small, path, settings)
 
 
-def quick_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
     """The real thing cannot frame a block for a model of mists."""
     if not source.path.stem.startswith("block"):
-        return frame_photo(cut, model, bank, source)
+        return frame_photo(cut, model, source)
     pixels = torch.from_numpy(cut.pixels)[::3, ::3].contiguous()
     return Photo(pixels, pixels.mean(-1) < 0.9)
 
@@ -113,10 +112,9 @@ def quick_colour(model: Model, codes: Codes, part: str) -> Generator[None, None,
     return red, green, blue
 
 
-def quick_bank(model: Model) -> Generator[float, None, ViewBank]:
-    """The bank of another model."""
-    yield 1.0
-    return tiny_bank()
+def with_quick_bank(model: Model) -> Model:
+    """The model with the view bank of another one."""
+    return replace(model, view_bank=tiny_bank())
 
 
 def no_guess(cut: CutOut) -> dict[str, float]:

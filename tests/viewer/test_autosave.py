@@ -140,7 +140,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.viewer.driver import deliver
-from tests.viewer.stand_ins import endless_fit, no_guess, quick_bank, quick_frames, quick_photo, two_models
+from tests.viewer.stand_ins import endless_fit, no_guess, quick_frames, quick_photo, two_models
 from viewer import autosave as autosave_module
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
@@ -148,7 +148,7 @@ from viewer.session import Session
 
 folder, photo = map(Path, sys.argv[1:3])
 backend = Backend(two_models().__getitem__, frame_photo=quick_photo, frames=quick_frames, fit=endless_fit)
-backend = replace(backend, view_bank=quick_bank, guess_category=no_guess)
+backend = replace(backend, guess_category=no_guess)
 session = Session(Worker(), backend)
 autosave_module.EVERY = 0.0
 autosave = autosave_module.Autosave(session, folder)

@@ -1,6 +1,5 @@
 import json
-import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +10,8 @@ from PIL import Image
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.scene import Scene, save_image
-from core.photos.view_bank import ViewBank
 from tests.conftest import open_models, random_model
-from tests.core.tiny import tiny_bank
-from tests.viewer.driver import deliver, finish
+from tests.viewer.driver import finish
 from tests.viewer.stand_ins import quick_fit
 from viewer.editor import Editor
 from viewer.services.backend import Backend
@@ -33,15 +30,15 @@ def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: 
     assert session.messages.all == []
 
 
-def test_a_fit_waits_for_the_view_bank_made_once_the_model_is_there(worker: Worker, backend: Backend, photo: Path):
-    made, order = threading.Event(), list[str]()
+def test_a_model_without_a_view_bank_gets_it_in_steps_before_its_first_photo(
+    worker: Worker, backend: Backend, photo: Path
+):
+    order = list[str]()
 
-    def view_bank(model: Model) -> Generator[float, None, ViewBank]:
-        yield 0.25
-        while not made.is_set():
-            yield 0.5
-        order.append("made")
-        return tiny_bank()
+    def view_bank(model: Model) -> Iterator[float]:
+        for step in range(1, 4):
+            order.append("built")
+            yield step / 3
 
     def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         order.append("fitted")
@@ -49,15 +46,11 @@ def test_a_fit_waits_for_the_view_bank_made_once_the_model_is_there(worker: Work
 
     session = Session(worker, replace(backend, view_bank=view_bank, fit=fit))
     session.start()
-    session.fitting.start(photo)
-    deliver(session, lambda: session.preparing == 0.5)
-    assert session.fitting.running
-    assert not order
-    made.set()
-    finish(session, lambda: not session.fitting.running)
     finish(session)
-    assert session.preparing is None
-    assert "made" in order[: order.index("fitted")]
+    assert not order
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    assert order == ["built"] * 3 + ["fitted"]
 
 
 def test_scenes_come_back_exactly(session: Session, editor: Editor, tmp_path: Path) -> None:

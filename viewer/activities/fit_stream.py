@@ -84,10 +84,12 @@ def fit_stream(
         if model is None:
             model = chosen
             yield model
-        photos.append(backend.frame_photo(cut, model, (yield from jobs.banks.wait(model)), source))
+        for _ in backend.view_bank(model):
+            yield None
+        photos.append(backend.frame_photo(cut, model, source))
         yield FittedPhoto.of(source, photos[-1], seen)
     assert model is not None, "no photo"
-    job = FitJob(tuple(photos), (yield from jobs.banks.wait(model)), settings, resume_from=request.resume_from)
+    job = FitJob(tuple(photos), settings, resume_from=request.resume_from)
     past = history.last.seconds if history.last else 0.0
     yield from (replace(step, seconds=past + step.seconds) for step in backend.fit(model, job))
 

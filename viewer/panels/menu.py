@@ -70,11 +70,10 @@ def _draw_earlier(context: PanelContext) -> None:
 
 
 def _draw_status(context: PanelContext) -> None:
-    """Draw on the right the current export, and a thin bar of a fit or the view banks."""
+    """Draw on the right the current export, and a thin bar of a fit."""
     session, em = context.session, hello_imgui.em_size()
-    waits = session.fitting.history.progress if session.fitting.running else session.preparing
     exporting = _EXPORT * em if session.exporting.running else 0.0
-    bar = _BAR * em if waits is not None else 0.0
+    bar = _BAR * em if session.fitting.running else 0.0
     imgui.same_line()
     width = exporting + bar + 2 * em
     if imgui.get_content_region_avail().x < width:  # it would cover the menus
@@ -83,10 +82,10 @@ def _draw_status(context: PanelContext) -> None:
     if exporting:
         draw_progress(context, width=_EXPORT)
         imgui.same_line()
-    if bar and waits is not None:
+    if bar:
         imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + imgui.get_frame_height() / 2 - 0.15 * em)
-        imgui.progress_bar(waits, (bar, 0.3 * em), "")
-        tooltip("A photo is being fitted" if session.fitting.running else "Getting ready for photos")
+        imgui.progress_bar(session.fitting.history.progress, (bar, 0.3 * em), "")
+        tooltip("A photo is being fitted")
 
 
 MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {

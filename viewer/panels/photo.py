@@ -121,7 +121,7 @@ def _draw_photos(fitting: Fitting, shown: FitHistory) -> None:
 
 def _draw_progress(context: PanelContext) -> None:
     fitting = context.session.fitting
-    last, bank = fitting.history.last, context.session.jobs.banks.shares.get(fitting.history.model, 0.0)
+    last = fitting.history.last
     imgui.same_line()
     later = "; you can go on later" if fitting.resume_point else ""
     if button("Stop###stop fit", f"End here and keep what has been found{later}"):
@@ -129,8 +129,6 @@ def _draw_progress(context: PanelContext) -> None:
     if last is not None:
         search = "Checking from other sides" if last.restart else "Finding camera, shape and texture"
         label = "Taking its own shape" if last.is_free else search
-    elif 0 < bank < 1:
-        label = "Preparing, once on this computer …"
     else:
         label = "Looking for the camera …" if fitting.history.photo or fitting.view.seen else "Cutting out …"
     imgui.progress_bar(fitting.history.progress, (-1, 0), label)

@@ -20,7 +20,7 @@ from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import ViewBank, build_view_bank
+from core.photos.view_bank import build_view_bank
 from core.rendering.baked_field import BakedField
 from core.rendering.direction_words import Words, direction_words
 from core.rendering.grab import Pull, pulls_at
@@ -28,10 +28,10 @@ from core.rendering.progressive import Frame, RenderJob
 from viewer.values.fit_history import PhotoSource
 
 
-def frame_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
     """Prepare a photo's cut-out object for a fit with a model. Raises ``ValueError`` naming the photo."""
     with naming(source.path):
-        return prepare_photo(cut, model, bank)
+        return prepare_photo(cut, model)
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Backend:
 
     load_model: Callable[[str], Model] = load_model
     cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out
-    frame_photo: Callable[[CutOut, Model, ViewBank, PhotoSource], Photo] = frame_photo
+    frame_photo: Callable[[CutOut, Model, PhotoSource], Photo] = frame_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
-    view_bank: Callable[[Model], Generator[float, None, ViewBank]] = build_view_bank
+    view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh

@@ -1,14 +1,12 @@
-"""The services of long work: worker, backend, open models, view banks, messages."""
+"""The services of long work: worker, backend, open models, messages."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 from core.models.open_models import OpenModels
 from core.rendering.progressive import Frame, RenderJob
 from viewer.services.backend import Backend
 from viewer.services.messages import Messages
-from viewer.services.view_banks import ViewBanks
 from viewer.services.worker import Job, Worker
 
 FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.1, 0.01, 0.003, 0.001
@@ -26,11 +24,6 @@ class Jobs:
     backend: Backend
     messages: Messages
     models: OpenModels
-
-    @cached_property
-    def banks(self) -> ViewBanks:
-        """The view banks of the open models."""
-        return ViewBanks(self.backend.view_bank)
 
     def frames(self, job: RenderJob) -> Iterator[Frame | None]:
         """Render an object with its model, coarse to fine."""

@@ -24,7 +24,6 @@ from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import PhotoView
-from core.photos.view_bank import build_view_bank
 from core.rendering.detail_maps import MIN_OPACITY, DetailMaps
 from core.rendering.images import render_image
 from core.streams import run_to_end
@@ -87,13 +86,12 @@ def measure_detail(
         stride: over the other views.
         done: keys of fits to leave out.
     """
-    bank = run_to_end(build_view_bank(model))
     for entry in entries:
         for camera in CAMERAS:
             if (model.category, renderer, camera, entry.name) in done:
                 continue
             views = entry.read()
-            *_, last = fit(model, FitJob((as_photo(views, input_view, camera == "known"),), bank))
+            *_, last = fit(model, FitJob((as_photo(views, input_view, camera == "known"),)))
             truth, codes = views.cameras[input_view], last.codes
             maps = run_to_end(detail_maps(model, last.codes))
             detail = last.codes.detail

@@ -25,9 +25,7 @@ from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
 from core.lab.evaluation.statistics import Mean, fraction_within, mean_of
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
-from core.photos.view_bank import build_view_bank
 from core.runtime.precision import use_dtype
-from core.streams import run_to_end
 
 _FAR = 20.0  # degrees: a camera further off may still be right by symmetry
 _SYMMETRY_TOLERANCE = 5.0  # degrees: it is right if the view matches its own as well as after a turn by this
@@ -120,8 +118,7 @@ def fit_views(
 def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
     """Fit a view without its camera and compare with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
-    bank, photos = run_to_end(build_view_bank(model)), (as_photo(views, index, False),)
-    job = FitJob(photos, bank, method.settings, seed, components=method.components)
+    job = FitJob((as_photo(views, index, False),), method.settings, seed, components=method.components)
     clock = time.perf_counter if model.device.type == "cuda" else time.process_time
     began, steps, seconds = clock(), list[FitStep](), list[float]()
     for step in fit_as_set(model, job):

@@ -6,11 +6,9 @@ a fit without its shortcuts. Fields run in float32, which every machine multipli
 processor, commands by the clock, beside processes that keep all other cores busy.
 """
 
-import json
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -27,12 +25,10 @@ from core.lab.benchmarks.held_out_views import evenly_spaced_objects, render_on_
 from core.models.library import sample_images
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import build_view_bank
 from core.rendering import fast
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 from core.runtime.precision import use_dtype
-from core.streams import run_to_end
 
 TOLERANCE = 2.0  # allowed multiple of the baseline's ratio
 _EXACT, _NAIVE_STEPS = 64, 20  # px and samples of the exact render; steps of the paper's recipe
@@ -98,26 +94,18 @@ def _timed(run: Callable[[], object], clock: Callable[[], float], before: Callab
 
 
 def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
-    for _ in fit_as_set(model, FitJob((photo,), run_to_end(build_view_bank(model)), settings)):
+    for _ in fit_as_set(model, FitJob((photo,), settings)):
         pass
 
 
 def _commands(category: str) -> Iterator[Ratio]:
-    """Time whole processes of the command line, the first of which makes the view bank."""
+    """Time whole processes of the command line."""
     photo = str(sample_images(category)[0])
     words = (sys.executable, "-m", "core", "fit", photo, "--model", category, "--preset", "draft")
-    with tempfile.TemporaryDirectory() as folder, busy_processes(max(1, (os.cpu_count() or 1) - 1)):
-        said: list[str] = []
-
-        def command() -> None:
-            environment = os.environ | {"CODENERF_CACHE": folder}
-            said.append(subprocess.check_output(words, env=environment, cwd=_ROOT, stderr=subprocess.PIPE, text=True))
-
+    with busy_processes(max(1, (os.cpu_count() or 1) - 1)):
         plain = _timed(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
-        whole = _timed(command, time.perf_counter)
+        whole = _timed(lambda: subprocess.run(words, cwd=_ROOT, capture_output=True, check=True), time.perf_counter)
     yield Ratio("a draft fit's process against importing torch", whole / plain)
-    parts = json.loads(said[-1].splitlines()[-1])["seconds_by_part"]
-    yield Ratio("a kept view bank against the search", parts["view_bank"] / parts["search"])
 
 
 @contextmanager

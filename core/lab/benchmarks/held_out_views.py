@@ -17,9 +17,7 @@ from core.lab.evaluation.protocol import as_photo
 from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
-from core.photos.view_bank import build_view_bank
 from core.rendering.images import render_image
-from core.streams import run_to_end
 
 HELD_OUT_VIEWS = 4  # other views of each object that score its fit
 _BACKGROUND = 0.99
@@ -65,13 +63,12 @@ def training_object_views(model: Model, count: int, generator: torch.Generator) 
 
 def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
     """Yield one random view of every object of a dataset."""
-    bank = run_to_end(build_view_bank(model))
     for entry in entries:
         whole = entry.read()
         views = whole.reduced(model.image_size)
         stride = -(-len(views.cameras) // HELD_OUT_VIEWS)
         photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
-        *_, last = fit(model, FitJob(photos, bank, PRESETS["draft"]))
+        *_, last = fit(model, FitJob(photos, PRESETS["draft"]))
         index = int(torch.randint(len(views.cameras), (), generator=generator))
         yield HeldOutView(views, index, last.codes, whole)
 

@@ -23,8 +23,6 @@ from core.photos.decode import read_rgba
 from core.photos.detector import Box, box_overlap, share_box
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import CutOut, cut_out
-from core.photos.view_bank import build_view_bank
-from core.streams import run_to_end
 
 RIGHT_DEGREES = 30.0  # largest error of a right azimuth
 _WHOLE, _PART = 0.8, 0.3  # intersection over union with the labelled box of a whole cut-out, and of a part
@@ -99,8 +97,7 @@ def measure_photo(path: Path, seen: Sequence[Judgement], preset: str) -> PhotoTr
     cut = cut_out(read_rgba(path))
     taken_for = likeliest_model(cut.categories)
     model = load_model(taken_for)
-    bank = run_to_end(build_view_bank(model))
-    *_, last = fit(model, FitJob((prepare_photo(cut, model, bank),), bank, PRESETS[preset]))
+    *_, last = fit(model, FitJob((prepare_photo(cut, model),), PRESETS[preset]))
     nearest = min(seen, key=lambda one: -_overlap(one.box, cut))
     camera = last.cameras[0]
     return PhotoTrial(

@@ -28,9 +28,7 @@ from core.models.library import load_model, shipped_models
 from core.models.model import Model
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import cut_out
-from core.photos.view_bank import build_view_bank
 from core.rendering.surface import surface_points
-from core.streams import run_to_end
 
 COMPARED = ("normal", "paper")  # presets
 SUCCESS_DEGREES = RIGHT_DEGREES
@@ -170,13 +168,12 @@ class _Attempt(NamedTuple):
 
     def job(self, model: Model) -> FitJob:
         """Return the fit; the paper's recipe from the mean codes if the stressor gives an initial camera."""
-        bank = run_to_end(build_view_bank(model))
         cut = cut_out(Image.fromarray(to_bytes(self.image)).convert("RGBA"))
-        photo, initial = prepare_photo(cut, model, bank), None
+        photo, initial = prepare_photo(cut, model), None
         if self.stressor.init and isinstance(self.settings, PaperSettings):
             camera = self.stressor.init(self.seen.camera, self.level)
             initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 4))
-        return FitJob((photo,), bank, self.settings, self.seed, initial)
+        return FitJob((photo,), self.settings, self.seed, initial)
 
 
 def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> RobustnessTrial:

@@ -20,9 +20,7 @@ from core.lab.evaluation.protocol import as_photo, fit_first_last, score_view
 from core.lab.evaluation.statistics import Mean, mean_of
 from core.models.codes import Codes
 from core.models.model import Model
-from core.photos.view_bank import build_view_bank
 from core.rendering.images import render_image
-from core.streams import run_to_end
 
 _RENDERED_VIEWS = 12  # of a pair, evenly spaced
 _FITTED_VIEWS = 6  # of a pair, with their cameras; disjoint from the rendered ones if possible
@@ -113,8 +111,7 @@ def _mean_score(model: Model, codes: Codes, views: ObjectViews, rendered: Sequen
 
 def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed: int) -> Codes:
     photos = tuple(as_photo(views, index, True) for index in evenly_spaced(candidates, _FITTED_VIEWS))
-    job = FitJob(photos, run_to_end(build_view_bank(model)), seed=seed)
-    return replace(fit_first_last(model, job)[1].codes, detail=None)
+    return replace(fit_first_last(model, FitJob(photos, seed=seed))[1].codes, detail=None)
 
 
 # Leaks

@@ -16,9 +16,7 @@ from core.metrics import haze, psnr, rotation_error, silhouette_overlap, ssim, t
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import build_view_bank
 from core.rendering.images import render_image
-from core.streams import run_to_end
 
 OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
 """Errors of a camera (rotation, translation over true distance) above which it is an outlier."""
@@ -93,7 +91,7 @@ def _score_object(model: Model, views: ObjectViews, protocol: EvaluationProtocol
     if protocol.estimate:
         _require_focal_length(model, views)
     photos = tuple(as_photo(views, index, not protocol.estimate) for index in protocol.inputs)
-    job = FitJob(photos, run_to_end(build_view_bank(model)), PRESETS[protocol.preset], protocol.seed)
+    job = FitJob(photos, PRESETS[protocol.preset], protocol.seed)
     first, last = fit_first_last(model, job)
     scores = [score_view(model, last.codes, views, index) for index in rest]
     poses = tuple(

@@ -485,25 +485,6 @@ def test_a_doubtful_cut_out_is_said(file, model, capsys, monkeypatch):
     assert "azimuth" in json.loads(printed.out)
 
 
-def test_what_is_kept_is_listed_and_cleared(tmp_path: Path, capsys, monkeypatch):
-    kept = tmp_path / "cache"
-    monkeypatch.setenv("CODENERF_CACHE", str(kept))
-    run("cache")
-    assert capsys.readouterr().out == f"{kept}\nnothing is kept\n"
-    (kept / "view-banks").mkdir(parents=True)
-    (kept / "view-banks/a.view-bank-1.safetensors").write_bytes(bytes(1_300_000))
-    (kept / "thumbnails").mkdir()
-    (kept / "thumbnails/a.thumbnails-1.safetensors").write_bytes(bytes(200_000))
-    (kept / "mine.txt").touch()
-    for words, end in ("cache", ""), ("cache --clear", "  removed"):
-        run(words)
-        listed = ("0.2 MB  thumbnails/a.thumbnails-1", "1.3 MB  view-banks/a.view-bank-1")
-        assert capsys.readouterr().out.endswith("".join(f"\n{one}.safetensors{end}" for one in listed) + "\n")
-    run("cache")
-    assert "nothing is kept" in capsys.readouterr().out
-    assert (kept / "mine.txt").exists()
-
-
 def test_fit_ends_with_one_json_line(file: str, model: Model, capsys: pytest.CaptureFixture[str]):
     run(f"render --model {file} --object 1 --size 32 --out photo.png")
     write_pose(model)

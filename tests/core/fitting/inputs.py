@@ -8,8 +8,6 @@ from core.fitting.problem import FitJob, Problem
 from core.fitting.settings import ALL_COMPONENTS, Components, FitSettings
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import build_view_bank
-from core.streams import run_to_end
 from tests.core.tiny import photo_of
 
 QUICK = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
@@ -44,5 +42,5 @@ def pixels_of(model: Model, rays: int = 96) -> PixelBatch:
 def problem_of(
     model: Model, *photos: Photo, settings: FitSettings = QUICK, components: Components = ALL_COMPONENTS, seed: int = 0
 ) -> Problem:
-    job = FitJob(photos, run_to_end(build_view_bank(model)), settings, components=components)
+    job = FitJob(photos, settings, components=components)
     return Problem.of(model, job, seeded(seed))

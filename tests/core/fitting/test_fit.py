@@ -13,12 +13,10 @@ from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import build_view_bank
 from core.rendering.reference import render_exact
-from core.streams import run_to_end
 from tests.conftest import random_model
 from tests.core.fitting.inputs import QUICK, SHORT, seeded
-from tests.core.tiny import photo_of, tiny_bank
+from tests.core.tiny import photo_of
 
 IMPOSSIBLE = ({"hypotheses": 0}, {"steps": 0}, {"max_restarts": -1}, {"samples": 1}, {"code_prior": -1.0})
 unchecked = pytest.mark.usefixtures("unchecked")
@@ -26,7 +24,7 @@ unchecked = pytest.mark.usefixtures("unchecked")
 
 
 def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, resume_from: Hypothesis | None = None) -> FitStep:
-    *_, step = fit(model, FitJob(photos, run_to_end(build_view_bank(model)), settings, resume_from=resume_from))
+    *_, step = fit(model, FitJob(photos, settings, resume_from=resume_from))
     return step
 
 
@@ -38,7 +36,7 @@ def bare(found: FitStep) -> Codes:
 @pytest.fixture(scope="module")
 def whole_fit(tiny: Model) -> list[FitStep]:
     """A whole fit, step by step."""
-    return list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), tiny_bank(), QUICK)))
+    return list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
 
 
 # What is found
@@ -130,9 +128,9 @@ def test_the_leader_comes_first_and_the_local_search_begins_around_it(whole_fit:
 def test_a_fit_resumes_where_another_ended(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
     photo = replace(photo_of(tiny, tiny.codes[0], truth), cropped=True)
-    early = next(fit(tiny, FitJob((photo,), tiny_bank(), QUICK)))
+    early = next(fit(tiny, FitJob((photo,), QUICK)))
     begin = replace(early.hypotheses[0], origin=3)
-    steps = list(fit(tiny, FitJob((photo,), tiny_bank(), replace(QUICK, steps=30), resume_from=begin)))
+    steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), resume_from=begin)))
     assert {step.active for step in steps} == {1}
     assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 10
     assert steps[0].origin == begin.origin
@@ -157,7 +155,7 @@ def test_a_resumed_fit_stays_with_its_viewpoint_even_where_the_opposite_is_bette
 def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5), tiny.camera(2.4, 0.4)]
     photos = [photo_of(tiny, tiny.codes[1], truth) for truth in truths]
-    job = FitJob((replace(photos[0], camera=truths[0]), *photos[1:]), tiny_bank(), SHORT)
+    job = FitJob((replace(photos[0], camera=truths[0]), *photos[1:]), SHORT)
     *_, first = fit(tiny, job)
     *_, second = fit(tiny, replace(job, resume_from=first.hypotheses[0]))
     assert rotation_error(second.cameras[0], truths[0]) < 1e-3
@@ -188,7 +186,7 @@ def test_the_runner_up_is_another_camera_that_is_scored_too(tiny: Model, whole_f
 
 def test_steps_are_numbered_timed_finite_and_at_the_size_of_the_picture(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2).resized(24, 24))
-    steps = list(fit(tiny, FitJob((photo,), tiny_bank(), SHORT)))
+    steps = list(fit(tiny, FitJob((photo,), SHORT)))
     assert [step.step for step in steps] == list(range(1, len(steps) + 1))
     assert {step.steps for step in steps} == {len(steps)}
     assert [step.seconds for step in steps] == sorted(step.seconds for step in steps)
@@ -202,7 +200,7 @@ def test_the_same_seed_gives_the_same_stream_another_seed_another_and_the_model_
     photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
 
     def stream(seed: int) -> list[tuple]:
-        steps = fit(tiny, FitJob((photo,), tiny_bank(), SHORT, seed))
+        steps = fit(tiny, FitJob((photo,), SHORT, seed))
         return [(step.loss, step.cameras, *step.codes.shape.tolist()) for step in steps]
 
     def weights() -> bytes:
@@ -219,7 +217,7 @@ def test_the_same_seed_gives_the_same_stream_another_seed_another_and_the_model_
 @pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
 def test_any_number_of_hypotheses_and_steps_ends_and_has_a_runner_up(tiny: Model, hypotheses: int, steps: int):
     photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
-    found = list(fit(tiny, FitJob((photo,), tiny_bank(), FitSettings(hypotheses, steps, rays=8, samples=4))))
+    found = list(fit(tiny, FitJob((photo,), FitSettings(hypotheses, steps, rays=8, samples=4))))
     assert found[-1].step == found[-1].steps == len(found)
     assert found[-1].runner_up is not None
 
@@ -255,7 +253,7 @@ def test_odd_pictures_stay_finite(tiny: Model):
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        (lambda: FitJob((), tiny_bank()), "no photo"),
+        (lambda: FitJob(()), "no photo"),
         *((lambda field=field: FitSettings(**field), "settings") for field in IMPOSSIBLE),
         (lambda: replace(PRESETS["paper"], hypotheses=2), "one hypothesis"),
         (lambda: replace(PRESETS["paper"], estimate_focal=True), "focal length"),

@@ -12,7 +12,7 @@ from core.models.model import Model
 from core.rendering.images import render_image
 from tests.core.fitting.inputs import QUICK, SHORT
 from tests.core.models.test_latents import freed
-from tests.core.tiny import photo_of, tiny_bank
+from tests.core.tiny import photo_of
 
 FREE = replace(SHORT, steps=20, rays=192, samples=24, free_steps=12)
 
@@ -25,8 +25,8 @@ def unlike(model: Model) -> Codes:
 def test_an_object_that_no_code_can_say_is_explained_better(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
     photo = replace(photo_of(tiny, unlike(tiny), camera), camera=camera)
-    *_, codes = fit(tiny, FitJob((photo,), tiny_bank(), replace(FREE, free_steps=0)))
-    *_, free = fit(tiny, FitJob((photo,), tiny_bank(), FREE))
+    *_, codes = fit(tiny, FitJob((photo,), replace(FREE, free_steps=0)))
+    *_, free = fit(tiny, FitJob((photo,), FREE))
     assert codes.codes.shape_offsets is None
     assert free.codes.shape_offsets is not None and free.codes.texture_offsets is not None
     plain, better = (
@@ -38,7 +38,7 @@ def test_an_object_that_no_code_can_say_is_explained_better(tiny: Model):
 
 def test_the_stage_ends_a_search_and_leaves_its_confidence(tiny: Model):
     photo = photo_of(tiny, unlike(tiny), tiny.camera(0.5, 0.4))
-    steps = list(fit(tiny, FitJob((photo,), tiny_bank(), FREE)))
+    steps = list(fit(tiny, FitJob((photo,), FREE)))
     searched = [step for step in steps if not step.is_free]
     assert [step.is_free for step in steps] == [False] * len(searched) + [True] * FREE.free_steps
     assert steps[-1].step == steps[-1].steps
@@ -54,7 +54,7 @@ def test_the_stage_ends_a_search_and_leaves_its_confidence(tiny: Model):
 
 def test_offsets_are_left_out_where_they_are_not_wanted_or_mean_nothing(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.4))
-    job = FitJob((photo,), tiny_bank(), FREE)
+    job = FitJob((photo,), FREE)
     white = replace(tiny, white_from_network=True)
     for model, settings in ((tiny, replace(FREE, free_steps=0)), (white, FREE)):
         *_, last = fit(model, replace(job, settings=settings))
@@ -64,7 +64,7 @@ def test_offsets_are_left_out_where_they_are_not_wanted_or_mean_nothing(tiny: Mo
 def test_an_object_like_the_training_objects_stays_as_it_is(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
     photo = replace(photo_of(tiny, tiny.codes[0], camera), camera=camera)
-    *_, last = fit(tiny, FitJob((photo,), tiny_bank(), QUICK))
+    *_, last = fit(tiny, FitJob((photo,), QUICK))
     assert last.codes.shape_offsets is not None
     assert float(last.codes.shape_offsets.float().square().mean().sqrt()) < 0.3
     behind = tiny.camera(2.6, 0.4)
@@ -78,7 +78,7 @@ def test_an_object_like_the_training_objects_stays_as_it_is(tiny: Model):
 def test_the_same_seed_gives_the_same_offsets(tiny: Model, known: bool):
     camera = tiny.camera(0.5, 0.4)
     photo = replace(photo_of(tiny, unlike(tiny), camera), camera=camera if known else None)
-    (*_, first), (*_, second) = (fit(tiny, FitJob((photo,), tiny_bank(), FREE)) for _ in range(2))
+    (*_, first), (*_, second) = (fit(tiny, FitJob((photo,), FREE)) for _ in range(2))
     assert torch.equal(first.codes.shape_offsets, second.codes.shape_offsets)
 
 
@@ -92,7 +92,7 @@ def test_a_doubtful_mask_adds_to_the_object_and_carves_nothing(tiny: Model):
     seen = dict[float, torch.Tensor]()
     for confidence in (1.0, 0.9):
         torn = replace(photo, mask=mask, pixels=pixels, mask_confidence=confidence)
-        *_, last = fit(tiny, FitJob((torn,), tiny_bank(), replace(FREE, free_steps=20)))
+        *_, last = fit(tiny, FitJob((torn,), replace(FREE, free_steps=20)))
         rendered = render_image(tiny, replace(last.codes, detail=None), camera)
         seen[confidence] = rendered.opacity[photo.mask & ~mask]
     assert float(seen[0.9].mean()) > float(seen[1.0].mean()) + 0.05

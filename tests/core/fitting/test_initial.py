@@ -74,7 +74,7 @@ def test_there_are_no_more_cameras_and_shapes_than_the_bank_has_apart(tiny: Mode
     few, all_there_are = (len(initial(unknown, count)) for count in (5, 1000))
     assert few == 5
     assert 20 < all_there_are < 168
-    known, shapes = problem_of(tiny, *photos_of(tiny, given, (True, True))), len(tiny_bank().codes.shape)
+    known, shapes = problem_of(tiny, *photos_of(tiny, given, (True, True))), len(tiny_bank().prototypes)
     few, all_there_are = (len(initial(known, count)) for count in (3, 1000))
     assert few == 3
     assert all_there_are in (shapes, shapes + 1)

@@ -16,19 +16,19 @@ from core.metrics import rotation_error
 from core.models.model import Model
 from core.photos.photo import Photo
 from tests.conftest import unchecked_shapes
-from tests.core.tiny import photo_of, tiny_bank
+from tests.core.tiny import photo_of
 
 PAPER = replace(PRESETS["paper"], steps=120, rays=96, samples=20)
 
 
 def last(model: Model, *photos: Photo, settings=PAPER) -> FitStep:
-    *_, step = fit(model, FitJob(photos, tiny_bank(), settings))
+    *_, step = fit(model, FitJob(photos, settings))
     return step
 
 
 def test_the_paper_starts_once_anywhere_or_from_a_given_camera(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
-    starts = [next(fit(tiny, FitJob((photo,), tiny_bank(), PAPER, seed))) for seed in range(12)]
+    starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
     assert {step.active for step in starts} == {1}
     assert all(step.cameras[0].elevation > -0.11 for step in starts)
     assert len({round(step.cameras[0].azimuth) for step in starts}) > 3
@@ -37,7 +37,7 @@ def test_the_paper_starts_once_anywhere_or_from_a_given_camera(tiny: Model):
     torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
     truth = tiny.camera(1.2, 0.3)
     begin = Hypothesis(0, 0.0, (truth,), tiny.codes.mean, torch.zeros(1, 4))
-    first = next(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), tiny_bank(), PAPER, resume_from=begin)))
+    first = next(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), PAPER, resume_from=begin)))
     assert rotation_error(first.cameras[0], truth) < 10  # AdamW's first step is its rate: 0.1 rad
 
 
@@ -46,7 +46,7 @@ def test_the_paper_turns_a_camera_that_is_off_towards_the_true_one(tiny: Model):
     """From a start that is given: where a random one leads is a matter of chance."""
     truth, start = tiny.camera(1.2, 0.3), tiny.camera(1.45, 0.4)
     begin = Hypothesis(0, 0.0, (start,), tiny.codes.mean, torch.zeros(1, 4))
-    job = FitJob((photo_of(tiny, tiny.codes[0], truth),), tiny_bank(), replace(PAPER, steps=60), resume_from=begin)
+    job = FitJob((photo_of(tiny, tiny.codes[0], truth),), replace(PAPER, steps=60), resume_from=begin)
     steps = list(fit(tiny, job))
     assert len(steps) == 60
     assert rotation_error(steps[-1].cameras[0], truth) < 0.6 * rotation_error(start, truth)
@@ -72,7 +72,7 @@ def test_steps_that_diverge_leave_the_best_before_them(tiny: Model, monkeypatch:
 
     monkeypatch.setattr(paper, "paper_objective", diverging)
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
-    steps = list(fit(tiny, FitJob((photo,), tiny_bank(), replace(PAPER, steps=20))))
+    steps = list(fit(tiny, FitJob((photo,), replace(PAPER, steps=20))))
     assert len(steps) == 20
     (loss,) = {step.loss for step in steps[13:]}
     assert math.isfinite(loss)

@@ -19,7 +19,7 @@ from core.fitting.settings import ALL_COMPONENTS, Components
 from core.models.model import Model
 from core.photos.photo import Photo
 from tests.core.fitting.inputs import QUICK, SHORT, problem_of, seeded
-from tests.core.tiny import photo_of, tiny_bank
+from tests.core.tiny import photo_of
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # test_fit runs fits with checks
 
@@ -70,7 +70,7 @@ def test_where_cameras_are_known_the_best_shapes_are_kept(tiny: Model):
     batch = initial_hypotheses(problem, 6, seeded())
     ranked = replace(batch, loss=torch.arange(len(batch), dtype=torch.float32))
     assert prune(problem, ranked, 2).origin.tolist() == [0, 1]
-    first, *_, end = fit(tiny, FitJob((stool(tiny, known=True),), tiny_bank(), QUICK))
+    first, *_, end = fit(tiny, FitJob((stool(tiny, known=True),), QUICK))
     assert (first.active, end.active) == (len(batch), 1)
 
 
@@ -94,7 +94,7 @@ def test_the_leader_and_its_opposite_view_are_kept(tiny: Model):
 
 
 def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    job = FitJob((stool(tiny),), tiny_bank(), SHORT)
+    job = FitJob((stool(tiny),), SHORT)
     once = list(fit(tiny, job))
     twice = replace(job, settings=replace(SHORT, max_restarts=1))
     monkeypatch.setattr(search, "RESTART_BELOW", 0.0)
@@ -125,13 +125,13 @@ def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: p
 def test_one_search_is_enough_where_not_one_camera_is_in_doubt(tiny: Model, monkeypatch: pytest.MonkeyPatch, kind: str):
     photos = {"known": (stool(tiny, known=True),), "several": (stool(tiny), stool(tiny))}[kind]
     monkeypatch.setattr(search, "RESTART_BELOW", 1.1)
-    once, twice = (list(fit(tiny, FitJob(photos, tiny_bank(), replace(SHORT, max_restarts=most)))) for most in (0, 1))
+    once, twice = (list(fit(tiny, FitJob(photos, replace(SHORT, max_restarts=most)))) for most in (0, 1))
     assert [step.loss for step in once] == [step.loss for step in twice]
     assert not any(step.restart for step in twice)
 
 
 def test_a_restart_that_diverges_leaves_the_first_result_as_it_was(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    job = FitJob((stool(tiny),), tiny_bank(), SHORT)
+    job = FitJob((stool(tiny),), SHORT)
     *_, once = fit(tiny, job)
     searches = 0
 
@@ -175,7 +175,7 @@ def test_the_better_of_two_searches_is_judged_by_the_smaller_margin(tiny: Model)
 def test_the_refinement_tells_the_best_that_was_scored(tiny: Model, steps: int):
     settings = replace(SHORT, steps=steps)
     final = build_schedule(settings, ALL_COMPONENTS, unknown=False).final
-    found = list(fit(tiny, FitJob((stool(tiny, known=True),), tiny_bank(), settings)))
+    found = list(fit(tiny, FitJob((stool(tiny, known=True),), settings)))
     ending = [step.loss for step in found if step.step > found[0].steps - final.steps]
     assert ending == sorted(ending, reverse=True)
     assert found[-1].step == found[-1].steps

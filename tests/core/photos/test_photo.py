@@ -42,7 +42,7 @@ def write_png(path: Path, header: bytes, pixels: bytes, *more: tuple[bytes, byte
 
 
 def photo_from(pixels: np.ndarray, model: Model) -> Photo:
-    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, tiny_bank())
+    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model)
 
 
 def check_found(photo: Photo, model: Model) -> None:
@@ -69,7 +69,7 @@ def check_found(photo: Photo, model: Model) -> None:
     [("a.png", "RGB"), ("a.png", "P"), ("a.jpg", "RGB"), ("a.jpg", "CMYK"), ("a.webp", "RGB"), ("a.tif", "RGB")],
 )
 def test_any_usual_file_is_cut_out_and_framed(tmp_path: Path, tiny: Model, name: str, mode: str):
-    check_found(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny, tiny_bank()), tiny)
+    check_found(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny), tiny)
 
 
 @pytest.mark.parametrize("times, orientation", [(1, 1), (1, 6), (10, 6)])
@@ -78,11 +78,11 @@ def test_a_focal_length_that_a_camera_wrote_is_kept(tmp_path: Path, tiny: Model,
     exif[ExifTags.Base.Orientation] = orientation
     exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 52
     image = drawing((300 * times, 200 * times))
-    photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny, tiny_bank())
+    photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny)
     shown = 100 / (apparent_size(tiny_bank(), tiny).median * SIDE)  # px of the drawing in one of the crop
     assert photo.scaled
     assert photo.focal == pytest.approx(52 / math.hypot(36, 24) * math.hypot(300, 200) / shown, rel=0.05)
-    written = load_photo(saved(image, tmp_path / "b.jpg"), tiny, tiny_bank())
+    written = load_photo(saved(image, tmp_path / "b.jpg"), tiny)
     assert written.focal is None
 
 
@@ -95,7 +95,7 @@ def test_grey_images_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
         image = Image.fromarray(grey.astype(np.float32) / 255)
     else:
         image = Image.fromarray(grey).convert(mode)
-    photo = load_photo(saved(image, tmp_path / ("a.tif" if mode in ("I", "F") else "a.png")), tiny, tiny_bank())
+    photo = load_photo(saved(image, tmp_path / ("a.tif" if mode in ("I", "F") else "a.png")), tiny)
     assert photo.cropped
     assert float(photo.pixels[photo.mask].mean()) < 0.3
 
@@ -111,12 +111,10 @@ def test_images_are_turned_upright_as_pillow_turns_them(tmp_path: Path, orientat
 
 def test_palettes_may_be_transparent_and_images_huge(tmp_path: Path, tiny: Model):
     image = drawing(background=(0, 200, 60)).convert("P", palette=Image.Palette.ADAPTIVE)
-    check_found(
-        load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny, tiny_bank()), tiny
-    )
+    check_found(load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny), tiny)
     image = Image.new("L", (20_000, 1500), 255)
     image.paste(40, (9000, 300, 10_000, 1300))
-    photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny, tiny_bank())
+    photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny)
     assert photo.pixels.shape == (SIDE, SIDE, 3)
     assert 0.05 < float(photo.mask.float().mean()) < 0.3
 
@@ -161,10 +159,8 @@ def test_a_large_or_broken_description_is_no_reason_to_refuse(tmp_path: Path, ti
     header, large = struct.pack(">IIBBBBB", 300, 200, 8, 2, 0, 0, 0), zlib.compress(bytes(3_000_000))
     for chunk in ((b"iCCP", b"a\0\0" + large), (b"iTXt", b"a\0\1\0\0\0" + large), (b"zTXt", b"a\0\0" + large)):
         write_png(tmp_path / "a.png", header, pixels, chunk)
-        check_found(load_photo(tmp_path / "a.png", tiny, tiny_bank()), tiny)
-    check_found(
-        load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny, tiny_bank()), tiny
-    )
+        check_found(load_photo(tmp_path / "a.png", tiny), tiny)
+    check_found(load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny), tiny)
 
 
 @pytest.mark.parametrize("kind", ["EPS", "DDS", "ICO", "PDF"])
@@ -257,7 +253,7 @@ def test_specks_are_left_out(tiny: Model):
 def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float, elevation: float):
     seen = render_exact(tiny, tiny.codes[1], tiny.camera(azimuth, elevation), 48)
     pixels = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
-    photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny, tiny_bank())
+    photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny)
     assert not photo.cropped
     inside = seen.opacity > 0.5
     assert bool((photo.pixels[inside] == torch.from_numpy(pixels)[inside] / 255).all())
@@ -290,7 +286,7 @@ def test_with_a_pose_an_image_is_only_resized(tmp_path: Path, tiny: Model):
     camera = tiny.camera(0.4, 0.3)
     pose = tmp_path / "pose.txt"
     pose.write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
-    photo = load_photo(saved(drawing((300, 300)), tmp_path / "a.png"), tiny, tiny_bank(), pose)
+    photo = load_photo(saved(drawing((300, 300)), tmp_path / "a.png"), tiny, pose)
     assert not photo.cropped
     assert photo.camera.azimuth == pytest.approx(0.4)
     assert (photo.camera.width, photo.camera.height, photo.camera.focal) == (SIDE, SIDE, tiny.focal)
@@ -302,7 +298,7 @@ def test_with_a_pose_an_image_is_only_resized(tmp_path: Path, tiny: Model):
 
 def refused(path: Path, model: Model, pose: Path | None = None) -> str:
     with pytest.raises(ValueError) as error:
-        load_photo(path, model, tiny_bank(), pose)
+        load_photo(path, model, pose)
     text = str(error.value)
     assert "\n" not in text
     assert str(path) in text or (pose is not None and str(pose) in text)
@@ -332,7 +328,7 @@ def test_clear_and_narrow_images_are_refused_and_noise_is_not(tmp_path: Path, ti
     assert "too narrow (20000 x 10 px)" in refusal
     assert "no object found" in refused(saved(Image.new("RGBA", (90, 90), (9, 9, 9, 0)), tmp_path / "a.png"), tiny)
     noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
-    assert load_photo(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny, tiny_bank()).mask.any()
+    assert load_photo(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny).mask.any()
 
 
 @pytest.mark.parametrize(("side", "bits", "kind"), [(19_900, 16, 0), (13_000, 8, 2), (30_000, 1, 0)])
@@ -363,10 +359,10 @@ def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
 
 def test_the_shared_photographs(shared: Path, tiny: Model):
     for name in ("chair_comfort.jpg", "chair_wood.jpg", "chair_watermelon.png"):
-        photo = load_photo(shared / "photos" / name, tiny, tiny_bank())
+        photo = load_photo(shared / "photos" / name, tiny)
         assert photo.cropped
         assert 0.03 < float(photo.mask.float().mean()) < 0.3
-    assert load_photo(shared / "photos" / "toyota.jpg", tiny, tiny_bank()).cropped
+    assert load_photo(shared / "photos" / "toyota.jpg", tiny).cropped
 
 
 def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -375,8 +371,8 @@ def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, m
     noise[60:160, 40:140] = (30, 40, 90)
     path = saved(Image.fromarray(noise), tmp_path / "a.png")
     with pytest.raises(NoBackgroundError, match=r"a\.png"):
-        load_photo(path, tiny, tiny_bank(), hints=Hints((0.0, 0.0, 1.0, 1.0)))
-    photo = load_photo(path, tiny, tiny_bank(), hints=Hints((0.1, 0.25, 0.5, 0.85)))
+        load_photo(path, tiny, hints=Hints((0.0, 0.0, 1.0, 1.0)))
+    photo = load_photo(path, tiny, hints=Hints((0.1, 0.25, 0.5, 0.85)))
     seen = photo.pixels[photo.mask].median(0).values
     torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
 

@@ -1,10 +1,10 @@
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
 from core.metrics import rotation_error
-from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.ranking import ObjectMask, expected_scales, rank_cameras, shape_similarity
 from core.rendering.reference import Rendered, render_exact
@@ -41,9 +41,9 @@ def test_every_candidate_comes_with_its_opposite_view(tiny: Model):
 
 def test_a_prototype_looks_like_itself(tiny: Model):
     bank = tiny_bank()
-    for index in range(len(bank.codes.shape)):
+    for index in range(len(bank.prototypes)):
         for azimuth, elevation in ((0.8, 0.2), (2.0, 1.35)):
-            codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
+            codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
             seen = render_exact(tiny, codes, tiny.camera(azimuth, elevation), 32)
             scores = shape_similarity(bank, image_of(seen, tiny.focal), azimuth, elevation)
             assert float(scores[index]) > float(scores.max()) - 0.05
@@ -70,7 +70,7 @@ def test_how_large_an_object_is_compared_with_others_from_there(tiny: Model):
 @pytest.mark.parametrize(("side", "azimuth"), [(0, 2.2), (1, -1.2)])
 def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int, azimuth: float):
     bank = tiny_bank()
-    seen = render_exact(tiny, Codes(bank.codes.shape[1], bank.codes.texture[1]), tiny.camera(azimuth, 0.5), 48)
+    seen = render_exact(tiny, replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[1]), tiny.camera(azimuth, 0.5), 48)
     mask = seen.opacity > 0.5
     first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
     unseen = torch.zeros_like(mask)

@@ -1,39 +1,19 @@
-import os
-import subprocess
-import sys
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
 from core.geometry.camera import camera_rotation
-from core.models.codes import Codes
+from core.models.library import load_model
 from core.models.model import Model
-from core.photos.view_bank import SIDE, ViewBank, apparent_size, build_view_bank, unpack_bits
+from core.models.view_bank import SIDE, unpack_bits
+from core.photos.view_bank import apparent_size, build_view_bank, view_bank
 from core.rendering.reference import render_exact
 from core.rendering.surface import surface_points
-from core.runtime.folders import cache_folder
-from core.streams import run_to_end
-from tests.conftest import random_model
-from tests.core.tiny import tiny_bank
-
-PARTS = ("silhouettes", "sizes", "offsets")
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache folder of its own."""
-    monkeypatch.setenv("CODENERF_CACHE", str(tmp_path))
-    return tmp_path
-
-
-def bank_files(folder: Path) -> list[Path]:
-    return list(folder.glob("view-banks/*.safetensors"))
-
-
-def same(one: ViewBank, other: ViewBank) -> bool:
-    return one.codes == other.codes and all(torch.equal(getattr(one, part), getattr(other, part)) for part in PARTS)
+from tests.conftest import random_model, with_contrast
+from tests.core.fitting.inputs import problem_of
+from tests.core.tiny import photo_of, tiny_bank
 
 
 def test_apparent_sizes_in_training_images(tiny: Model):
@@ -45,7 +25,7 @@ def test_apparent_sizes_in_training_images(tiny: Model):
 
 def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
     bank, view, index = tiny_bank(), 2 * 24 + 3, 1
-    codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
+    codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
     points, _ = surface_points(tiny, codes)
     right, up, backward = (camera_rotation(bank.azimuth[view], bank.elevation[view]) @ points.T).tolist()
     seen = [(x / (tiny.distance - z), -y / (tiny.distance - z)) for x, y, z in zip(right, up, backward, strict=True)]
@@ -58,63 +38,53 @@ def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
             for value, one, two in zip(place, low, high, strict=True)
         )
         mask[row, column] = 1
-    assert float(bank.sizes[index, view]) == pytest.approx(size, rel=1e-4)
+    assert float(bank.sizes[index, view]) == pytest.approx(size, rel=1e-3)
     assert bank.offsets[index, view].tolist() == pytest.approx(
-        [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2], abs=1e-5
+        [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2], abs=1e-4
     )
     found = unpack_bits(bank.silhouettes[index, view : view + 1]).reshape(SIDE, SIDE)
     assert float((found != mask).float().mean()) < 0.01  # a point between two pixels may be rounded either way
 
 
-def test_progress_ends_at_one(tiny: Model, folder: Path):
-    shares = list(build_view_bank(tiny))
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+def test_a_bank_is_built_once_with_progress_up_to_one(tiny: Model):
+    model = replace(tiny)  # a model that has none yet
+    fractions = list(build_view_bank(model))
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert not list(build_view_bank(model))
+    assert view_bank(model) is view_bank(model)
 
 
-def test_the_next_process_reads_the_file(tiny: Model, folder: Path):
-    made = run_to_end(build_view_bank(tiny))
-    (file,) = bank_files(folder)
-    assert tiny.fingerprint in file.name
-    assert not list(build_view_bank(tiny))
-    assert same(run_to_end(build_view_bank(tiny)), made)
+def test_a_saved_bank_is_read_without_building(tiny: Model, tmp_path: Path):
+    built = view_bank(tiny)
+    replace(tiny, view_bank=built).save(tmp_path / "m.safetensors")
+    model = Model.load(tmp_path / "m.safetensors")
+    assert not list(build_view_bank(model))
+    for name in ("prototypes", "silhouettes", "sizes", "offsets"):
+        assert torch.equal(getattr(view_bank(model), name), getattr(built, name)), name
 
 
-@pytest.mark.parametrize("damage", ["empty", "cut", "other", "numbers"])
-def test_a_damaged_file_is_made_again(damage: str, tiny: Model, folder: Path):
-    made = run_to_end(build_view_bank(tiny))
-    (file,) = bank_files(folder)
-    whole = file.read_bytes()
-    if damage == "numbers":
-        nothing = np.full(made.sizes.numel(), np.nan, np.float32).tobytes()
-        damaged = whole.replace(made.sizes.numpy().tobytes(), nothing)
-        assert damaged != whole
-    else:
-        damaged = {"empty": b"", "cut": whole[: len(whole) // 2], "other": b"no view bank at all"}[damage]
-    file.unlink()  # which is mapped into memory
-    file.write_bytes(damaged)
-    assert same(run_to_end(build_view_bank(tiny)), made)
-    assert file.read_bytes() == whole
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+def test_shipped_models_are_complete(name: str):
+    model = load_model(name)
+    assert model.view_bank is not None and model.words is not None
+    number = len(model.view_bank.prototypes) // 2
+    shape = model.view_bank.shapes(model.codes)[number]
+    points, _ = surface_points(model, replace(model.codes.mean, shape=shape))
+    right, _, backward = camera_rotation(model.view_bank.azimuth[30], model.view_bank.elevation[30]) @ points.T
+    across = right / (model.distance - backward)
+    middle = float(across.max() + across.min()) / 2
+    assert float(model.view_bank.offsets[number, 30, 0]) == pytest.approx(middle, abs=0.01)
 
 
-def test_where_nothing_can_be_written_the_bank_is_made_all_the_same(tiny: Model, folder: Path):
-    (folder / "view-banks").write_text("a file where the folder should be")
-    assert same(run_to_end(build_view_bank(tiny)), tiny_bank())
-    assert not bank_files(folder)
+def test_a_fit_through_the_soft_field_uses_the_bank_of_the_model(tiny: Model):
+    sharp = with_contrast(tiny)
+    photo = photo_of(sharp, sharp.codes[0], sharp.camera(0.5, 0.5))
+    assert problem_of(sharp, photo).bank is view_bank(sharp)
 
 
-def test_an_empty_bank_is_told_where_it_is_used_and_not_kept(folder: Path):
+def test_an_empty_bank_is_told_where_it_is_used():
     empty = random_model()
     empty.field.density_layer.bias.fill_(-1e4)
-    bank = run_to_end(build_view_bank(empty))
     with pytest.raises(ValueError, match="no objects"):
-        apparent_size(bank, empty)
-    assert not bank_files(folder)
-
-
-def test_tests_do_not_write_into_the_folder_of_the_user():
-    assert str(cache_folder()) == os.environ["CODENERF_CACHE"]
-    words = [sys.executable, "-c", "from core.runtime.folders import cache_folder; print(cache_folder())"]
-    bare = {name: value for name, value in os.environ.items() if name != "CODENERF_CACHE"}
-    said = subprocess.run(words, env=bare, capture_output=True, text=True, check=True).stdout
-    assert Path(said.strip()).name.startswith("codenerf-viewer") or "codenerf-viewer" in said
+        apparent_size(view_bank(empty), empty)

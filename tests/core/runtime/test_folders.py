@@ -16,7 +16,7 @@ _ROOT = Path(__file__).parents[3]
 @_LINUX
 @pytest.mark.parametrize("home", [None, "/proc", "/dev/null"])
 def test_without_a_home_a_temporary_folder_is_used(home: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    for name in ("XDG_CONFIG_HOME", "CODENERF_CACHE", "HOME"):
+    for name in ("XDG_CONFIG_HOME", "HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     if home is None:
@@ -38,13 +38,13 @@ def test_a_home_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="becomes another user by it")
-def test_a_user_number_without_a_name_has_a_cache(tmp_path: Path) -> None:
+def test_a_user_number_without_a_name_has_a_folder(tmp_path: Path) -> None:
     number = "54321"
     become = ["unshare", "-U", f"--map-user={number}", f"--map-group={number}"]
     if subprocess.run([*become, "true"], check=False, capture_output=True).returncode:
         pytest.skip("this system lets nobody become another user")
-    words = [*become, sys.executable, "-m", "core", "cache"]
+    words = [*become, sys.executable, "-c", "from core.runtime.folders import config_folder; print(config_folder())"]
     environment = {"TMPDIR": str(tmp_path), "PATH": os.environ["PATH"]}
     done = subprocess.run(words, env=environment, cwd=_ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == [str(tmp_path / f"codenerf-viewer-{number}"), "nothing is kept"]
+    assert done.stdout.strip() == str(tmp_path / f"codenerf-viewer-{number}")

@@ -2,7 +2,6 @@
 
 import os
 import sys
-import tempfile
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +14,7 @@ from torch import Tensor
 from core.export.mesh import extract_mesh
 from core.fitting.fit import FitJob, fit
 from core.models.model import Model
-from core.photos.view_bank import build_view_bank
+from core.photos.view_bank import view_bank
 from core.rendering import fast
 from core.rendering.baking import bake
 from core.rendering.reference import render_exact
@@ -23,7 +22,7 @@ from core.runtime.pool import map_pieces
 from core.runtime.threads import VARIABLE
 from core.streams import run_to_end
 from tests.core.fitting.inputs import SHORT
-from tests.core.tiny import photo_of, tiny_bank
+from tests.core.tiny import photo_of
 
 
 def thread(piece: object) -> int:
@@ -133,15 +132,13 @@ def of_mesh(model: Model) -> list[Tensor]:
 
 def of_fit(model: Model) -> list[Tensor]:
     photos = (photo_of(model, model.codes[1], model.camera(0.5, 0.5)),)
-    *_, last = fit(model, FitJob(photos, tiny_bank(), SHORT))
+    *_, last = fit(model, FitJob(photos, SHORT))
     cameras = chain.from_iterable((one.azimuth, one.elevation, one.distance) for one in last.cameras)
     return [last.codes.shape, last.codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
 
 
 def of_view_bank(model: Model) -> list[Tensor]:
-    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CODENERF_CACHE", folder)
-        bank = run_to_end(build_view_bank(model))
+    bank = view_bank(replace(model))  # a model that has none yet
     return [bank.silhouettes, bank.sizes, bank.offsets]
 
 

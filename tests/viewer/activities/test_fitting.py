@@ -11,7 +11,6 @@ from core.models.model import Model
 from core.photos.photo import Photo, read_cut_out
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import ViewBank
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import CheckedFit, broken_fit, crowded, doubted, endless_fit, quick_fit, quick_photo
 from viewer.editor import Editor
@@ -435,8 +434,8 @@ def test_a_photo_of_something_else_among_several_is_asked_about(session: Session
 
 
 def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
-    def noted(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
-        return replace(quick_photo(cut, model, bank, source), note="image 2 of the 3 in this file is used")
+    def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+        return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
 
     session.jobs.backend = replace(session.jobs.backend, frame_photo=noted)
     session.fitting.start(photo)

@@ -13,7 +13,6 @@ from core.models.model import Model
 from core.models.photo_detail import Erasure
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import ViewBank
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import (
     crowded,
@@ -315,9 +314,9 @@ def test_several_photos_agree_or_not_by_a_dot(
     def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, psnr=psnr) for step in quick_fit(model, job))
 
-    def told(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+    def told(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
         category = second if source.path == other else "cars"
-        return replace(quick_photo(cut, model, bank, source), categories={category: 0.9})
+        return replace(quick_photo(cut, model, source), categories={category: 0.9})
 
     def act(window: Driver) -> None:
         window.fit(photo, other)

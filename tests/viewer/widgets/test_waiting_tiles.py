@@ -10,7 +10,6 @@ from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import ViewBank
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import doubted, quick_fit, quick_photo
 from tests.viewer.test_editor import fitted
@@ -71,7 +70,7 @@ def failing_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     raise MemoryError
 
 
-def failing_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+def failing_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
     raise RuntimeError("element 0 of tensors does not require grad")
 
 

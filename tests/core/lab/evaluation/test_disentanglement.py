@@ -19,7 +19,7 @@ IDS = {"stool0": (0, 1), "stool1": (1, 0), "stool2": (2, 3), "stool3": (3, 2), "
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     settings = FitSettings(steps=20, rays=64, samples=16)
-    monkeypatch.setattr(module, "FitJob", lambda photos, bank, seed: FitJob(photos, bank, settings, seed))
+    monkeypatch.setattr(module, "FitJob", lambda photos, seed: FitJob(photos, settings, seed))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore, PoseSc
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.model import Model
 from core.rendering.reference import render_exact
-from tests.core.tiny import tiny_bank
 
 
 @pytest.fixture(autouse=True)
@@ -33,7 +32,7 @@ def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
 def test_a_known_object_scores_as_rendering_its_fit_by_hand_on_all_or_every_other_view(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(2,)))
-    _, last = module.fit_first_last(tiny, FitJob((module.as_photo(views, 2, True),), tiny_bank(), PRESETS["normal"]))
+    _, last = module.fit_first_last(tiny, FitJob((module.as_photo(views, 2, True),), PRESETS["normal"]))
     by_hand = []
     for index in (0, 1, 3):
         drawn = render_exact(tiny, last.codes, views.cameras[index], 192).colour.clamp(0, 1)
@@ -63,7 +62,7 @@ def test_two_inputs_beat_none_of_the_right_kind(tiny: Model):
 def test_estimated_cameras_are_compared_with_the_true_ones(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(1,), estimate=True))
-    job = FitJob((module.as_photo(views, 1, False),), tiny_bank(), PRESETS["normal"])
+    job = FitJob((module.as_photo(views, 1, False),), PRESETS["normal"])
     first, last = module.fit_first_last(tiny, job)
     (pose,) = score.poses
     assert pose.rotation == pytest.approx(rotation_error(last.cameras[0], views.cameras[1]))
