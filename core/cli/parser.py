@@ -109,10 +109,10 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "turntable", "render.turntable", "write a video around an object: a turn, or a swing")
+    command = add_command(commands, "turntable", "render.turntable", "write a video around an object")
     _add_scene_options(command)
     films = command.add_mutually_exclusive_group()
-    films.add_argument("--swing", action="store_true", help="70 degrees to both sides, not all round: what a photo shows")
+    films.add_argument("--swing", action="store_true", help="70 degrees to both sides instead of all round")
     films.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
     frames = "number of frames (default: 72, of a swing 96)"
     command.add_argument("--frames", type=whole_from(1, 100_000), metavar="N", help=frames)
