@@ -315,7 +315,7 @@ class App:
         io = imgui.get_io()
         if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
             self._touched = time.monotonic()
-        if self.session.idle_turn.turning:
+        if self.session.idle_turn.turning or self.session.exporting.films.moving:
             return _RATE_OF_IDLE_TURN
         if not (self._software and self.session.jobs.busy()):
             return _RATE

@@ -104,6 +104,15 @@ class Editor:
         """The codes of A and B between which the mix pad mixes: A with its edits, locked codes in both."""
         return self._keeping_locked(self.unmixed), self._keeping_locked(self.objects[self.state.mix.b].codes)
 
+    @property
+    def film_partner(self) -> Codes | None:
+        """The codes of B, with locked ones; None if B cannot be mixed with the object on screen or looks like it."""
+        name, codes = self.state.mix.b, self.scene.codes
+        if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
+            return None
+        other = self._keeping_locked(self.objects[name].codes)
+        return None if (other.shape_key, other.texture_key) == (codes.shape_key, codes.texture_key) else other
+
     def _keeping_locked(self, codes: Codes) -> Codes:
         """Return codes with the locked ones of the object on screen, if it is of the same model."""
         for kind in self.locked if codes.model == self.scene.codes.model else ():

@@ -108,10 +108,13 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
+    command = add_command(commands, "turntable", "render.turntable", "write a video around an object")
     _add_scene_options(command)
-    command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
-    command.add_argument("--frames", type=whole_from(1, 100_000), default=72, metavar="N", help="number of frames")
+    films = command.add_mutually_exclusive_group()
+    films.add_argument("--swing", action="store_true", help="70 degrees to both sides instead of all round")
+    films.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
+    frames = "number of frames (default: 72, of a swing 96)"
+    command.add_argument("--frames", type=whole_from(1, 100_000), metavar="N", help=frames)
     command.add_argument("--fps", type=whole_from(1, 100), default=24, metavar="N", help="frames per second")
     command.add_argument("--size", type=image_size, default=(512, 512), metavar="PX|WxH", help="(default: 512)")
     command.add_argument("--quality", type=whole_from(1, 100), default=85, metavar="N", help="1 to 100 (gif: colours)")

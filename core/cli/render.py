@@ -12,9 +12,9 @@ from core.cli.output import say
 from core.cli.progress import run_with_progress
 from core.detail.paint import Paint, paint
 from core.detail.rendering import render_frame, render_reference
-from core.export import keyframes as timeline
+from core.export import keyframes
 from core.export.framing import filling_frame
-from core.export.keyframes import Keyframe, Timeline, View
+from core.export.keyframes import View
 from core.export.video import FORMATS, WHITE, VideoSettings, shown_views, write_video
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -42,16 +42,17 @@ def render(chosen: argparse.Namespace) -> None:
 
 
 def turntable(chosen: argparse.Namespace) -> None:
-    """Run ``turntable``: write a video of one turn; with ``--morph-to``, into another object and back."""
-    model, codes, camera = _load_view(chosen)
+    """Run ``turntable``: write a video of a turn or a swing; with ``--morph-to``, into another object and back."""
+    model, codes, camera = _load_view(chosen, from_photo=True)
     camera = camera.resized(*chosen.size)
     background = None if chosen.transparent else WHITE
     settings = VideoSettings(chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
-    shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
-        there = View(model.codes[chosen.morph_to], camera)
-        keys = Keyframe(0.0, View(codes, camera)), Keyframe(0.5, there)
-        shots = Timeline(keys, 1.0, turns=1).views(chosen.frames)  # lasts a second, so the rate is the number of frames
+        shots = keyframes.morph(codes, model.codes[chosen.morph_to], camera, chosen.frames or keyframes.TURN)
+    elif chosen.swing:
+        shots = keyframes.swing(codes, camera, chosen.frames or keyframes.SWING)
+    else:
+        shots = keyframes.turntable(codes, camera, chosen.frames or keyframes.TURN)
     if chosen.distance is None:
         shots = filling_frame(model, shots)
     written = write_video(model, shots, chosen.out, settings)
@@ -86,7 +87,7 @@ def page(chosen: argparse.Namespace) -> None:
     """Run ``page``: write an object as a web page in one file."""
     from core.export.page import first_camera, write_page
 
-    model, codes, camera = _load_view(chosen)
+    model, codes, camera = _load_view(chosen, from_photo=True)
     if chosen.distance is None:
         camera = first_camera(model, codes, camera)
     name = chosen.name or (chosen.scene.stem if chosen.scene else model.noun.capitalize())
@@ -94,9 +95,15 @@ def page(chosen: argparse.Namespace) -> None:
         pass
 
 
-def _load_view(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """Return the chosen model, codes and camera, with the camera's options applied."""
+def _load_view(chosen: argparse.Namespace, from_photo: bool = False) -> tuple[Model, Codes, Camera]:
+    """Return the chosen model, codes and camera, with the camera's options applied.
+
+    Args:
+        from_photo: use the camera of the object's photo, if it has one, in place of the scene's.
+    """
     model, codes, camera = _load_selection(chosen)
+    if from_photo:
+        camera = Scene(codes, camera).photo_camera
     given = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
     return model, codes, replace(camera, **{name: value for name, value in given.items() if value is not None})
 

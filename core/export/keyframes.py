@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 MIN_GAP = 0.04  # s between two keys: one frame
 MIN_LENGTH, MAX_LENGTH = 0.2, 600.0  # s
+TURN, SWING = 72, 96  # usual frames of a turn, and of a swing to both sides
+_SWING_ANGLE = math.radians(70.0)  # to either side of a photo's camera: further round, the photo shows little
 _MAX_ELEVATION = math.radians(89.0)  # short of the pole, since a smooth path may overshoot
 
 
@@ -227,12 +229,28 @@ def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots 
     return CubicHermiteSpline(times, rows, slopes)
 
 
-def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[View]:
+def turntable(codes: Codes, camera: Camera, frames: int = TURN) -> list[View]:
     """Return the views of one full turn around the object, at the camera's elevation and distance."""
+    return _round(codes, camera, frames, lambda phase: phase)
+
+
+def swing(codes: Codes, camera: Camera, frames: int = SWING) -> list[View]:
+    """Return the views of a swing by 70 degrees to both sides of the camera, slow at either end; a loop has no seam."""
+    return _round(codes, camera, frames, lambda phase: _SWING_ANGLE * math.sin(phase))
+
+
+def morph(codes: Codes, other: Codes, camera: Camera, frames: int = TURN) -> list[View]:
+    """Return the views of one full turn in which the object becomes another one and itself again."""
+    keys = Keyframe(0.0, View(codes, camera)), Keyframe(0.5, View(other, camera))
+    return Timeline(keys, 1.0, turns=1).views(frames)  # lasts a second, so the rate is the number of frames
+
+
+def _round(codes: Codes, camera: Camera, frames: int, angle: Callable[[float], float]) -> list[View]:
+    """Return views at an angle (rad) beside the camera, as a function of the phase (rad, 0 to 2 pi)."""
     if frames < 1:
-        raise ValueError(f"a turntable needs at least 1 frame, got {frames}")
-    angles = (camera.azimuth + 2 * math.pi * index / frames for index in range(frames))
-    return [View(codes, replace(camera, azimuth=angle)) for angle in angles]
+        raise ValueError(f"a film around an object needs at least 1 frame, got {frames}")
+    angles = (camera.azimuth + angle(2 * math.pi * index / frames) for index in range(frames))
+    return [View(codes, replace(camera, azimuth=azimuth)) for azimuth in angles]
 
 
 def _camera_row(camera: Camera) -> Float64[np.ndarray, "4"]:

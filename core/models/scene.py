@@ -34,6 +34,11 @@ class Scene:
     codes: Codes
     camera: Camera
 
+    @property
+    def photo_camera(self) -> Camera:
+        """The camera of the object's first photo; without photos, the scene's."""
+        return self.codes.detail.views[0].camera if self.codes.detail else self.camera
+
     def save(self, path: Path) -> None:
         """Write the scene as JSON, atomically. Raises ``ValueError`` for a path that cannot be written."""
         with atomic_file(path, lambda partial: typed(_About, read_json(partial))) as partial:

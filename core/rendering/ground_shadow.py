@@ -1,4 +1,7 @@
-"""The soft shadow under an object: the fraction of the sky, brightest overhead, that it hides from the ground.
+"""The shadow under an object: the fraction of the sky, brightest overhead, that it hides from the ground.
+
+Where the object touches the ground, a narrow and dark contact shadow is added: the grid of the sky's part is too coarse
+to show it.
 
 The shadow belongs to the background. Seen from above, the ground lies behind the whole object, so an image with opacity
 is composited over the shadow like over any background. Seen from below, there is no ground.
@@ -18,11 +21,18 @@ from torch.nn import functional
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 
-_STRENGTH = 0.7  # fraction of the ground's light lost where no sky is visible
 _OVERHEAD = 3  # 1: a uniform sky; more: brighter overhead, so that the shadow lies below the object
-_COARSE = 2  # grid corners along each side of a ground texel
+_COARSE = 2  # grid corners along each side of a texel of the sky's part
+_FINE = 4  # texels of the map along each side of one of the sky's part
+_CONTACT = 0.85  # fraction of the ground's light lost where the object touches it
+_CONTACT_WIDTHS = (0.008, 0.013, 0.02)
+"""Standard deviations of the contact shadow, scene units, of the lowest layers of corners from the ground up."""
+_CONTACT_FALL = 0.75  # darkness of the contact shadow of a layer, relative to that of the layer below
 _SLABS = (0, 1, 2, 4, 8, 16, 32, 64)
 """Boundaries of slabs, in layers above the ground; thicker further up, where the height matters less."""
+_STRENGTHS = (0.75, 0.75, 0.75, 0.7, 0.6, 0.45, 0.3)
+"""Fractions of the ground's light lost where a slab hides all sky: a seat leaves no dark disc between the legs."""
+_LOWEST = 0.1  # fraction of the lowest layer's columns that may end below the ground
 _MIN_CORNERS = 4  # a layer with at most this many solid corners is a speck, not the object's lowest layer
 
 
@@ -44,26 +54,62 @@ class GroundShadow:
         return found * ((along > 0) & (rays.origins[..., 2] > self.height))
 
 
-def cast_shadow(solid: Bool[Tensor, "x y z"], extent: tuple[float, float, float]) -> GroundShadow | None:
-    """Compute the shadow on the ground, which is just below the lowest solid layer; None if no layer is solid.
+def cast_shadow(density: Float[Tensor, "x y z"], extent: tuple[float, float, float]) -> GroundShadow | None:
+    """Compute the shadow on the ground, on which the object stands; None if no layer is solid.
 
     Args:
-        solid: corners inside the object, of a grid over the scene's box.
+        density: at the corners of a grid over the scene's box, relative to the least one of a corner in the object.
         extent: half the size of the scene's box, scene units.
     """
+    solid = density > 1
     layers = solid.sum((0, 1)) > _MIN_CORNERS
     if not bool(layers.any()):
         return None
     first = int(layers.int().argmax())
+    sky = _hidden_sky(solid, first, extent)
+    sky = functional.interpolate(sky[None, None], scale_factor=_FINE, mode="bilinear")[0, 0]
+    darkness = 255 * (1 - (1 - sky) * (1 - _contact(density, first, extent)))
+    height = extent[2] * (2 * _ground_layer(density, first) / (len(solid) - 1) - 1)
+    return GroundShadow((darkness.T + 0.5).to(torch.uint8).numpy(), (2 * extent[0], 2 * extent[1]), height)
+
+
+def _ground_layer(density: Float[Tensor, "x y z"], first: int) -> float:
+    """Return the height of the ground in layers: where columns of the lowest solid layer reach the object's density."""
+    if not first:
+        return 0.0
+    logs = density[..., first - 1 : first + 1].clamp(1e-6, 1e6).log()
+    below, above = logs[density[..., first] > 1].unbind(-1)
+    below = below.clamp(max=-1e-3)  # a column that goes on below is a speck there
+    return first - 1 + float((below / (below - above)).quantile(_LOWEST))
+
+
+def _contact(density: Float[Tensor, "x y z"], first: int, extent: tuple[float, float, float]) -> Float[Tensor, "u v"]:
+    """Return the fraction (0..1) of the light that the lowest layers of the object take from the ground beside them."""
+    corners = len(density) - 1
+    texels = 2 * corners * _FINE // _COARSE
+    lost = torch.zeros(texels, texels)
+    places = 2 * (torch.arange(texels) + 0.5) / texels - 1  # -1..1 along the map, which is twice as long as the grid
+    for number, width in enumerate(_CONTACT_WIDTHS[: len(density) - first]):
+        blurs = []
+        for side in extent[:2]:
+            away = 2 * side * (places[:, None] - torch.linspace(-0.5, 0.5, corners + 1))
+            step = 2 * side / corners
+            blurs.append(step / (width * math.sqrt(2 * math.pi)) * torch.exp(-0.5 * (away / width) ** 2))
+        layer = (2 * density[..., first + number] - 1).clamp(0, 1)  # none of haze
+        lost = torch.maximum(lost, _CONTACT_FALL**number * (blurs[0] @ layer @ blurs[1].T).clamp(0, 1))
+    return _CONTACT * lost
+
+
+def _hidden_sky(solid: Bool[Tensor, "x y z"], first: int, extent: tuple[float, float, float]) -> Float[Tensor, "u v"]:
+    """Return the fraction (0..1) of the ground's light that the object, from its layer ``first`` up, hides."""
     slabs = torch.stack([solid[..., first + begin : first + end].any(-1).float() for begin, end in pairwise(_SLABS)])
     slabs = functional.avg_pool2d(functional.pad(slabs, (0, 1, 0, 1)), _COARSE)
     cells = slabs.shape[-1] - 1
     spread = torch.fft.irfft2(torch.fft.rfft2(slabs, s=(3 * cells, 3 * cells)) * _kernels(extent, cells))
-    hidden = spread[:, : 2 * cells, : 2 * cells].amax(0)  # the maximum over slabs, not their sum
+    strengths = torch.tensor(_STRENGTHS)[:, None, None]
+    hidden = (strengths * spread[:, : 2 * cells, : 2 * cells]).amax(0)  # the maximum over slabs, not their sum
     fade = (2 * (1 - torch.linspace(-1, 1, 2 * cells).abs())).clamp(0, 1)
-    darkness = 255 * (_STRENGTH * fade[:, None] * fade * hidden).clamp(0, 1)
-    height = extent[2] * (2 * (first - 0.5) / (len(solid) - 1) - 1)  # between this layer and the empty one below
-    return GroundShadow((darkness.T + 0.5).to(torch.uint8).numpy(), (2 * extent[0], 2 * extent[1]), height)
+    return (fade[:, None] * fade * hidden).clamp(0, 1)
 
 
 @lru_cache(maxsize=2)

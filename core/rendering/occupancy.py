@@ -85,8 +85,8 @@ class Occupancy:
             else:
                 corners = _complete_densities(folded, known, limit)
         self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
-        solid = (corners > _SOLID / float(self.cell.amin())).cpu()
-        self.shadow = None if model.white_from_network else cast_shadow(solid, model.extent)
+        relative = (corners * (float(self.cell.amin()) / _SOLID)).cpu()
+        self.shadow = None if model.white_from_network else cast_shadow(relative, model.extent)
         """The shape's shadow on the ground; None if it is empty or the network paints the background."""
         self._flat = self.cells.flatten()
         self._min_density = -max_of_corners(-corners).flatten().bfloat16()  # rounded by 0.4 % at most, below tolerances

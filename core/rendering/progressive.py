@@ -66,6 +66,14 @@ class Frame:
         return self.image.shape[1], self.image.shape[0]
 
     @property
+    def photo_shares(self) -> tuple[float, float]:
+        """Mean fractions of the object's colours from photos and from mirrored photos; the model has the rest."""
+        if self.sources is None:
+            return 0.0, 0.0
+        photo, mirrored = self.sources.sum((0, 1)) / max(float(self.opacity.sum()), 1e-6)
+        return float(photo), float(mirrored)
+
+    @property
     def final(self) -> bool:
         """True for the last stage."""
         return self.stage == self.stage_count - 1

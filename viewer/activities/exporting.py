@@ -4,15 +4,15 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from core.geometry.camera import Camera
 from core.models.scene import Scene, save_image
+from viewer.activities.film_previews import FilmPreviews
 from viewer.activities.mix_image import mixes, write_mixes
 from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.share_settings import RATE, TURN, ShareSettings
+from viewer.values.share_settings import FILMS, ShareSettings
 
 
 class Exporting:
@@ -20,7 +20,7 @@ class Exporting:
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
-        self.preview = SharePreview(jobs, editor)
+        self.preview, self.films = SharePreview(jobs, editor), FilmPreviews(jobs, editor)
         self.path: Path | None = None  # the file being written
         self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`, or mixes
         self.saved: Path | None = None  # the last written file
@@ -41,27 +41,29 @@ class Exporting:
         return (time.monotonic() - since) * (1 - self.progress) / (self.progress - first)
 
     def share(self, path: Path, settings: ShareSettings) -> None:
-        """Begin to write a page, turntable, video, image or mesh, in the format of the path's ending.
+        """Begin to write a page, film, image or mesh, in the format of the path's ending.
 
         Nothing happens while another file is written, or for a video without keyframes. A name without an
         ending is a folder of frames; a PNG also holds the scene.
         """
         timeline, backend, models = self._editor.playable, self._jobs.backend, self._jobs.models
         if settings.kind == "mesh":
-            model, camera = self._editor.model, _camera(self._editor.scene)
+            model, camera = self._editor.model, self._editor.scene.photo_camera
             about = settings.mesh_settings(model.metres)
             self._begin("mesh", path, lambda scene: backend.mesh(model, scene.codes, path, about, camera))
         elif settings.kind == "page":
             self._begin("page", path, lambda scene: self._page(scene, path, settings))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
-        elif settings.kind == "turntable" or timeline.keys:
-            count = TURN if settings.kind == "turntable" else timeline.frame_count(RATE)
+        elif settings.kind in FILMS and (settings.kind != "video" or timeline.keys):
+            other = self._editor.film_partner
 
-            def write(scene: Scene) -> Iterator[int]:
-                return backend.video(models, settings.views(models, scene, timeline), path, settings.video_settings)
+            def write(scene: Scene) -> Iterator[float]:
+                views = settings.views(models, scene, timeline, other)
+                for done in backend.video(models, views, path, settings.video_settings):
+                    yield done / len(views)
 
-            self._begin(settings.kind, path, write, count)
+            self._begin(settings.kind, path, write)
 
     def mixes(self, path: Path, size: int = 256) -> None:
         """Begin to write the mixes of A and B as one image on white, with cells of ``size`` px."""
@@ -90,8 +92,8 @@ class Exporting:
                 save_image(image, path, scene)
             yield float(image is not None)
 
-    def _begin(self, kind: str, path: Path, stream: Callable[[Scene], Iterator[float]], total: float = 1.0) -> None:
-        """Run a stream that yields the finished work, of ``total``, unless a file is being written."""
+    def _begin(self, kind: str, path: Path, stream: Callable[[Scene], Iterator[float]]) -> None:
+        """Run a stream that yields the finished fraction of the work, unless a file is being written."""
         if self.running:
             return
         self.kind, self.path, self.progress, self._began = kind, path, 0.0, (0.0, 0.0)
@@ -105,8 +107,8 @@ class Exporting:
 
         def advanced(done: float) -> None:
             if not self.progress:  # what came before was preparation, or another job's time
-                self._began = time.monotonic(), done / total
-            self.progress = done / total
+                self._began = time.monotonic(), done
+            self.progress = done
 
         self._jobs.submit(Job("export", changes, advanced, self._ended))
 
@@ -117,8 +119,3 @@ class Exporting:
         elif path:
             self.saved = path
             self._jobs.messages.notify(f"Saved {path.name}")
-
-
-def _camera(scene: Scene) -> Camera:
-    """Return the camera of the object's first photo or, without photos, the scene's."""
-    return scene.codes.detail.views[0].camera if scene.codes.detail else scene.camera

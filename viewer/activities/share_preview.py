@@ -1,9 +1,8 @@
-"""A preview of the file to share."""
+"""A preview of the file to share, and the time that saving will take."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
-from core.export.video_frames import FEW_SAMPLES, Image, over
+from core.export.video_frames import FEW_PIXELS, FEW_SAMPLES, Image, over, rendered_pixels
 from core.rendering.progressive import RenderJob, RenderSettings
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
@@ -20,26 +19,31 @@ class SharePreview:
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
         self.image: Image | None = None  # on transparent; None until it is rendered
+        self.seconds: float | None = None  # estimated time of saving the file; None if unknown
         self._shown: tuple[object, ...] = ()  # inputs of the current or next image
 
     def update(self, settings: ShareSettings) -> None:
         """Update the preview; call once a frame while it is visible. A video without keyframes has none."""
         scene, timeline, models = self._editor.scene, self._editor.playable, self._jobs.models
-        wanted = scene, timeline, settings.kind, settings.fill, settings.wide, settings.shows_shadow
+        other, about = self._editor.film_partner, (settings.size, settings.exact, settings.shows_shadow)
+        wanted = scene, timeline, other, settings.kind, settings.fill, settings.wide, *about
         unwanted = settings.kind == "video" and not timeline.keys
         if unwanted or wanted == self._shown or self._editor.history.gesture:
             return
         self._shown = wanted
-        small = replace(settings, size=round(_SIZE / WIDE) if settings.wide else _SIZE)
+        self.seconds = None
 
-        def stream() -> Iterator[Image | None]:
-            view = small.views(models, scene, timeline)[0]
-            job = RenderJob(*view, RenderSettings(FEW_SAMPLES, divisors=(1,)), shadow=small.shows_shadow)
-            for frame in self._jobs.frames(job):
-                yield over(frame, None, view.camera) if frame else None
+        def stream() -> Iterator[tuple[Image, float | None] | None]:
+            views = settings.views(models, scene, timeline, other)
+            work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views, settings.exact))
+            camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
+            few = RenderSettings(FEW_SAMPLES, divisors=(1,))
+            for frame in self._jobs.frames(RenderJob(views[0].codes, camera, few, shadow=settings.shows_shadow)):
+                pace = frame.seconds / (camera.width * camera.height) if frame else 0.0
+                yield (over(frame, None, camera), work * pace or None) if frame else None
 
-        def rendered(image: Image) -> None:
-            self.image = image
+        def rendered(preview: tuple[Image, float | None]) -> None:
+            self.image, self.seconds = preview
 
         self._jobs.submit(Job(_NAME, stream, rendered, self._jobs.reporting("Cannot render the preview"), urgent=True))
 

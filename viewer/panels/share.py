@@ -17,8 +17,9 @@ from core.rendering.background import Background, Rgb, background_rows
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed
+from viewer.values.duration import duration
 from viewer.values.printable import printable
-from viewer.values.share_settings import BACKGROUNDS, FILMS, KINDS, WIDE, ShareSettings
+from viewer.values.share_settings import BACKGROUNDS, FILMS, KINDS, WIDE, ShareSettings, films_of
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import begin_dialog, button, choose, draw_progress, flow, tooltip
 
@@ -26,21 +27,21 @@ T = TypeVar("T")
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
     "page": icons_fontawesome_4.ICON_FA_GLOBE,
-    "turntable": icons_fontawesome_4.ICON_FA_SYNC,
-    "video": icons_fontawesome_4.ICON_FA_CLOCK,
     "picture": icons_fontawesome_4.ICON_FA_CAMERA,
     "mesh": icons_fontawesome_4.ICON_FA_CUBE,
 }
 _ABOUT = {
     "page": "One file that opens on any phone or computer, where everyone can turn the object",
-    "turntable": "The object turning once round, as a video",
+    "swing": "From the photo's view to both sides and back: the sides that the photo knows",
+    "turntable": "The object turning once round",
+    "morph": "The object turning once round, while it becomes B and itself again; takes longer",
     "video": "The timeline as a video",
     "picture": "The object as an image. A png holds shape, texture and camera: drop it here to bring them back",
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"page": "What is seen first", "picture": "As it is saved", "mesh": "The object that is saved"}
-_TOGGLES = {kind: (f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind]) for kind, name in (KINDS | FILMS).items()}
-_FILM = f"{icons_fontawesome_4.ICON_FA_FILM}  Film###film", "The object turning once round, or the timeline, as a video"
+_TOGGLES = {kind: (f"{icon}  {KINDS[kind]}###{kind}", _ABOUT[kind]) for kind, icon in _ICONS.items()}
+_FILM = f"{icons_fontawesome_4.ICON_FA_FILM}  Film###film", "The object from many sides, or the timeline, as a video"
 _ON_A_PAGE = ("One file for any browser.", "Drag turns it, on phones too.", "Under 2 MB, works offline.")
 _SIZES = {
     size: (f"{name}###{name.lower()}", f"{size} px")
@@ -63,9 +64,10 @@ class ShareDialog:
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog while it is open."""
-        preview = context.session.exporting.preview
+        preview, films = context.session.exporting.preview, context.session.exporting.films
         if not context.share_open:
             preview.close()
+            films.close()
             return
         shown, context.share_open = begin_dialog("Share")
         if shown:
@@ -76,6 +78,8 @@ class ShareDialog:
     def _draw_content(self, context: PanelContext) -> None:
         settings, em = context.preferences.share, hello_imgui.em_size()
         changed = replace(settings, kind=_draw_kinds(settings.kind))
+        if changed.kind not in FILMS:
+            context.session.exporting.films.close()
         imgui.spacing()
         room = imgui.get_main_viewport().work_size.x / em - _LABEL - _WIDTH - 3
         self._draw_preview(context, _as_in_view(context, changed), min(_SIDE, room) * em)
@@ -85,24 +89,23 @@ class ShareDialog:
             for line in _ON_A_PAGE:
                 imgui.text(line)
         else:
-            changed = self._draw_choices(changed, context.session.editor.model.metres)
+            changed = self._draw_choices(context, changed)
         imgui.end_group()
         imgui.spacing()
         _draw_foot(context, changed)
         if changed != settings:
             context.set_preference(share=changed)
 
-    def _draw_choices(self, settings: ShareSettings, usual: float) -> ShareSettings:
+    def _draw_choices(self, context: PanelContext, settings: ShareSettings) -> ShareSettings:
         """Draw the choices of a film, an image or a mesh, the further ones folded away; return the changed settings."""
         room = _LABEL + _WIDTH - 0.6
         if settings.kind in FILMS:
-            films = {kind: _TOGGLES[kind] for kind in FILMS}
-            settings = replace(settings, kind=_draw_toggles(settings.kind, films, room / len(films)))
+            settings = _draw_films(context, settings, room)
         if settings.kind != "mesh":
             settings = replace(settings, size=_draw_toggles(settings.size, _SIZES, room / len(_SIZES)))
         if button("Less###more" if self._more else "More…###more", "Format, background, and choices that few change"):
             self._more = not self._more
-        return _draw_form(settings, usual) if self._more else settings
+        return _draw_form(settings, context.session.editor.model.metres) if self._more else settings
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         image = context.session.exporting.preview.image
@@ -123,7 +126,9 @@ class ShareDialog:
 
 def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
     top, bottom = (_rgb(colour) for colour in context.palette.background)
-    wide = context.session.editor.model.category == "cars" and settings.kind != "page"
+    editor = context.session.editor
+    wide = editor.model.category == "cars" and settings.kind != "page"
+    settings = settings.film_of(editor.scene, editor.film_partner)
     return replace(settings, view_background=(top, bottom), wide=wide)
 
 
@@ -165,6 +170,38 @@ def _draw_toggles(chosen: T, toggles: Mapping[T, tuple[str, str]], width: float)
         imgui.same_line(0, hello_imgui.em_size(0.3))
     imgui.new_line()
     return chosen
+
+
+def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> ShareSettings:
+    """Draw a moving preview of each film over its button, and what the chosen one shows; return the changed settings.
+
+    Args:
+        room: em of all films.
+    """
+    editor, previews = context.session.editor, context.session.exporting.films
+    seen = _as_in_view(context, settings)
+    previews.update(seen)
+    kinds, corner = films_of(editor.scene, editor.film_partner), imgui.get_cursor_screen_pos()
+    width = room / len(kinds)
+    size = ImVec2(width, width / WIDE if seen.wide else width) * hello_imgui.em_size()
+    chosen = seen.kind
+    for number, kind in enumerate(kinds):
+        place = corner + ImVec2(number * (size.x + hello_imgui.em_size(0.3)), 0)
+        imgui.set_cursor_screen_pos(place)
+        chosen = kind if imgui.invisible_button(f"##preview {kind}", size) else chosen
+        tooltip(_ABOUT[kind])
+        frame = previews.frame(kind, imgui.get_time())
+        if frame is not None and context.images is not None:
+            texture = context.images.texture(frame, context.palette)
+            imgui.get_window_draw_list().add_image(texture, place, place + size)
+    chosen = _draw_toggles(chosen, {kind: (f"{FILMS[kind]}###{kind}", _ABOUT[kind]) for kind in kinds}, width)
+    if (shares := previews.photo_shares(chosen)) is not None:
+        photo, mirrored = shares
+        imgui.text_disabled(f"Photo {photo:.0%}, mirror image {mirrored:.0%}, model {1 - photo - mirrored:.0%}")
+        tooltip("Sources of the colours in this film. What neither the photo nor its mirror image shows is the model's")
+    if previews.moving:
+        context.session.jobs.worker.wake()
+    return settings if chosen == seen.kind else replace(settings, kind=chosen)
 
 
 def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
@@ -242,6 +279,10 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             share = partial(exporting.share, settings=_as_in_view(context, settings))
             title, name = f"Save the {settings.kind} as", f"{context.file_name}-{settings.kind}{settings.suffix}"
             context.files.ask(FileRequest(title, share, (settings.suffix,), True, name))
+        if ready and (seconds := exporting.preview.seconds) is not None:
+            imgui.same_line()
+            imgui.align_text_to_frame_padding()
+            imgui.text_disabled(f"Takes about {duration(seconds)}")
         if not ready:
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:

@@ -4,19 +4,20 @@ from dataclasses import dataclass, replace
 
 from core.export import video
 from core.export.framing import filling_frame
-from core.export.keyframes import Timeline, View, turntable
+from core.export.keyframes import Timeline, View, morph, swing, turntable
 from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.page import SUFFIX, first_camera
 from core.export.video import WHITE, VideoSettings
+from core.models.codes import Codes
 from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient, Rgb
 
-FILMS = {"turntable": "Turntable", "video": "Timeline"}  # labels of the kinds of films
+FILMS = {"swing": "Swing", "turntable": "Turn", "morph": "With B", "video": "Timeline"}  # labels of the films
 KINDS = {"page": "Page", **dict.fromkeys(FILMS, "Film"), "picture": "Picture", "mesh": "Object"}  # labels
 WIDE = 16 / 9  # width of a wide image over its height
-TURN, RATE = 72, 24  # frames of a turntable's turn, and frames per second of every video
+RATE = 24  # frames per second of every video
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
 """Labels of the backgrounds."""
 
@@ -101,23 +102,47 @@ class ShareSettings:
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
-    def views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
-        """Return the views to render, in order.
+    def film_of(self, scene: Scene, other: Codes | None) -> "ShareSettings":
+        """Return the settings with a film that the object can have: the first one if it cannot have the chosen one.
+
+        Args:
+            other: see :meth:`views`.
+        """
+        films = films_of(scene, other)
+        return self if self.kind not in FILMS or self.kind in films else replace(self, kind=films[0])
+
+    def views(self, models: OpenModels, scene: Scene, timeline: Timeline, other: Codes | None = None) -> list[View]:
+        """Return the views to render, in order. Pages and films, but for the timeline, start at the photo's camera.
 
         With ``fill``, a video's cameras share one zoom in, and a turntable's start no nearer than the training
         distance. A page has its first view alone.
+
+        Args:
+            other: the object that ``morph`` leads to and back from.
         """
         if self.kind == "page":
-            first = first_camera(models, scene.codes, scene.camera)
+            first = first_camera(models, scene.codes, scene.photo_camera)
             return [View(scene.codes, first.resized(self.size, self.size))]
-        if self.kind == "turntable":
-            nearest = models.of(scene.codes).distance if self.fill else 0.0
-            camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))
-            shots = turntable(scene.codes, camera, TURN)
-        elif self.kind == "video":
-            shots = timeline.views(RATE)
-        else:
-            shots = [View(scene.codes, scene.camera)]
+        shots = timeline.views(RATE) if self.kind == "video" else self._shots(models, scene, other)
         width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
         shots = [View(codes, camera.resized(width, self.size)) for codes, camera in shots]
         return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
+
+    def _shots(self, models: OpenModels, scene: Scene, other: Codes | None) -> list[View]:
+        """Return the views of an image or of a film around the object, at the size of the scene's camera or photo."""
+        if self.kind == "picture":
+            return [View(scene.codes, scene.camera)]
+        camera, known = scene.camera, scene.photo_camera
+        if self.fill:
+            camera = replace(known, distance=max(models.of(scene.codes).distance, known.distance))
+        else:
+            camera = replace(camera, azimuth=known.azimuth, elevation=known.elevation)
+        if self.kind == "morph" and other is not None:
+            return morph(scene.codes, other, camera)
+        return swing(scene.codes, camera) if self.kind == "swing" else turntable(scene.codes, camera)
+
+
+def films_of(scene: Scene, other: Codes | None) -> tuple[str, ...]:
+    """Return the films that an object can have, the usual one first: a swing needs a photo, a turn with B a B."""
+    missing = ("swing",) * (scene.codes.detail is None) + ("morph",) * (other is None)
+    return tuple(kind for kind in FILMS if kind not in missing)

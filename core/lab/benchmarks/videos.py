@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from core.detail.rendering import render_progressively
 from core.export.framing import filling_frame
-from core.export.keyframes import Keyframe, Timeline, View, turntable
+from core.export.keyframes import View, morph, turntable
 from core.export.video_frames import CELLS, FEW_SAMPLES, Image, are_few, baked_frames
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
@@ -68,7 +68,7 @@ def measure_videos(model: Model, objects: int = 2, done: Collection[Hashable] = 
     turns = [filling_frame(model, turntable(codes, camera, FRAMES)) for codes in some]
     shown = {
         "turn": [_Views(views, COMPARED) for views in turns],
-        "morph": [_Views(_morph(*pair), COMPARED) for pair in zip(turns, turns[1:] + turns[:1], strict=True)],
+        "morph": [_Views(views, COMPARED) for views in map(_morph, turns, turns[1:] + turns[:1])],
         "image": [_Views([View(one[0].codes, one[0].camera.resized(IMAGE_SIZE, IMAGE_SIZE))], [0]) for one in turns],
     }
     finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _default)
@@ -94,8 +94,7 @@ def measure_videos(model: Model, objects: int = 2, done: Collection[Hashable] = 
 
 def _morph(turn: Sequence[View], other: Sequence[View]) -> Sequence[View]:
     """Return as many views as a turn has, from the first object to the second and back."""
-    keys = Keyframe(0.0, turn[0]), Keyframe(0.5, View(other[0].codes, turn[0].camera))
-    return Timeline(keys, 1.0, turns=1).views(len(turn))
+    return morph(turn[0].codes, other[0].codes, turn[0].camera, len(turn))
 
 
 def _exact(samples: int) -> _Render:

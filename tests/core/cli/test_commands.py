@@ -21,6 +21,7 @@ from core.lab.benchmarks import ablations, robustness
 from core.lab.datasets.srn import read_dataset, write_manifest, write_object
 from core.models.library import load_model
 from core.models.model import Model
+from core.models.photo_detail import PhotoDetail, PhotoView
 from core.models.scene import Scene
 from core.photos.detector import Detection
 from core.photos.photo import Photo
@@ -98,6 +99,22 @@ def test_a_turntable_becomes_another_object_and_turns_back(file: str):
         white = Image.new("RGBA", halfway.size, "white")
         white.alpha_composite(halfway)
     assert np.abs(np.asarray(white.convert("RGB")).astype(int) - pixels("there.png")).max() <= 3
+
+
+def test_a_swing_starts_at_the_photos_camera_not_at_the_last_view(file: str, capsys: pytest.CaptureFixture[str]):
+    model = load_model(file)
+    known = model.camera(0.3, 0.1).resized(24, 24)
+    detail = PhotoDetail.of((PhotoView.of(np.full((24, 24, 4), 255, np.uint8), known),), model.codes[0])
+    Scene(replace(model.codes[0], detail=detail), model.camera(2.0, 0.6)).save(Path("s.json"))
+    about = f"--model {file} --scene s.json --distance 1.5 --size 24"
+    run(f"turntable {about} --frames 4 --exact --swing --out t.frames")
+    for number, angle in enumerate((0, 70, 0, -70)):
+        azimuth, elevation = math.degrees(0.3) + angle, math.degrees(0.1)
+        run(f"render {about} --azimuth {azimuth} --elevation {elevation} --out a.png")
+        assert np.abs(pixels(f"t.frames/{number:05}.png").astype(int) - pixels("a.png")).max() <= 3
+    with pytest.raises(SystemExit):
+        run(f"turntable {about} --swing --morph-to 1 --out t.gif")
+    assert "not allowed with" in capsys.readouterr().err
 
 
 def test_a_gif_keeps_the_frames_that_browsers_show(file: str, capsys: pytest.CaptureFixture[str]):

@@ -1,11 +1,12 @@
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 import torch
 
-from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View
+from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View, morph, swing, turntable
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 
@@ -138,3 +139,30 @@ def test_between_objects_of_two_models_it_cuts_and_the_camera_goes_on(loop: bool
     torch.testing.assert_close(cut.at(1.7).codes.shape, torch.ones(3))  # rests on the last key before the cut
     assert 2.0 < float(cut.at(2.5).codes.shape[0]) < 3.0 and len(cut.at(2.5).codes.shape) == 6
     assert not loop or abs(cut.views(24)[-1].camera.azimuth - cut.views(24)[0].camera.azimuth) < 0.15
+
+
+def test_a_swing_starts_at_the_camera_slows_at_either_end_and_has_no_seam() -> None:
+    codes, camera = shot(2.9)
+    views = swing(codes, camera, 48)
+    assert views[0] == (codes, camera)
+    angles = [math.degrees(math.remainder(view.camera.azimuth - 2.9, 2 * math.pi)) for view in views]
+    assert (max(angles), min(angles)) == (pytest.approx(70.0), pytest.approx(-70.0))
+    steps = [abs(after - before) for before, after in pairwise([*angles, angles[0]])]
+    assert max(abs(after - before) for before, after in pairwise([*steps, steps[0]])) < 1.5
+    assert steps[12] < 1.0 < 9.0 < steps[0]  # at an end, and at the camera
+    assert steps[-1] == pytest.approx(steps[0])
+    assert {replace(view.camera, azimuth=0.0) for view in views} == {replace(camera, azimuth=0.0)}
+
+
+def test_a_morph_turns_once_and_is_the_other_object_halfway() -> None:
+    (codes, camera), (other, _) = shot(0.4, code=0.0), shot(code=2.0)
+    views = morph(codes, other, camera, 8)
+    assert (views[0].codes, views[4].codes) == (codes, other)
+    turned = [math.remainder(view.camera.azimuth - 0.4, 2 * math.pi) for view in views]
+    assert turned[2] == pytest.approx(math.pi / 2) and turned[6] == pytest.approx(-math.pi / 2)
+
+
+@pytest.mark.parametrize("film", [swing, turntable])
+def test_a_film_of_no_frames_is_refused(film: Callable[..., list[View]]) -> None:
+    with pytest.raises(ValueError, match="at least 1 frame"):
+        film(*shot(), 0)

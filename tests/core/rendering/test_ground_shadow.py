@@ -31,11 +31,11 @@ def rendered(model: Model, camera: Camera) -> Frame:
 
 def plate(bottom: int, thick: int = 2) -> torch.Tensor:
     """A square of 16 x 16 corners in the middle, so far above the lowest layer, on four posts that reach down to it."""
-    solid = torch.zeros(65, 65, 65, dtype=torch.bool)
-    solid[24:40, 24:40, 10 + bottom : 10 + bottom + thick] = True
+    density = torch.full((65, 65, 65), 1e-2)
+    density[24:40, 24:40, 10 + bottom : 10 + bottom + thick] = 1e2
     for x, y in ((4, 4), (60, 4), (4, 60), (60, 60)):  # far away, so that they hide nothing of the middle
-        solid[x : x + 2, y : y + 2, 10:12] = True
-    return solid
+        density[x : x + 2, y : y + 2, 10:12] = 1e2
+    return density
 
 
 @pytest.fixture
@@ -49,11 +49,11 @@ def test_it_is_what_a_plate_hides_of_the_sky_on_a_ground_just_below(shadow: Grou
     """Light from a direction of zenith angle a weighs cos(a)^6: its integral over the plate, as seen from below."""
     height = 12 * SIDE * EXTENT[2]  # the slab from 8 to 16 layers
     x, y = (torch.arange(-32, 33) * SIDE * half for half in EXTENT[:2])
-    places = (torch.arange(64) + 0.5 - 32) * 2 * SIDE
-    for row, column in ((32, 32), (28, 36), (40, 33)):
+    places = (torch.arange(256) + 0.5 - 128) * SIDE / 2
+    for row, column in ((128, 128), (112, 144), (160, 132)):
         square = (x[24:40, None] - EXTENT[0] * places[column]) ** 2 + (y[24:40] - EXTENT[1] * places[row]) ** 2
         light = height**6 / (square + height**2) ** 4 * 3 / math.pi * (SIDE * EXTENT[0]) * (SIDE * EXTENT[1])
-        assert shadow.darkness[row, column] == pytest.approx(255 * 0.7 * float(light.sum()), rel=0.05, abs=1)
+        assert shadow.darkness[row, column] == pytest.approx(255 * 0.6 * float(light.sum()), rel=0.05, abs=1)
     assert shadow.reach == (1.0, 0.8)
     assert shadow.height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
     edges = shadow.darkness[[0, -1]], shadow.darkness[:, [0, -1]]
@@ -62,17 +62,49 @@ def test_it_is_what_a_plate_hides_of_the_sky_on_a_ground_just_below(shadow: Grou
 
 def test_what_stands_lower_is_darker_and_nothing_and_specks_cast_none() -> None:
     cast = [cast_shadow(plate(height), EXTENT) for height in (1, 4, 20)]
-    middles = [int(found.darkness[30:34, 30:34].max()) for found in cast if found]
+    middles = [int(found.darkness[120:136, 120:136].max()) for found in cast if found]
     assert middles == sorted(middles, reverse=True)
     assert middles[0] > 2 * middles[-1] > 0
-    speck = torch.zeros(65, 65, 65, dtype=torch.bool)
-    speck[3, 3, 2] = True
+    speck = torch.full((65, 65, 65), 1e-2)
+    speck[3, 3, 2] = 1e2
     assert cast_shadow(speck, EXTENT) is None
     low = plate(8)
-    low[30, 30, 1] = True
+    low[30, 30, 1] = 1e2
     found = cast_shadow(low, EXTENT)
     assert found
     assert found.height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
+
+
+def test_it_is_dark_and_narrow_where_the_object_touches_the_ground_and_haze_casts_none() -> None:
+    density = plate(20)
+    density[28:36, 28:36, 10:13] = 1e2  # a foot
+    density[44:52, 28:36, 10:13] = 0.4  # haze
+    found = cast_shadow(density, EXTENT)
+    without = cast_shadow(plate(20), EXTENT)
+    assert found and without
+    # A corner is two texels wide, and the map reaches half of the grid beyond the grid.
+    row, edge = found.darkness[128].astype(int), 64 + 71
+    beside, far = row[edge], row[edge + 9]
+    assert row[128] > 200 and beside > far + 60
+    assert abs(far - int(without.darkness[128, edge + 9])) < 25
+    hazy = 64 + 2 * 48
+    assert abs(int(found.darkness[128, hazy]) - int(without.darkness[128, hazy])) < 10
+
+
+@pytest.mark.parametrize("layer", [0, 1, 30])
+@pytest.mark.parametrize(("below", "above", "height"), [(1e-2, 1e2, 0.5), (1e-3, 10.0, 0.75), (0.99, 1e2, 0.0)])
+def test_the_ground_lies_where_the_object_ends_between_two_layers(
+    layer: int, below: float, above: float, height: float
+) -> None:
+    density = torch.zeros(65, 65, 65)
+    density[20:40, 20:40, layer:] = above
+    if layer:
+        density[20:40, 20:40, layer - 1] = below
+    density[24, 24, max(layer - 1, 0)] = 5.0  # a speck below
+    found = cast_shadow(density, EXTENT)
+    assert found
+    expected = layer - 1 + height if layer else 0.0
+    assert found.height == pytest.approx(EXTENT[2] * (expected * SIDE - 1), abs=0.02 * SIDE)
 
 
 @pytest.mark.parametrize("elevation", [-1.2, -0.5, 0.02, 0.3, 1.5])

@@ -8,11 +8,12 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
+from core.export.keyframes import TURN
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock
 from viewer.editor import Editor
 from viewer.session import Session
-from viewer.values.share_settings import TURN, ShareSettings
+from viewer.values.share_settings import ShareSettings
 
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:

@@ -1,13 +1,15 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
-from core.export.keyframes import Keyframe, Timeline, View
+from core.export.keyframes import SWING, TURN, Keyframe, Timeline, View
 from core.models.model import Model
+from core.models.photo_detail import PhotoDetail, PhotoView
 from core.models.scene import Scene
 from tests.conftest import open_models
-from viewer.values.share_settings import RATE, TURN, ShareSettings
+from viewer.values.share_settings import RATE, ShareSettings, films_of
 
 
 @pytest.fixture
@@ -86,3 +88,35 @@ def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: S
         assert len(shown) == RATE
         before = replace(video, fill=False).views(open_models(model), scene, Timeline((key,), 1.0))
         assert (shown[0].camera.focal > before[0].camera.focal) == nearer
+
+
+@pytest.fixture
+def photographed(model: Model, scene: Scene) -> Scene:
+    """A fitted object that somebody last looked at from behind."""
+    view = PhotoView.of(np.full((30, 40, 4), 255, np.uint8), model.camera(1.0, 0.4).resized(40, 30))
+    return Scene(replace(scene.codes, detail=PhotoDetail.of((view,), scene.codes)), replace(scene.camera, azimuth=-2.0))
+
+
+@pytest.mark.parametrize(("kind", "frames"), [("swing", SWING), ("turntable", TURN), ("morph", TURN), ("page", 1)])
+@pytest.mark.parametrize("fill", [True, False])
+def test_what_moves_starts_at_the_photos_camera(
+    model: Model, photographed: Scene, kind: str, frames: int, fill: bool
+) -> None:
+    views = ShareSettings(kind, size=40, fill=fill).views(open_models(model), photographed, Timeline(), model.codes[1])
+    assert len(views) == frames
+    assert (views[0].camera.azimuth, views[0].camera.elevation) == pytest.approx((1.0, 0.4))
+    assert views[0].codes == photographed.codes
+    (picture,) = ShareSettings("picture", size=40).views(open_models(model), photographed, Timeline())
+    assert picture.camera.azimuth == -2.0
+
+
+def test_a_film_that_the_object_cannot_have_gives_way_to_its_usual_one(
+    model: Model, scene: Scene, photographed: Scene
+) -> None:
+    other = model.codes[1]
+    assert films_of(photographed, other) == ("swing", "turntable", "morph", "video")
+    assert films_of(scene, None) == ("turntable", "video")
+    for kind, plain in (("swing", "turntable"), ("morph", "turntable"), ("video", "video"), ("page", "page")):
+        assert ShareSettings(kind).film_of(scene, None).kind == plain
+        assert ShareSettings(kind).film_of(photographed, other).kind == kind
+    assert ShareSettings("morph").film_of(photographed, None).kind == "swing"
