@@ -23,6 +23,7 @@ from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.camera_text import camera_from_text, camera_text
 from viewer.values.encoding import Original
+from viewer.values.fit_history import Question
 from viewer.values.preferences import Preferences
 from viewer.values.printable import file_name
 from viewer.values.project import SUFFIX
@@ -174,6 +175,11 @@ class PanelContext:
         else:
             title = f"Where is {self.session.model_name(fingerprint)}?"
             self.files.ask(FileRequest(title, found, MODELS, name=path.name))
+
+    def find_photo(self, question: Question) -> None:
+        """Ask for the file of a failed fit's photo, and repeat the fit with it."""
+        find, name = partial(self.session.fitting.relocate, question), question.source.path.name
+        self.files.ask(FileRequest(f"Where is {question.source.name}?", find, IMAGE_SUFFIXES, name=name))
 
     def save_original(self, original: Original) -> None:
         """Ask for a name and save a copy of a project file with unreadable parts."""

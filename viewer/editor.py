@@ -165,6 +165,7 @@ class Editor:
         """
         if self.is_missing(name):
             return
+        self.end_gesture()  # the object itself may be on screen
         codes, pair, camera = self.objects[name].codes, Pair(name, name), self.scene.camera
         seen = any(state.mix.a == pair for state in (self.state, *self.history.past))
         if codes.detail and not (seen and self.is_mixable(name)):
@@ -179,6 +180,7 @@ class Editor:
 
     def duplicate(self, name: str) -> str:
         """Add a copy of an added object with its edits, show it, and return its name."""
+        self.end_gesture()
         copy = self.objects.add(self.objects[name])
         self.show_object(copy)
         return copy
@@ -426,8 +428,10 @@ class Editor:
         self._go(self.history.changed(state, gesture))
 
     def _go(self, history: History) -> None:
-        """Take another history; after a drag, the object on screen keeps its edits."""
+        """Take another history; after a drag, the object on screen keeps its edits, even if another one follows."""
         shown = self.scene
+        if self.history.gesture and not history.gesture:
+            self.objects.leave(self.state.version_of, shown.codes)
         self.history = history
         self.objects.unlist(history.now.removed)
         if not history.gesture:

@@ -212,6 +212,25 @@ def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, mode
     assert editor.objects[name].codes == edited
 
 
+@pytest.mark.parametrize("end", ("show again", "show another", "duplicate", "add", "undo and redo"))
+def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Editor, model: Model, end: str) -> None:
+    name = editor.add_and_show(fitted(model), editor.scene.camera)
+    editor.set_texture(editor.code("texture") + 1.0, gesture="paint")
+    edited = editor.scene.codes
+    if end == "show again":
+        editor.show_object(name)
+    elif end == "show another":
+        editor.show_object("object 3")
+    elif end == "duplicate":
+        assert editor.objects[editor.duplicate(name)].codes == edited
+    elif end == "add":
+        editor.add_and_show(fitted(model), editor.scene.camera)
+    else:
+        editor.undo()
+        editor.redo()
+    assert editor.objects[name].codes == edited
+
+
 def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: Model) -> None:
     def shown(texture: float) -> Editor:
         editor = Editor(open_models(model), model, torch.Generator())

@@ -176,11 +176,18 @@ class Fitting:
         self.forget(history.sources)
         self._begin(request, confirmed)
 
-    def try_again(self, request: FitRequest) -> None:
-        """Repeat a failed fit with the photos, cut-outs and answers that it had."""
-        again, confirmed = request._replace(problem=""), self._confirmed
+    def try_again(self, request: FitRequest, history: FitHistory | None = None) -> None:
+        """Repeat a failed fit with the photos, cut-outs and answers that it had, or with another history."""
+        again, confirmed = request._replace(history=history or request.history, problem=""), self._confirmed
         self.forget(request.history.sources)
         self._begin(again, confirmed)
+
+    def relocate(self, question: Question, path: Path) -> None:
+        """Repeat a failed fit with another file for the photo in question."""
+        history = question.request.history
+        moved = question.source._replace(path=path)
+        sources = tuple(moved if source is question.source else source for source in history.sources)
+        self.try_again(question.request, replace(history, sources=sources))
 
     def leave(self, question: Question) -> None:
         """Leave a photo in question out, and fit the others of its object, if any; leave all of a failed fit out."""

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 
+import torch
 from torch import Tensor
 
 from core.detail.paint import Paint, Rgb, paint_parts
 from core.models.codes import Codes
 from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
+from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
 
 
@@ -89,11 +91,16 @@ class Painting:
             yield (yield from self._jobs.backend.paint(model, begun, wanted))
 
         def keep(found: Codes) -> None:
-            if self._editor.scene.codes is self._shown:  # else another edit came in between
-                self._editor.set_texture(found.texture, gesture="paint")
-                self._shown = self._editor.scene.codes
-                self._jobs.cancel("paint colour")  # of the codes before
-                self._known = self._shown, wanted.part, colour
+            states = (self._editor.state, *self._editor.history.past)
+            if not any(state.scene.codes is self._shown for state in states):
+                return  # undone meanwhile
+            if not torch.equal(self._editor.code("texture"), self._shown.texture):
+                self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
+                return
+            self._editor.set_texture(found.texture, gesture="paint")
+            self._shown = self._editor.scene.codes
+            self._jobs.cancel("paint colour")  # of the codes before
+            self._known = self._shown, wanted.part, colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)

@@ -31,11 +31,18 @@ def draw(context: PanelContext) -> None:
     # Without buttons, the mouse reaches the window below.
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
     if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
-        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+        if not _is_menu_open():
+            imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         for number, message in enumerate(due):
             _draw(context, message, number, high.x - low.x)
     imgui.end()
     imgui.pop_style_var()
+
+
+def _is_menu_open() -> bool:
+    """Return whether a popup other than a dialog is open, whose entries messages must not cover."""
+    any_popup = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+    return any_popup and imgui.internal.get_top_most_popup_modal() is None
 
 
 def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:

@@ -121,6 +121,11 @@ class Question(NamedTuple):
         return bool(self.request.problem)
 
     @property
+    def is_unread(self) -> bool:
+        """True until the photo in question has been read."""
+        return len(self.request.history.photos) < len(self.request.history.sources)
+
+    @property
     def source(self) -> PhotoSource:
         """The photo in question."""
         return self.request.history.sources[self.number]

@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.models.model import Model
 from viewer.context import PanelContext
+from viewer.screen.file_dialog import is_there
 from viewer.values.fit_history import Question
 from viewer.values.printable import as_label
 from viewer.widgets import object_tiles
@@ -50,7 +51,10 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
     fitting, history = context.session.fitting, question.request.history
     point = partial(context.session.segmenting.open, history.sources, question.number, history.model)
     answers: list[_Answer] = [("Point at it###point at it", POINT_HELP, point)]
-    if question.is_failed:
+    if question.is_failed and question.is_unread and not is_there(question.source.path):
+        find = partial(context.find_photo, question)
+        answers = [("Find…###find photo", "Choose its file, which is not there any more, and fit it", find)]
+    elif question.is_failed:
         again = partial(fitting.try_again, question.request)
         answers.insert(0, ("Try again###try again", "Fit this photo once more", again))
     elif question.cut and question.model:

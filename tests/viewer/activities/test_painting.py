@@ -1,12 +1,14 @@
 from dataclasses import replace
 
 import pytest
+import torch
 
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted
 from viewer.editor import Editor
 from viewer.session import Session
+from viewer.values.direction import Direction
 
 
 @pytest.fixture
@@ -38,6 +40,28 @@ def test_a_colour_that_comes_too_late_changes_nothing(painted: Session, editor: 
     painted.painting.paint((0.1, 0.0, 0.0))
     editor.show_object("object 4")
     painted.painting.release()
+    before = editor.state
+    finish(painted)
+    assert editor.state is before
+    assert "paint again" in painted.messages.all[-1].text
+
+
+def test_a_colour_that_comes_after_a_reshaping_paints_the_new_shape(painted: Session, editor: Editor) -> None:
+    direction = Direction.principal(editor.model.codes, "shape", 0)
+    painted.painting.paint((0.1, 0.0, 0.0))
+    painted.painting.release()
+    editor.move_along(direction, 1.5)
+    reshaped = editor.code("shape")
+    finish(painted)
+    assert editor.code("texture")[0] == pytest.approx(0.1)
+    assert torch.equal(editor.code("shape"), reshaped)
+
+
+def test_a_colour_that_comes_after_an_undo_changes_nothing(painted: Session, editor: Editor) -> None:
+    editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.5)
+    painted.painting.paint((0.1, 0.0, 0.0))
+    painted.painting.release()
+    editor.undo()
     before = editor.state
     finish(painted)
     assert editor.state is before

@@ -25,6 +25,23 @@ def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(window: Driver) -
 
 
 @in_window()
+def test_a_menu_is_drawn_over_messages_and_a_dialog_below(window: Driver) -> None:
+    def is_above_messages() -> bool:
+        window.ctx.yield_(3)
+        popup = imgui.get_current_context().nav_window.root_window
+        place = imgui.internal.find_window_display_index
+        return place(popup) > place(window.ctx.window_info("//Messages").window)
+
+    window.session.messages.notify("wrong", MessageKind.PROBLEM)
+    window.click("View/###mode")
+    assert is_above_messages()
+    window.press(imgui.Key.escape)
+    window.menu("File/###open_scene")
+    assert window.context.files.asking and not is_above_messages()
+    window.press(imgui.Key.escape)
+
+
+@in_window()
 def test_esc_closes_what_is_on_top(window: Driver) -> None:
     context = window.context
     window.press(imgui.Key.f1)

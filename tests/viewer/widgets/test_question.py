@@ -63,3 +63,32 @@ def test_none_of_these_is_the_first_answer_where_nothing_looks_like_a_category(w
     window.click("Photo/as cars")  # a toy that the detector misses
     window.wait(lambda: not fitting.running)
     assert window.session.editor.model.category == "cars"
+
+
+@in_window()
+def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Driver, photo: Path) -> None:
+    fitting, moved = window.session.fitting, photo.with_name("moved.png")
+    content = photo.read_bytes()
+    photo.unlink()
+    window.context.fit(photo)
+    window.wait(lambda: bool(fitting.questions))
+    assert not window.exists("Photo/###try again"), "it would fail again"
+    window.click("Photo/###find photo")
+    assert window.context.files.asking
+    moved.write_bytes(content)
+    fitting.relocate(fitting.questions[0], moved)
+    window.wait(lambda: not fitting.running)
+    assert not fitting.pending and window.session.editor.objects.own == ["moved"]
+
+
+@in_window()
+def test_a_photo_that_is_back_is_tried_again(window: Driver, photo: Path) -> None:
+    fitting, content = window.session.fitting, photo.read_bytes()
+    photo.unlink()
+    window.context.fit(photo)
+    window.wait(lambda: bool(fitting.questions))
+    photo.write_bytes(content)
+    window.wait(lambda: window.exists("Photo/###try again"))
+    window.click("Photo/###try again")
+    window.wait(lambda: not fitting.running)
+    assert window.session.editor.objects.own == ["block"]
