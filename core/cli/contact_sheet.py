@@ -7,12 +7,13 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
-from core.detail.rendering import render_frame
 from core.export.framing import filling_frame
 from core.export.keyframes import View
+from core.geometry.pixels import to_bytes
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.decode import on_white
+from core.rendering.images import render_image
 from core.runtime.files import atomic_file
 
 _SIDE, _CAPTION, _GAP = 200, 18, 12  # px of an image's side, of a caption's height, between strips
@@ -21,7 +22,7 @@ _CAPTION_LETTERS = 96  # that fit under three images
 
 
 def photo_strip(image: Image.Image, model: Model, scene: Scene) -> Image.Image:
-    """Return a photo beside renders from its camera and from 60° beside."""
+    """Return a photo beside renders from its camera and from 60° beside, without photo detail."""
     shown = on_white(image)
     shown.thumbnail((_SIDE, _SIDE))
     strip = Image.new("RGB", (3 * _SIDE, _SIDE), "white")
@@ -29,7 +30,8 @@ def photo_strip(image: Image.Image, model: Model, scene: Scene) -> Image.Image:
     camera = scene.camera.resized(_SIDE, _SIDE)
     cameras = camera, replace(camera, azimuth=camera.azimuth + _BESIDE)
     for number, (codes, placed) in enumerate(filling_frame(model, [View(scene.codes, one) for one in cameras]), 1):
-        strip.paste(Image.fromarray(render_frame(model, codes, placed).image), (number * _SIDE, 0))
+        colour = render_image(model, codes, placed).colour
+        strip.paste(Image.fromarray(to_bytes(colour.cpu().clamp(0, 1).numpy())), (number * _SIDE, 0))
     return strip
 
 

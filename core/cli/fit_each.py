@@ -41,7 +41,9 @@ def fit_each(chosen: argparse.Namespace) -> None:
     """Run ``fit --each``: fit the photos that have no result in the folder yet, then write the contact sheet."""
     _check(chosen)
     fits = {_key(one): one for one in _single_fits(chosen)}  # a photo that is given twice is fitted once
-    kept = {key: row for key, row in _read_rows(chosen.out).items() if key not in fits or _is_done(chosen.out, row)}
+    photos = {str(one.images[0]) for one in fits.values()}
+    earlier = _read_rows(chosen.out)
+    kept = {key: row for key, row in earlier.items() if _is_done(chosen.out, row) or row["photo"] not in photos}
     _write_rows(chosen.out, kept.values())
     missing = {key: one for key, one in fits.items() if key not in kept}
     rows = kept | _fit_missing(chosen, missing, len(fits))
