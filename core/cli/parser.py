@@ -171,7 +171,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         const="fit_each.fit_each",
         default=argparse.SUPPRESS,
         help="each image shows an object of its own: fit one after another into the folder --out, as many at once as "
-        "--threads, each in a process of up to 1.5 GB; started again, fits only what is missing",
+        "--threads, each in a process of about 0.7 GB; started again, fits only what is missing",
     )
     command.add_argument(
         "--cluster", metavar="tcp://HOST:PORT", help="with --each: fit on this Dask cluster, which sees the same files"
