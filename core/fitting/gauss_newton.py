@@ -7,7 +7,6 @@ other.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -28,7 +27,7 @@ from core.fitting.hypotheses import (
 )
 from core.fitting.objective import Objective, RenderedPixels, Term, image_squared_error, residual_weights, term_value
 from core.fitting.observations import PixelBatch
-from core.fitting.pieces import Piece, add_rays, cells_of
+from core.fitting.pieces import Piece, cells_of, map_rays
 from core.fitting.schedule import Stage
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
@@ -122,26 +121,13 @@ def normal_equations(
     origin: Latents | None = None,
 ) -> NormalEquations:
     """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`."""
-    vector, views = to_vector(parameters), len(pixels.pixels)
-    value, gradient, hessian = (torch.zeros(len(vector), *[vector.shape[1]] * axes) for axes in range(3))
-    sums = NormalEquations(value, torch.zeros_like(value), gradient, hessian)
-    for prior in objective.priors:
-        _add_prior(prior(pixels, objective), parameters, sums)
-    render = _renderer(model, parameters, pixels, jitter, stage, cells, origin)
-
-    def of_piece(piece: Piece) -> NormalEquations:
-        some, _, index = piece
-        seen, own = pixels.part(index), Parameters(*(part[some] for part in parameters))
-        rendered, jacobian = render(piece, seen)
-        shares = NormalEquations(*(torch.zeros_like(total[some]) for total in sums))
-        for term in objective.terms:
-            _add_term(term(seen, objective), own, rendered, jacobian, shares)
-        shares.squared_error.copy_(image_squared_error(rendered, seen, objective.occluder_scale))
-        return shares
-
-    shape = len(vector), views, pixels.pixels.shape[1]
-    add_rays(of_piece, sums, shape, stage.samples * pixels.footprints.shape[2])
-    return sums
+    terms = [term(pixels, objective) for term in objective.terms]
+    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, origin)
+    value, gradient, hessian = (torch.zeros(len(jacobian), *[jacobian.shape[-1]] * axes) for axes in range(3))
+    for term in terms:
+        value += _add_term(term, parameters, rendered, jacobian, gradient, hessian)
+    error = image_squared_error(rendered, pixels, objective.occluder_scale)
+    return NormalEquations(value, error, gradient, hessian)
 
 
 @torch.enable_grad()
@@ -150,40 +136,29 @@ def _add_term(
     parameters: Parameters,
     rendered: RenderedPixels,
     jacobian: Float[Tensor, "hypotheses views rays channels parameters"],
-    sums: NormalEquations,
-) -> None:
-    """Add a term of pixels, half of its gradient and its Gauss-Newton Hessian."""
-    channels = rendered.channels.detach().requires_grad_()
-    scaled, known = _scaled_residual(term, term.residual(parameters, RenderedPixels(channels)), sums)
-    parts = [torch.autograd.grad(part.sum(), channels, retain_graph=True)[0] for part in scaled.unbind(-1)]
-    rows = (torch.stack(parts, -2) @ jacobian).flatten(1, -2)  # each residual has its own pixel
-    sums.gradient.add_((known.flatten(1)[:, None] @ rows)[:, 0])
-    sums.hessian.baddbmm_(rows.mT, rows)
-
-
-@torch.enable_grad()
-def _add_prior(term: Term, parameters: Parameters, sums: NormalEquations) -> None:
-    """Add a term of parameters like :func:`_add_term`."""
-    vector = to_vector(parameters).requires_grad_()
-    residual = term.residual(from_vector(vector, parameters), RenderedPixels(torch.empty(len(vector), 0, 0, 4)))
-    scaled, known = _scaled_residual(term, residual, sums)
-    parts = [torch.autograd.grad(part.sum(), vector, retain_graph=True)[0] for part in scaled.unbind(-1)]
-    sums.gradient.add_(torch.autograd.grad((known * scaled).sum(), vector)[0])
-    sums.hessian.diagonal(dim1=1, dim2=2).add_(torch.stack(parts).square().sum(0))  # each has its own parameter
-
-
-def _scaled_residual(term: Term, residual: Tensor, sums: NormalEquations) -> tuple[Tensor, Tensor]:
-    """Add a term's value; return its residuals times the roots of their weights, differentiable and detached."""
+    gradient: Float[Tensor, "hypotheses parameters"],
+    hessian: Float[Tensor, "hypotheses parameters parameters"],
+) -> Float[Tensor, "hypotheses"]:
+    """Add half of a term's gradient and Gauss-Newton Hessian to ``gradient`` and ``hessian``; return its value."""
+    vector, channels = to_vector(parameters).requires_grad_(), rendered.channels.detach().requires_grad_()
+    residual = term.residual(from_vector(vector, parameters), RenderedPixels(channels))
     value = residual.detach()
     root = residual_weights(term, value).sqrt()
-    sums.objective.add_(term_value(term, value))
-    return root * residual, root * value
+    scaled, known = root * residual, root * value
+    of = vector, channels
+    parts = [torch.autograd.grad(part.sum(), of, retain_graph=True, allow_unused=True) for part in scaled.unbind(-1)]
+    by_vector, by_channels = zip(*parts, strict=True)
+    if by_vector[0] is not None:  # each residual has its own parameter
+        gradient += torch.autograd.grad((known * scaled).sum(), vector, retain_graph=True)[0]
+        hessian.diagonal(dim1=1, dim2=2).add_(torch.stack(by_vector).square().sum(0))
+    if by_channels[0] is not None:  # each residual has its own pixel
+        rows = (torch.stack(by_channels, -2) @ jacobian).flatten(1, -2)
+        gradient += (known.flatten(1)[:, None] @ rows)[:, 0]
+        hessian.baddbmm_(rows.mT, rows)
+    return term_value(term, value)
 
 
-_Renderer = Callable[[Piece, PixelBatch], tuple[RenderedPixels, Tensor]]
-
-
-def _renderer(
+def _render(
     model: Model,
     parameters: Parameters,
     pixels: PixelBatch,
@@ -191,35 +166,29 @@ def _renderer(
     stage: Stage,
     cells: Bool[Tensor, "hypotheses x y z"] | None,
     origin: Latents | None,
-) -> _Renderer:
-    """Return a function that renders a piece: its pixels, and the jacobian of their channels by all parameters."""
+) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
+    """Render the pixels; return them with the jacobian of their channels with respect to all parameters."""
     entries, biases = bias_jacobians(model, parameters, origin), hypothesis_biases(model, parameters, origin)
     kept, cells = max(2, stage.samples // _SAMPLES_PER_JACOBIAN), known_cells(model, cells)
+
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     moves = camera_jacobian(parameters, rays)
 
-    def render(piece: Piece, seen: PixelBatch) -> tuple[RenderedPixels, Tensor]:
-        some, views, index = piece
-        which = some, views, pixels.rays_of(index)
-        shape_bias, texture_bias, *along = (part[some] for part in (*biases, *entries))
-        of_codes, own = BiasJacobians(*along), cells_of(cells, some)
-        found = render_with_jacobian(model, rays[which], stage.samples, kept, shape_bias, texture_bias, of_codes, own)
-        along_cameras = (torch.cat((found.origin, found.direction), -1) @ moves[which]).cpu()
-        jacobian = torch.cat((_by_camera(along_cameras), found.codes.cpu()), -1)
-        return RenderedPixels(seen.mean_of_rays(found.channels.cpu())), seen.mean_of_rays(jacobian)
+    def render(piece: Piece) -> tuple[Tensor, Tensor]:
+        shape_bias, texture_bias, *along = (part[piece[0]] for part in (*biases, *entries))
+        of_codes, own = BiasJacobians(*along), cells_of(cells, piece[0])
+        seen = render_with_jacobian(model, rays[piece], stage.samples, kept, shape_bias, texture_bias, of_codes, own)
+        along_cameras = torch.cat((seen.origin, seen.direction), -1) @ moves[piece]
+        return seen.channels.cpu(), torch.cat((along_cameras, seen.codes), -1).cpu()
 
-    return render
-
-
-def _by_camera(along: Float[Tensor, "hypotheses views rays channels 8"]) -> Tensor:
-    """Return derivatives by the parameters of all cameras: a ray moves with its own camera only."""
-    views = along.shape[1]
-    if views == 1:
-        return along
-    spread = along.new_zeros(*along.shape[:-1], views, CAMERA_PARAMETERS)
-    for view in range(views):
-        spread[:, view, ..., view, :] = along[:, view]
-    return spread.flatten(-2)
+    channels, along = map_rays(render, rays.near.shape, stage.samples)
+    views, codes = rays.near.shape[1], along.shape[-1] - CAMERA_PARAMETERS
+    jacobian = torch.zeros(*along.shape[:-1], views * CAMERA_PARAMETERS + codes)
+    for view in range(views):  # a ray moves with its own camera only
+        first = view * CAMERA_PARAMETERS
+        jacobian[:, view, ..., first : first + CAMERA_PARAMETERS] = along[:, view, ..., :CAMERA_PARAMETERS]
+    jacobian[..., views * CAMERA_PARAMETERS :] = along[..., CAMERA_PARAMETERS:]
+    return RenderedPixels(pixels.mean_of_rays(channels)), pixels.mean_of_rays(jacobian)
 
 
 def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypotheses views rays 6 8"]:

@@ -1,8 +1,7 @@
 """The objective of a fit: a sum of loss terms, each a residual function, a weight and a robust kernel.
 
 A term's value and its part of the Gauss-Newton equations (:mod:`core.fitting.gauss_newton`) follow from these three. To
-add a term, write a function that returns a :class:`Term` and list it in :data:`TERMS`, or :data:`PRIORS` if it depends
-on parameters only.
+add a term, write a function that returns a :class:`Term` and list it in :data:`TERMS`.
 """
 
 import math
@@ -57,9 +56,8 @@ class Term(NamedTuple):
     """A loss term: the sum over its items of weight times kernel of the squared error."""
 
     residual: Callable[[Parameters, RenderedPixels], Float[Tensor, "hypotheses *items components"]]
-    """The squared error of an item is the mean square of its components. In :data:`TERMS` each item depends on one
-    rendered pixel and has its index (hypotheses, views, rays, components), in :data:`PRIORS` each item depends on one
-    parameter that no other uses.
+    """The squared error of an item is the mean square of its components. Either each item depends on one rendered pixel
+    and has its index (hypotheses, views, rays, components), or each item depends on one parameter that no other uses.
     """
     weight: Float[Tensor, "*#items"] | float
     kernel: Kernel = torch.positive  # the identity: least squares
@@ -91,14 +89,14 @@ def photometric_term(pixels: PixelBatch, objective: "Objective") -> Term:
     """Return the term of colour errors, averaged over pixels and views."""
     beside = min(objective.robust_scale, objective.occluder_scale)
     kernel = cauchy(_scales(pixels, objective.robust_scale, beside))
-    weight = pixels.certainty * pixels.mean_weights
+    weight = pixels.certainty / pixels.certainty.numel()
     return Term(lambda _, rendered: rendered.colour - pixels.colours, weight, kernel)
 
 
 def mask_term(pixels: PixelBatch, objective: "Objective") -> Term:
     """Return the term of opacity errors where the mask is known, averaged over pixels and views."""
     kernel = cauchy(_scales(pixels, math.inf, objective.occluder_scale))
-    weight = objective.mask_weight * pixels.mask_valid * pixels.certainty * pixels.mean_weights
+    weight = objective.mask_weight * pixels.mask_valid * pixels.certainty / pixels.certainty.numel()
     return Term(lambda _, rendered: (rendered.opacity - pixels.target_opacity)[..., None], weight, kernel)
 
 
@@ -117,8 +115,7 @@ def code_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
     return Term(lambda at, _: torch.cat((at.shape, at.texture), 1)[..., None], objective.code_prior)
 
 
-TERMS = photometric_term, mask_term
-PRIORS = camera_prior_term, code_prior_term
+TERMS = (photometric_term, mask_term, camera_prior_term, code_prior_term)
 
 
 class Objective(NamedTuple):
@@ -135,7 +132,6 @@ class Objective(NamedTuple):
     """RMS colour error whose gradient is half as large as in Eq. 5, for content that the model cannot render"""
     occluder_scale: float = math.inf  # the same for errors outside the mask, where an occluder may hide the object
     terms: tuple[Callable[[PixelBatch, "Objective"], Term], ...] = TERMS  # built for some pixels and this objective
-    priors: tuple[Callable[[PixelBatch, "Objective"], Term], ...] = PRIORS
 
 
 class ObjectiveValue(NamedTuple):
@@ -163,7 +159,7 @@ def evaluate_objective(
         origin: see :func:`core.fitting.biases.hypothesis_biases`.
     """
     rendered = render_pixels(model, parameters, pixels, samples, cells, origin)
-    terms = [term(pixels, objective) for term in (*objective.terms, *objective.priors)]
+    terms = [term(pixels, objective) for term in objective.terms]
     value = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms]).sum(0)
     return ObjectiveValue(value, image_squared_error(rendered, pixels, objective.occluder_scale).detach())
 

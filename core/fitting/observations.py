@@ -35,17 +35,6 @@ class PixelBatch(NamedTuple):
     footprints: Float[Tensor, "views rays rays_each 2"]  # focal lengths, offsets of the rays that a pixel averages
     weights: Float[Tensor, "views rays"]
     """fraction of the photo that each pixel represents: weighted sums estimate means over all pixels"""
-    mean_weights: Float[Tensor, "views rays"]  # 1 / number of sampled pixels: weighted sums are means over these
-
-    def part(self, index: slice) -> "PixelBatch":
-        """Return some pixels of every view. Weights stay, so sums over parts make up the sums over all pixels."""
-        return PixelBatch(*(value[:, index] for value in self))
-
-    def rays_of(self, index: slice) -> slice | Int[Tensor, "rays"]:
-        """Return the index of the rays of some pixels."""
-        each = self.footprints.shape[2]
-        pixels = torch.arange(self.pixels.shape[1])[index]
-        return index if each == 1 else (pixels[:, None] * each + torch.arange(each)).flatten()
 
     @property
     def points(self) -> Float[Tensor, "views all_rays 2"]:
@@ -105,7 +94,7 @@ class Observation:
             self.mask_valid[index][None],
             self.certainty[index][None],
             torch.zeros(1, len(index), 1, 2),
-            *[torch.full((1, len(index)), 1 / max(1, len(index)))] * 2,
+            torch.full((1, len(index)), 1 / max(1, len(index))),
         )
 
     def sample(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Float[Tensor, "rays"]]:
@@ -133,8 +122,7 @@ def sample_pixels(observations: Sequence[Observation], count: int, generator: to
         index, weights = one.sample(count, generator)
         values = (one.pixels, one.colours, one.target_opacity, one.mask_valid, one.certainty)
         around = _footprints(one.blur, count, generator) if blurred else torch.zeros(count, 1, 2)
-        means = torch.full((count,), 1 / (count * len(observations)))
-        parts.append((*(value[index] for value in values), around, weights, means))
+        parts.append((*(value[index] for value in values), around, weights))
     return PixelBatch(*(torch.stack(part) for part in zip(*parts, strict=True)))
 
 

@@ -1,7 +1,7 @@
 """Division of the rays of hypotheses into pieces for the thread pool."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import torch
@@ -24,37 +24,13 @@ def map_rays(function: Callable[[Piece], tuple[Tensor, ...]], shape: torch.Size,
         shape: numbers of hypotheses, views and rays.
         samples: intervals of each ray, for the size of pieces.
     """
-    pieces, whole = split_rays(shape, samples), list[Tensor]()
+    count = min(_MAX_PIECES, max(2, round(math.prod(shape) * samples / _PIECE_SAMPLES)))
+    pieces, whole = list(_split(shape[0], shape[2], count)), list[Tensor]()
     for piece, values in zip(pieces, map_pieces(function, pieces), strict=True):
         whole = whole or [value.new_empty(*shape, *value.shape[3:]) for value in values]
         for all_values, some in zip(whole, values, strict=True):
             all_values[piece] = some
     return tuple(whole)
-
-
-def add_rays(
-    function: Callable[[Piece], tuple[Tensor, ...]], totals: tuple[Tensor, ...], shape: Sequence[int], samples: int
-) -> None:
-    """Add sums over rays to tensors of (hypotheses, ...), in pieces, on the threads of the pool.
-
-    The order of additions does not depend on the number of threads.
-
-    Args:
-        function: returns the sums of a piece for each of its hypotheses.
-        totals: tensors to add to.
-        shape: numbers of hypotheses, views and pixels.
-        samples: intervals of each pixel, for the size of pieces.
-    """
-    pieces = split_rays(shape, samples)
-    for piece, sums in zip(pieces, map_pieces(function, pieces), strict=True):
-        for total, part in zip(totals, sums, strict=True):
-            total[piece[0]] += part
-
-
-def split_rays(shape: Sequence[int], samples: int) -> list[Piece]:
-    """Return pieces of about equal size; arguments as in :func:`map_rays`."""
-    count = min(_MAX_PIECES, max(2, round(math.prod(shape) * samples / _PIECE_SAMPLES)))
-    return list(_split(shape[0], shape[2], count))
 
 
 def cells_of(cells: Bool[Tensor, "hypotheses_or_one x y z"] | None, some: slice) -> Bool[Tensor, "some x y z"] | None:

@@ -44,7 +44,7 @@ def check_gradient(model: Model, at: Parameters, pixels: PixelBatch, objective: 
     torch.testing.assert_close(found.squared_error, expected.squared_error, rtol=1e-4, atol=1e-7)
     vector = to_vector(Parameters(*(part.detach() for part in at)))
     rendered = RenderedPixels(torch.zeros(len(vector), *pixels.target_opacity.shape, 5))
-    for term in (term(pixels, objective) for term in (*objective.terms, *objective.priors)):
+    for term in (term(pixels, objective) for term in objective.terms):
         # Of two parameters, or two of one, Gauss-Newton would have a wrong Hessian.
         def residual(vector: torch.Tensor, term: Term = term) -> torch.Tensor:
             return term.residual(from_vector(vector, at), rendered)
@@ -89,7 +89,7 @@ def test_gauss_newton_sees_the_objective_and_its_gradient(
 
 def test_hypotheses_that_cost_nothing_are_not_held(tiny: Model):
     """A camera where it is expected has no curvature from its prior; elsewhere it has."""
-    pixels, objective = pixels_of(tiny), Objective(0.0, terms=(), priors=(camera_prior_term,))
+    pixels, objective = pixels_of(tiny), Objective(0.0, terms=(camera_prior_term,))
     for distance, held in ((0.0, False), (0.1, True)):
         found = normal_equations(tiny, standing(distance), pixels, None, Stage(1, 1, 96, 2, math.inf, 0.3), objective)
         assert bool(found.hessian.any()) == held
@@ -125,9 +125,7 @@ def shown(scale: float, right: float = 0.0, views: int = 1) -> Parameters:
 
 def cost(at: Parameters, *scales: tuple[float, ...], expected: torch.Tensor | None = None) -> float:
     some = torch.zeros(at.distance.shape[1], 1, 2)
-    pixels = PixelBatch(
-        some, torch.zeros(*some.shape[:2], 3), *[some[..., 0]] * 3, some[..., None, :], *[some[..., 0]] * 2
-    )
+    pixels = PixelBatch(some, torch.zeros(*some.shape[:2], 3), *[some[..., 0]] * 3, some[..., None, :], some[..., 0])
     term = camera_prior_term(
         pixels, Objective(1e-4, torch.tensor(scales or [CAMERA_PRIOR_SCALE]), expected_scale=expected)
     )

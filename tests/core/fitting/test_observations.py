@@ -53,14 +53,3 @@ def test_a_pixel_of_a_blurred_photo_is_the_mean_of_rays_that_spread_as_its_blur_
     spread = both.footprints[1].flatten(0, 1)
     torch.testing.assert_close(spread.T.cov(correction=0), (3 / tiny.focal) ** 2 * torch.eye(2), rtol=1e-3, atol=1e-7)
     torch.testing.assert_close(both.mean_of_rays(both.points[None])[0], both.pixels, rtol=1e-4, atol=1e-6)
-
-
-def test_a_part_has_all_rays_of_its_pixels_and_their_weights(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
-    for blur in (0.0, 3.0):
-        observations = [Observation.of(replace(photo, blur=blur), tiny)] * 2
-        pixels = sample_pixels(observations, 90, torch.Generator().manual_seed(0))
-        parts = [slice(first, None, 4) for first in range(4)]
-        for index in parts:
-            assert torch.equal(pixels.part(index).points, pixels.points[:, pixels.rays_of(index)])
-        assert abs(sum(float(pixels.part(index).mean_weights.sum()) for index in parts) - 1) < 1e-5
