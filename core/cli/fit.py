@@ -10,12 +10,13 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
+from typing import NamedTuple
 
 from tqdm import tqdm
 
 from core.cli.explain import draw_detections, write_page
 from core.cli.output import LastingOutput, say
-from core.cli.progress import wait_for_view_bank
+from core.cli.progress import bars_disabled, wait_for_view_bank
 from core.fitting.category_check import describe_ambiguity, describe_category, describe_difference, likeliest_model
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -35,16 +36,36 @@ _AS_PROMINENT = 0.7  # fraction of the first object's prominence from which a se
 _TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
 
+class Fitted(NamedTuple):
+    """The result of one fit."""
+
+    model: Model
+    photos: tuple[Photo, ...]
+    cuts: tuple[CutOut, ...]  # one per photo
+    last: FitStep
+
+
 def fit(chosen: argparse.Namespace) -> None:
     """Run ``fit``: estimate camera and codes of the object in the images; end with a line of JSON."""
-    _check(chosen)
+    check_counts(chosen)
+    _check_files(chosen)
+    clock = Stopwatch()
+    fitted = fit_images(chosen, clock)
+    try:
+        _write_files(chosen, fitted)
+    finally:  # files first, as words may have no reader; but a file that fails takes no words away
+        say_doubts(fitted)
+        print(json.dumps(to_dict(fitted.last) | seconds_of(chosen, clock)), flush=True)
+
+
+def fit_images(chosen: argparse.Namespace, clock: "Stopwatch") -> Fitted:
+    """Fit the object in the chosen images, under progress bars."""
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     nothing = [None] * len(chosen.images)
     hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
     poses = _poses(chosen) or nothing
-    clock = _Stopwatch()
     masks = chosen.mask or nothing
-    cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
+    cuts = tuple(_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True))
     _compare_categories(chosen, cuts)
     model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
@@ -53,29 +74,40 @@ def fit(chosen: argparse.Namespace) -> None:
     _say_category(chosen, model, cuts[0].categories)
     with clock("search"):
         last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
-    try:
-        _write_files(chosen, model, photos[0], cuts[0], last)
-    finally:  # files first, as words may have no reader; but a file that fails takes no words away
-        if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
-            say(_doubt(last.confidence, last.runner_up))
-        if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
-            say(_TOGETHER)
-        seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
-        print(json.dumps(_to_dict(last) | seconds), flush=True)
+    return Fitted(model, photos, cuts, last)
 
 
-def _write_files(chosen: argparse.Namespace, model: Model, photo: Photo, cut: CutOut, last: FitStep) -> None:
+def say_doubts(fitted: Fitted) -> None:
+    """Print warnings about a result whose camera may be wrong or was not assessed."""
+    photos, last = fitted.photos, fitted.last
+    if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
+        say(_doubt(last.confidence, last.runner_up))
+    if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
+        say(_TOGETHER)
+
+
+def fitted_scene(chosen: argparse.Namespace, last: FitStep) -> Scene:
+    """Return the fitted scene of the first photo, without photo detail if so chosen."""
+    codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
+    return Scene(codes, last.cameras[0])
+
+
+def seconds_of(chosen: argparse.Namespace, clock: "Stopwatch") -> dict[str, object]:
+    """Return the seconds since the command began, and those of its parts."""
+    return {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
+
+
+def _write_files(chosen: argparse.Namespace, fitted: Fitted) -> None:
     """Write the scene (``--out``) and the page (``--explain``)."""
     if chosen.out:
-        codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
-        save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)
+        save_or_elsewhere(fitted_scene(chosen, fitted.last).save, chosen.out)
     if chosen.explain:
-        seen = draw_detections(read_rgba(chosen.images[0]), cut)
-        write_page(model, photo, last, seen, chosen.explain)
+        seen = draw_detections(read_rgba(chosen.images[0]), fitted.cuts[0])
+        write_page(fitted.model, fitted.photos[0], fitted.last, seen, chosen.explain)
 
 
-def _check(chosen: argparse.Namespace) -> None:
-    """Raise ``ValueError`` for options that contradict each other or files that cannot be written."""
+def check_counts(chosen: argparse.Namespace) -> None:
+    """Raise ``ValueError`` for options that contradict each other or the number of images."""
     count, kinds = len(chosen.images), {"pose": "poses", "box": "boxes", "point": "points", "mask": "masks"}
     for name, plural in (kinds | {"object": "object numbers"}).items():
         given = getattr(chosen, name)
@@ -83,6 +115,12 @@ def _check(chosen: argparse.Namespace) -> None:
             raise ValueError(f"{count} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
+
+
+def _check_files(chosen: argparse.Namespace) -> None:
+    """Raise ``ValueError`` for files that cannot be written, and options of ``--each`` without it."""
+    if chosen.cluster:
+        raise ValueError("--cluster fits many photos, one object each: add --each")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
     _check_apart(chosen)
@@ -127,7 +165,7 @@ def _other_objects(cut: CutOut, hints: Hints | None) -> str:
     return f"{len(cut.detections)} objects are found: --object 2 fits the next one" if near else ""
 
 
-class _Stopwatch:
+class Stopwatch:
     """Adds up seconds by part: ``with clock("decode"): ...``."""
 
     def __init__(self) -> None:
@@ -141,7 +179,7 @@ class _Stopwatch:
         self.parts[part] = round(self.parts.get(part, 0.0) + time.perf_counter() - began, 3)
 
 
-def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: _Stopwatch) -> CutOut:
+def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatch) -> CutOut:
     try:
         with naming(path):
             with clock("decode"):
@@ -191,7 +229,7 @@ def _photo(path: Path, cut: CutOut, model: Model, posed: PosedImage | None, scal
 def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
     """Run a fit under a progress bar and return its last step; write all steps to ``log`` if given."""
     step = None
-    bar = tqdm(unit="step", leave=False, disable=None)
+    bar = tqdm(unit="step", leave=False, disable=bars_disabled())
     with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as file:
         lines = file and LastingOutput(file, str(log))
         for step in fit_as_set(model, job):
@@ -199,7 +237,7 @@ def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
             bar.set_postfix_str(f"{step.psnr:.2f} dB")
             bar.update()
             if lines:
-                lines.write(json.dumps(_to_dict(step) | {"origin": step.origin}) + "\n")
+                lines.write(json.dumps(to_dict(step) | {"origin": step.origin}) + "\n")
     if step is None:
         raise ValueError("the fit made no step")
     return step
@@ -224,7 +262,8 @@ def _hints(
         raise ValueError(f"{image}: {error} of {width}x{height} px") from None
 
 
-def _to_dict(step: FitStep) -> dict[str, object]:
+def to_dict(step: FitStep) -> dict[str, object]:
+    """Return what ``fit`` prints about a step."""
     other = step.runner_up
     return {
         **_camera_to_dict(step.cameras[0]),

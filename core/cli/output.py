@@ -4,10 +4,13 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import IO, Any, cast
 
 from core.runtime.program import program_name
+
+_collected = ContextVar[list[str] | None]("collected", default=None)  # of each thread
 
 
 class LastingOutput:
@@ -59,8 +62,28 @@ def lasting_output() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """Print a line to people, on stderr."""
-    print(f"{program_name('core', 'codenerf')}: {text}", file=sys.stderr)
+    """Print a line to people, on stderr; inside :func:`collected_lines` collect it instead."""
+    lines = _collected.get()
+    if lines is None:
+        print(f"{program_name('core', 'codenerf')}: {text}", file=sys.stderr)
+    else:
+        lines.append(text)
+
+
+@contextmanager
+def collected_lines() -> Iterator[list[str]]:
+    """Collect the lines of :func:`say` in this thread, and hide its progress bars."""
+    lines = list[str]()
+    token = _collected.set(lines)
+    try:
+        yield lines
+    finally:
+        _collected.reset(token)
+
+
+def collecting_lines() -> bool:
+    """True inside :func:`collected_lines`."""
+    return _collected.get() is not None
 
 
 def _nowhere() -> IO[str]:

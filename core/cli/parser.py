@@ -165,7 +165,19 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
-    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
+    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object; see --each")
+    command.add_argument(
+        "--each",
+        dest="run",
+        action="store_const",
+        const="fit_each.fit_each",
+        default=argparse.SUPPRESS,
+        help="each image shows an object of its own: fit one after another into the folder --out, as many at once as "
+        "--threads, each in a process of about 0.7 GB; started again, fits only what is missing",
+    )
+    command.add_argument(
+        "--cluster", metavar="tcp://HOST:PORT", help="with --each: fit on this Dask cluster, which sees the same files"
+    )
     command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
     add_device(command)
     command.add_argument(
@@ -198,7 +210,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     _add_preset(command)
     command.add_argument("--estimate-focal", action="store_true", help="find the focal length too (default: model's)")
     add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
-    command.add_argument("--out", type=Path, metavar="S.json", help="save the fitted scene to this file")
+    command.add_argument("--out", type=Path, metavar="S.json", help="write the fitted scene (--each: a folder)")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="write every step to this file, one line each")
     command.add_argument(
         "--explain", type=Path, metavar="DIR", help="write a page of detections, cut-out, witnesses and results"

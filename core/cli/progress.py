@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from tqdm import tqdm
 
+from core.cli.output import collecting_lines
 from core.models.model import Model
 
 
@@ -18,10 +19,16 @@ def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
             bar.update()
 
 
+def bars_disabled() -> bool | None:
+    """Return tqdm's ``disable``: True where lines are collected, None to show bars on terminals only."""
+    return collecting_lines() or None
+
+
 def wait_for_view_bank(model: Model) -> None:
     """Compute the view bank under a progress bar if the model's file has none."""
     from core.photos.view_bank import build_view_bank  # imported late: videos do not need it
 
-    with tqdm(desc="view bank", total=1.0, bar_format="{desc} {percentage:.0f} %", leave=False, disable=None) as bar:
+    about = {"desc": "view bank", "bar_format": "{desc} {percentage:.0f} %"}
+    with tqdm(total=1.0, leave=False, disable=bars_disabled(), **about) as bar:
         for fraction in build_view_bank(model):
             bar.update(fraction - bar.n)

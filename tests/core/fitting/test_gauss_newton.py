@@ -1,6 +1,7 @@
 """Gauss-Newton steps go down, and leave alone what is given."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -105,3 +106,20 @@ def test_one_that_diverged_stays_out_and_the_others_go_on(tiny: Model):
     batch, without = stepped(parameters), stepped(random_parameters())
     assert batch.loss.isfinite().tolist() == [True, False, True]
     torch.testing.assert_close(batch.loss[[0, 2]], without.loss[[0, 2]], rtol=0.05, atol=1e-4)
+
+
+@pytest.mark.parametrize("blur", [0.0, 1.5])
+@pytest.mark.parametrize(("hypotheses", "rays"), [(1, 700), (40, 60)])
+def test_equations_are_the_same_bits_with_any_number_of_threads(
+    tiny: Model, blur: float, hypotheses: int, rays: int, monkeypatch: pytest.MonkeyPatch
+):
+    photos = [replace(photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)), blur=blur) for azimuth in (0.5, 2.5)]
+    pixels = sample_pixels([Observation.of(photo, tiny) for photo in photos], rays, seeded())
+    one = random_parameters(hypotheses)
+    both = Parameters(*(part.repeat(1, 2, *[1] * (part.ndim - 2)) for part in one[:4]), *one[4:])
+    equations = []
+    for threads in ("1", "2", "8"):
+        monkeypatch.setenv("CODENERF_THREADS", threads)
+        equations.append(normal_equations(tiny, both, pixels, None, STAGE, OBJECTIVE))
+    for same in equations[1:]:
+        assert all(torch.equal(*pair) for pair in zip(same, equations[0], strict=True))

@@ -1,0 +1,244 @@
+"""``fit --each``: many photos, one object each, several at once in processes of one thread each.
+
+The folder of results has a row of JSON for each photo (``rows.jsonl``), scenes, and a contact sheet. A row is appended
+when its scene is written, so that a command that is started again fits only the rest.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+from tqdm import tqdm
+
+from core.cli.contact_sheet import photo_strip, write_contact_sheet
+from core.cli.fit import Stopwatch, check_counts, fit_images, fitted_scene, say_doubts, seconds_of, to_dict
+from core.cli.output import collected_lines, say
+from core.photos.decode import read_rgba
+from core.runtime.files import atomic_file, require_writable
+from core.runtime.threads import thread_count, use_threads
+
+Row = dict[str, Any]
+
+_PER_IMAGE = "images", "pose", "point", "mask", "box", "object"
+_FOR_ALL = "model", "pose_axes", "pose_scale", "preset", "estimate_focal", "no_photo_detail", "seed"
+_ROWS, _SHEET = "rows.jsonl", "contact-sheet.png"
+_DIED = "its process died, probably for want of memory: fewer --threads help"
+_PARENT_POLL = 0.5  # seconds between a process's looks for the command that started it
+
+
+def fit_each(chosen: argparse.Namespace) -> None:
+    """Run ``fit --each``: fit the photos that have no result in the folder yet, then write the contact sheet."""
+    _check(chosen)
+    fits = {_key(one): one for one in _single_fits(chosen)}  # a photo that is given twice is fitted once
+    photos = {str(one.images[0]) for one in fits.values()}
+    earlier = _read_rows(chosen.out)
+    kept = {key: row for key, row in earlier.items() if _is_done(chosen.out, row) or row["photo"] not in photos}
+    _write_rows(chosen.out, kept.values())
+    missing = {key: one for key, one in fits.items() if key not in kept}
+    rows = kept | _fit_missing(chosen, missing, len(fits))
+    failed = sum("error" in rows[key] for key in fits)
+    sheet = chosen.out / _SHEET
+    write_contact_sheet(sheet, [(chosen.out / f"{key}.png", _caption(rows[key])) for key in fits])
+    reasons = f", {failed} failed ({chosen.out / _ROWS} says why)" if failed else ""
+    say(f"{len(fits) - failed} of {len(fits)} photos are fitted{reasons}: {sheet}")
+
+
+def _check(chosen: argparse.Namespace) -> None:
+    """Raise ``ValueError`` for options that contradict each other; create the folder."""
+    check_counts(chosen)
+    if not chosen.out:
+        raise ValueError("--each needs a folder for its results: --out FOLDER")
+    if chosen.log or chosen.explain:
+        raise ValueError("--log and --explain describe a single fit: leave them or --each out")
+    if chosen.cluster and not find_spec("distributed"):
+        raise ValueError("--cluster needs Dask: pip install 'codenerf-viewer[cluster]'")
+    if chosen.out.exists() and not chosen.out.is_dir():
+        raise ValueError(f"cannot write {chosen.out}: it is not a folder")
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    for name in (_ROWS, _SHEET):
+        require_writable(chosen.out / name)
+
+
+def _single_fits(chosen: argparse.Namespace) -> Iterator[argparse.Namespace]:
+    """Yield the options of each photo's fit, with absolute paths, as a cluster's workers run in other folders."""
+    for number in range(len(chosen.images)):
+        own = {}
+        for name in _PER_IMAGE:
+            values = getattr(chosen, name)
+            values = values if len(values) < len(chosen.images) else [values[number]]  # one transforms.json is for all
+            own[name] = [value.absolute() if isinstance(value, Path) else value for value in values]
+        model = str(Path(chosen.model).absolute()) if chosen.model and Path(chosen.model).is_file() else chosen.model
+        yield argparse.Namespace(**{**vars(chosen), **own, "model": model, "out": chosen.out.absolute()})
+
+
+def _key(single: argparse.Namespace) -> str:
+    """Return the name of a fit's files: the photo's, and a digest of all contents and options that decide the result.
+
+    So a photo that moved is not fitted again, and one that changed, or is fitted with other options, is.
+    """
+    digest = hashlib.sha256(single.images[0].name.encode(errors="surrogateescape"))
+    for name in (*_PER_IMAGE, *_FOR_ALL):
+        value = getattr(single, name)
+        for part in value if isinstance(value, list) else [value]:
+            is_file = isinstance(part, Path) or (name == "model" and part and Path(part).is_absolute())
+            digest.update(b"|" + name.encode() + (_content(Path(part)) if is_file else repr(part).encode()))
+    return f"{single.images[0].stem[:60]}-{digest.hexdigest()[:8]}"
+
+
+def _content(path: Path) -> bytes:
+    """Return a digest of a file's content; empty if it cannot be read, which its fit will report."""
+    try:
+        return hashlib.sha256(path.read_bytes()).digest()
+    except OSError:
+        return b""
+
+
+def _read_rows(folder: Path) -> dict[str, Row]:
+    """Return the rows of earlier runs by key, without a line that was not finished."""
+    path, rows = folder / _ROWS, dict[str, Row]()
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
+        try:
+            row = json.loads(line)
+            rows[row["key"]] = row
+        except (ValueError, TypeError, KeyError):
+            continue
+    return rows
+
+
+def _write_rows(folder: Path, rows: Iterable[Row]) -> None:
+    with atomic_file(folder / _ROWS) as partial:
+        partial.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
+
+
+def _is_done(folder: Path, row: Row) -> bool:
+    """True for a row with a scene; failed photos are tried again."""
+    return "error" not in row and (folder / f"{row['key']}.json").exists()
+
+
+def _caption(row: Row) -> str:
+    name = Path(row["photo"]).name
+    if "error" in row:
+        return f"{name}: {row['error']}"
+    sure = "" if row["confidence"] is None else f", confidence {row['confidence']:.2f}"
+    return f"{name}  {row['psnr']:.1f} dB{sure}"
+
+
+def _fit_missing(chosen: argparse.Namespace, missing: Mapping[str, argparse.Namespace], whole: int) -> dict[str, Row]:
+    """Fit under a progress bar; append each row to the file as it comes, and return all."""
+    rows = dict[str, Row]()
+    bar = tqdm(total=whole, initial=whole - len(missing), unit="photo", smoothing=0, disable=None)
+    with bar, (chosen.out / _ROWS).open("a", encoding="utf-8") as file, _workers(chosen) as run:
+        for row in _surviving(run, missing):
+            rows[row["key"]] = row
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            bar.update()
+    return rows
+
+
+_Run = Callable[[Iterator[tuple[str, argparse.Namespace]]], Iterator[Row]]
+
+
+def _surviving(run: _Run, missing: Mapping[str, argparse.Namespace]) -> Iterator[Row]:
+    """Yield a row for each fit. If a process dies, the fits that were under way are repeated one by one at the end."""
+    waiting, suspects = dict(missing), dict[str, argparse.Namespace]()
+
+    def begun() -> Iterator[tuple[str, argparse.Namespace]]:
+        while waiting:
+            key = next(iter(waiting))
+            suspects[key] = waiting.pop(key)
+            yield key, suspects[key]
+
+    while waiting:
+        try:
+            for row in run(begun()):
+                del suspects[row["key"]]
+                yield row
+        except TerminatedWorkerError:
+            continue
+    for key, single in suspects.items():
+        try:
+            yield from run(iter([(key, single)]))
+        except TerminatedWorkerError:
+            yield _identity(key, single) | {"error": _DIED}
+
+
+@contextmanager
+def _workers(chosen: argparse.Namespace) -> Iterator[_Run]:
+    """Yield a function that runs fits on all workers and yields rows in the order in which they are done."""
+    with ExitStack() as stack:
+        stack.enter_context(_backend(chosen, stack))
+        parallel = Parallel(return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
+        settings = {name: value for name, value in os.environ.items() if name.startswith("CODENERF_")}
+        about = settings, os.getpid()
+        yield lambda fits: parallel(delayed(_row)(key, single, *about) for key, single in fits)
+
+
+def _backend(chosen: argparse.Namespace, stack: ExitStack) -> AbstractContextManager:
+    """Return joblib's configuration: processes of this machine, or the workers of a Dask cluster."""
+    if not chosen.cluster:
+        return parallel_config("loky", n_jobs=thread_count(), inner_max_num_threads=1)
+    from distributed import Client  # an optional extra
+
+    client = stack.enter_context(Client(chosen.cluster, set_as_default=False))
+    return parallel_config("dask", client=client)
+
+
+def _row(key: str, single: argparse.Namespace, settings: Mapping[str, str], command: int) -> Row:
+    """Fit one photo and write its files; return its row, with a reason instead of a result if it failed.
+
+    Args:
+        settings: environment variables of the command.
+        command: its process, with which a worker on the same machine ends.
+    """
+    os.environ.update(settings)
+    use_threads(1)
+    _end_with(command)
+    single.began = time.perf_counter()
+    row = _identity(key, single)
+    with collected_lines() as notes:
+        try:
+            row |= _fit_one(key, single)
+        except Exception as error:  # of any kind: the other photos go on
+            row["error"] = " ".join(str(error).split()) or type(error).__name__
+    return row | {"notes": notes}
+
+
+def _fit_one(key: str, single: argparse.Namespace) -> Row:
+    """Fit one photo, and write its scene and its strip of the contact sheet; return the result as a dictionary."""
+    clock = Stopwatch()
+    fitted = fit_images(single, clock)
+    say_doubts(fitted)
+    scene = fitted_scene(single, fitted.last)
+    with atomic_file(single.out / f"{key}.png") as partial:
+        photo_strip(read_rgba(single.images[0]), fitted.model, scene).save(partial)
+    scene.save(single.out / f"{key}.json")  # last: it marks the photo as done
+    return {"category": fitted.model.category, **to_dict(fitted.last), **seconds_of(single, clock)}
+
+
+def _identity(key: str, single: argparse.Namespace) -> Row:
+    return {"photo": str(single.images[0]), "key": key}
+
+
+@cache
+def _end_with(command: int) -> None:
+    """End this process soon after the command that started it, however that ends."""
+    if os.getppid() == command:
+        threading.Thread(target=_watch, args=(command,), daemon=True).start()
+
+
+def _watch(command: int) -> None:
+    while os.getppid() == command:
+        time.sleep(_PARENT_POLL)
+    os._exit(1)

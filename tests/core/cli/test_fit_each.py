@@ -1,0 +1,162 @@
+"""Many photos, one object each: rows, failures, interruptions, and processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from core.__main__ import main
+from tests.conftest import image_size
+from tests.core.tiny import SIDE, tiny_model
+
+_ROOT = Path(__file__).parents[3]
+_COLOURS = {"red.png": (200, 30, 30), "green.png": (30, 160, 30), "blue.png": (30, 30, 200)}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The tiny model, three photos of blocks, and the camera of all."""
+    monkeypatch.chdir(tmp_path)
+    model = tiny_model()
+    model.save(tmp_path / "m.safetensors")
+    for name, colour in _COLOURS.items():
+        draw(tmp_path / name, colour)
+    pose = model.camera(np.radians(60), np.radians(20)).pose()
+    (tmp_path / "p.txt").write_text(" ".join(map(str, pose.flatten().tolist())))
+    return tmp_path
+
+
+def draw(path: Path, colour: tuple[int, int, int]) -> None:
+    drawing = Image.new("RGB", (SIDE, SIDE), "white")
+    drawing.paste(colour, (SIDE // 3, SIDE // 3, 2 * SIDE // 3, 2 * SIDE // 3))
+    drawing.save(path)
+
+
+def words(*photos: str, out: str = "out", more: str = "") -> list[str]:
+    poses = ["p.txt"] * len(photos)
+    about = f"--model m.safetensors --preset draft --out {out} {more}".split()
+    return ["fit", "--each", *photos, "--pose", *poses, *about]
+
+
+def lines(out: str = "out") -> list[str]:
+    path = Path(out, "rows.jsonl")
+    return path.read_text().splitlines(keepends=True) if path.exists() else []
+
+
+def names(out: str = "out") -> list[str]:
+    return sorted(Path(json.loads(line)["photo"]).name for line in lines(out))
+
+
+def test_a_photo_has_a_row_and_a_failure_stops_no_other(capsys: pytest.CaptureFixture[str]):
+    Path("bad.png").write_text("no image")
+    main(words("bad.png", "red.png", "missing.png", "red.png"))
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "1 of 3 photos are fitted, 2 failed (out/rows.jsonl says why): out/contact-sheet.png" in printed.err
+    bad, red, missing = map(json.loads, lines())
+    assert "bad.png: this is not an image" in bad["error"]
+    assert "no such image" in missing["error"]
+    assert red["azimuth"] == pytest.approx(60, abs=1e-3)
+    assert json.loads(Path("out", f"{red['key']}.json").read_text())["camera"]
+    assert image_size(Path("out/contact-sheet.png"))[0] > 600
+
+
+def test_only_photos_without_a_result_are_fitted():
+    main(words("red.png", "green.png"))
+    before = lines()
+    Path("bad.png").write_text("no image")
+    Path("out/rows.jsonl").write_text("".join(before) + '{"photo": "blue.png", "key')  # cut off
+    Path("moved").mkdir()
+    Path("green.png").rename("moved/green.png")
+    main(words("red.png", "moved/green.png", "bad.png"))
+    assert lines()[:2] == before
+    assert names() == ["bad.png", "green.png", "red.png"]
+    draw(Path("bad.png"), (9, 9, 9))
+    Path("out", f"{json.loads(before[0])['key']}.json").unlink()
+    main(words("red.png", "moved/green.png", "bad.png"))
+    assert names() == ["bad.png", "green.png", "red.png"]
+    assert lines()[0] == before[1]
+    assert not any("error" in json.loads(line) for line in lines())
+    main(words("red.png", more="--seed 1"))
+    assert names() == ["bad.png", "green.png", "red.png", "red.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["fit", "--each", "red.png"], "--each needs a folder for its results: --out FOLDER"),
+        (words("red.png", more="--log a.jsonl"), "--log and --explain describe a single fit"),
+        (words("red.png", out="p.txt"), "cannot write p.txt: it is not a folder"),
+        (["fit", "red.png", "--cluster", "tcp://127.0.0.1:1"], "add --each"),
+        (["fit", "--each", "red.png", "--out", "out", "--box", "1,2,3,4", "1,2,3,4"], "1 images need as many boxes"),
+    ],
+)
+def test_contradicting_options_are_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    assert said in capsys.readouterr().err
+    assert not lines()
+
+
+def children(process: int) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+def is_alive(process: int) -> bool:
+    status = Path(f"/proc/{process}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.skipif(not Path(f"/proc/self/task/{os.getpid()}/children").exists(), reason="reads processes of Linux")
+def test_a_killed_command_leaves_no_process_and_goes_on_when_started_again():
+    command = [sys.executable, "-m", "core", *words(*_COLOURS, more="--threads 2")]
+    running = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(_ROOT)}, stderr=subprocess.PIPE)
+    while not lines() and running.poll() is None:
+        time.sleep(0.05)
+    workers = children(running.pid)
+    running.send_signal(signal.SIGKILL)
+    running.communicate()
+    before = [line for line in lines() if line.endswith("\n")]
+    assert before
+    assert len(workers) >= 2
+    while any(map(is_alive, workers)):
+        time.sleep(0.05)
+    main(words(*_COLOURS))
+    assert lines()[: len(before)] == before
+    assert names() == sorted(_COLOURS)
+
+
+_ON_A_CLUSTER = """
+import sys
+from distributed import LocalCluster
+from core.__main__ import main
+
+if __name__ == "__main__":
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        main([*sys.argv[1:], "--cluster", cluster.scheduler_address])
+"""
+
+
+@pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra cluster")
+def test_a_dask_cluster_gives_the_same_files():
+    photos = ("red.png", "green.png", "missing.png")
+    Path("cluster.py").write_text(_ON_A_CLUSTER)
+    command = [sys.executable, "cluster.py", *words(*photos, out="far")]
+    done = subprocess.run(
+        command, env=os.environ | {"PYTHONPATH": str(_ROOT)}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    main(words(*photos, out="near"))
+    far, near = (sorted(map(json.loads, lines(out)), key=lambda row: row["key"]) for out in ("far", "near"))
+    assert [row["photo"] for row in far] == [row["photo"] for row in near]
+    assert [row.get("psnr") for row in far] == [row.get("psnr") and pytest.approx(row["psnr"], abs=1) for row in near]
+    assert sorted(path.name for path in Path("far").iterdir()) == sorted(path.name for path in Path("near").iterdir())
