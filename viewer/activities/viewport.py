@@ -40,6 +40,7 @@ class Viewport:
         self.frame: Frame | None = None  # newest frame, cropped to the view
         self.frame_request: ViewRequest | None = None  # inputs of :attr:`frame`
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
+        self.repainted: Frame | None = None  # :attr:`full_frame` in a paint whose texture is not found yet
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw
@@ -268,6 +269,8 @@ class Viewport:
         self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
+        if request != self.frame_request:  # else a sharper image of the same
+            self.repainted = None
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
         self.frame_request, self.baked_frame = request, None
 
