@@ -1,7 +1,7 @@
 from imgui_bundle import imgui
 
 from tests.viewer.driver import Driver, in_window
-from viewer.services.messages import MessageKind
+from viewer.services.messages import Button, MessageKind
 
 
 @in_window()
@@ -22,6 +22,18 @@ def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(window: Driver) -
     window.ctx.yield_(3)
     assert window.ctx.window_info("//Developer").window.active
     assert [message.text for message in messages.log][-4:] == [f"wrong {number}" for number in range(4)]
+
+
+@in_window()
+def test_a_second_message_moves_no_button(window: Driver) -> None:
+    messages = window.session.messages
+    messages.notify("An object is ready", buttons=(Button("Show", lambda: None),))
+    window.ctx.yield_(3)
+    before = window.ctx.item_info("//Messages/###show 0").rect_full
+    messages.notify("Another thing, told in a much longer line than the first one was", MessageKind.NOTE)
+    window.ctx.yield_(3)
+    after = window.ctx.item_info("//Messages/###show 0").rect_full
+    assert (after.min.x, after.min.y) == (before.min.x, before.min.y)
 
 
 @in_window()

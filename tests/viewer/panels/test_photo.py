@@ -107,8 +107,6 @@ def test_a_fit_is_begun_again_in_several_ways(window: Driver, photo: Path) -> No
     window.wait(lambda: not fitting.running)
     assert orbit.same_direction(fitting.view.camera, turned)
     assert editor.objects.own[:2] == ["block (2)", "block"]
-    window.click("Photo/###share")  # what one does next is there
-    window.press(imgui.Key.escape)
     window.click("Photo/###again")
     window.click("**/###restart")
     window.wait(lambda: not fitting.running)
