@@ -21,7 +21,6 @@ from viewer.services.clipboard import Clipboard, copy_image
 from viewer.services.file_manager import show_in_folder
 from viewer.services.worker import Job
 from viewer.session import Session
-from viewer.values.camera_text import camera_from_text, camera_text
 from viewer.values.encoding import Original
 from viewer.values.fit_history import Question
 from viewer.values.preferences import Preferences
@@ -103,21 +102,6 @@ class PanelContext:
             self.session.messages.report("Cannot copy the image", error)
         else:
             self.session.messages.notify("Copied the image")
-
-    # The camera as text
-
-    def copy_camera(self) -> None:
-        """Copy the camera to the clipboard as a line of text."""
-        imgui.set_clipboard_text(camera_text(self.session.editor.scene.camera))
-        self.session.messages.notify("Copied the camera")
-
-    def paste_camera(self) -> None:
-        """Set the camera to the one in the clipboard's text."""
-        editor = self.session.editor
-        try:
-            editor.set_camera(camera_from_text(imgui.get_clipboard_text(), editor.scene.camera))
-        except ValueError as error:
-            self.session.messages.report("Cannot paste the camera", error)
 
     # Files
 

@@ -98,7 +98,8 @@ class Session:
         self.player = Player(jobs, self.editor)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
-        self.painting, self.grabbing = Painting(jobs, self.editor), Grabbing(jobs, self.editor, self.viewport)
+        self.painting = Painting(jobs, self.editor, self.viewport)
+        self.grabbing = Grabbing(jobs, self.editor, self.viewport)
         self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
@@ -110,6 +111,7 @@ class Session:
         self.jobs.worker.deliver()
         self._add_models()
         self.viewport.tick()
+        self.painting.tick()
         self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
@@ -120,7 +122,7 @@ class Session:
         """Cancel all jobs of the activities."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
-        self.jobs.cancel("paint", "paint colour", "pull")
+        self.jobs.cancel("paint", "paint colour", "coarse paint", "pull")
         self.exporting.cancel()
 
     # Models and their objects

@@ -6,12 +6,10 @@ from pathlib import Path
 
 from core.models.scene import Scene, save_image
 from viewer.activities.film_previews import FilmPreviews
-from viewer.activities.mix_image import mixes, write_mixes
 from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
-from viewer.values import orbit
 from viewer.values.share_settings import FILMS, ShareSettings
 
 
@@ -22,7 +20,7 @@ class Exporting:
         self._jobs, self._editor = jobs, editor
         self.preview, self.films = SharePreview(jobs, editor), FilmPreviews(jobs, editor)
         self.path: Path | None = None  # the file being written
-        self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`, or mixes
+        self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`
         self.saved: Path | None = None  # the last written file
         self.progress = 0.0  # finished fraction of the current file, 0..1
         self._began = 0.0, 0.0  # time (s, monotonic clock) and finished fraction of the first progress
@@ -64,12 +62,6 @@ class Exporting:
                     yield done / len(views)
 
             self._begin(settings.kind, path, write)
-
-    def mixes(self, path: Path, size: int = 256) -> None:
-        """Begin to write the mixes of A and B as one image on white, with cells of ``size`` px."""
-        cells = mixes(*self._editor.mix_ends)
-        camera = orbit.home(self._editor.model).resized(size, size)
-        self._begin("mixes", path, lambda scene: write_mixes(self._jobs.frames, cells, camera, path))
 
     def cancel(self) -> None:
         """Cancel the export; no partial file stays."""

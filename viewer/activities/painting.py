@@ -1,26 +1,39 @@
 """The paint of the object in the view: colours of its parts, measured and changed on the worker."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from core.detail.paint import Paint, Rgb, paint_parts
+from core.detail.paint import CoarsePaint, Paint, Rgb, paint_parts
+from core.geometry.camera import Camera
 from core.models.codes import Codes
+from core.rendering.progressive import Frame
+from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
 
 
-class Painting:
-    """Paints a part. A drag over colours is one step of undo, of which the newest colour counts."""
+class _Choice(NamedTuple):
+    """A chosen paint whose texture is not found yet."""
 
-    def __init__(self, jobs: Jobs, editor: Editor) -> None:
-        self._jobs, self._editor = jobs, editor
+    codes: Codes
+    paint: Paint
+
+
+class Painting:
+    """Paints a part: during a drag over colours the frame on screen, coarsely, and then the object, in one step."""
+
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
+        self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self._part = ""  # chosen part
-        self._begun = self._shown = editor.scene.codes  # codes before the current drag, and after its newest colour
-        self._wanted: Rgb | None = None  # newest colour of the last drag
+        self._choice: _Choice | None = None
+        self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
+        self._shown: tuple[CoarsePaint, Rgb] | None = None  # on screen
         self._known: tuple[Codes, str, Rgb | None] | None = None  # codes, part, and the part's colour once measured
         self._released = True  # no drag is in progress
 
@@ -45,8 +58,8 @@ class Painting:
         Until it is measured, the last known colour; None if there is none.
         """
         codes, part = self._editor.scene.codes, self.part
-        if self._wanted is not None and codes is self._shown:
-            return self._wanted
+        if self._choice and codes is self._choice.codes and part == self._choice.paint.part:
+            return self._choice.paint.colour
         if self._known is None or self._known[0] != codes or self._known[1] != part:
             before = self._known[2] if self._known else None
             self._known = codes, part, before
@@ -80,40 +93,65 @@ class Painting:
         self._editor.set_texture(self._original)
 
     def paint(self, colour: Rgb) -> None:
-        """Begin to give the part a colour, sRGB 0..1; until :meth:`release`, further colours join the step."""
-        if self._released or self._editor.scene.codes is not self._shown:
-            self._begun = self._shown = self._editor.scene.codes
-            self._editor.end_gesture()
-        self._wanted, self._released = colour, False
-        begun, wanted, model = self._begun, Paint(colour, self.part), self._editor.model
+        """Show the part in a colour, sRGB 0..1, coarsely; :meth:`release` gives it to the object."""
+        self._jobs.cancel("paint")
+        self._choice = _Choice(self._editor.scene.codes, Paint(colour, self.part))
+        self._released, self._shown = False, None
+        self.tick()
+
+    def release(self) -> None:
+        """End a drag over colours: the object takes the last one, a step of undo."""
+        if self._released or self._choice is None:
+            return
+        self._released, choice, model = True, self._choice, self._editor.model
 
         def stream() -> Iterator[Codes | None]:
-            yield (yield from self._jobs.backend.paint(model, begun, wanted))
+            yield (yield from self._jobs.backend.paint(model, choice.codes, choice.paint))
 
         def keep(found: Codes) -> None:
             states = (self._editor.state, *self._editor.history.past)
-            if not any(state.scene.codes is self._shown for state in states):
+            if not any(state.scene.codes is choice.codes for state in states):
                 return  # undone meanwhile
-            if not torch.equal(self._editor.code("texture"), self._shown.texture):
+            if not torch.equal(self._editor.code("texture"), choice.codes.texture):
                 self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
                 return
-            self._editor.set_texture(found.texture, gesture="paint")
-            self._shown = self._editor.scene.codes
+            self._editor.set_texture(found.texture)
             self._jobs.cancel("paint colour")  # of the codes before
-            self._known = self._shown, wanted.part, colour
+            self._known = self._editor.scene.codes, choice.paint.part, choice.paint.colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)
-            self._end()
+            self._choice = None
+            if self._editor.scene.codes is choice.codes:
+                self._viewport.repainted = None
 
         self._jobs.submit(Job("paint", stream, keep, ended, urgent=True))
 
-    def release(self) -> None:
-        """End the drag; the next colour is another step of undo."""
-        if not self._released:
-            self._released = True
-            self._end()
+    def tick(self) -> None:
+        """Show the frame on screen in the chosen paint until the object has it; call once a frame."""
+        choice, view = self._choice, self._viewport
+        if choice is None or not view.full_frame or not view.frame_request or view.source != "scene":
+            return
+        if self._editor.scene.codes is not choice.codes or view.frame_request.codes is not choice.codes:
+            return
+        (frame, crop), part = view.full_frame, choice.paint.part
+        if self._coarse is None or self._coarse[:2] != (frame, part):
+            self._find_coarse(frame, crop.camera, choice)
+        elif self._coarse[2] and self._shown != (self._coarse[2], choice.paint.colour):
+            self._shown = self._coarse[2], choice.paint.colour
+            view.repainted = replace(frame, image=self._coarse[2].repainted(choice.paint.colour))
 
-    def _end(self) -> None:
-        if self._released and not self._jobs.busy("paint"):
-            self._editor.end_gesture()
+    def _find_coarse(self, frame: Frame, camera: Camera, choice: _Choice) -> None:
+        """Begin to find where a frame of the chosen codes, seen from ``camera``, has paint."""
+        self._coarse = frame, choice.paint.part, None
+        find, model = self._jobs.backend.coarse_paint, self._editor.model
+
+        def found(coarse: CoarsePaint) -> None:
+            self._coarse = frame, choice.paint.part, coarse
+
+        def stream() -> Iterator[CoarsePaint]:
+            yield find(model, choice.codes, camera, frame, choice.paint.part)
+
+        self._jobs.submit(
+            Job("coarse paint", stream, found, self._jobs.reporting("Cannot show the paint"), urgent=True)
+        )

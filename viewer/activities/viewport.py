@@ -40,6 +40,7 @@ class Viewport:
         self.frame: Frame | None = None  # newest frame, cropped to the view
         self.frame_request: ViewRequest | None = None  # inputs of :attr:`frame`
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
+        self.repainted: Frame | None = None  # :attr:`full_frame` in a paint whose texture is not found yet
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw
@@ -96,7 +97,7 @@ class Viewport:
         as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
         if not as_before or (self.baked_frame and not self.settings.baked):
             self._refresh()
-        if self.settings.panel != before.panel and not self._editor.history.past:
+        if self.settings.panel != before.panel and not self._editor.history.past and not self.following:
             self.framing.keep_size(self.settings.panel)
 
     def pan_by(self, across: float, down: float) -> None:
@@ -104,9 +105,11 @@ class Viewport:
         self.change(pan=orbit.panned(self.settings.pan, across, down))
 
     def reset_view(self) -> None:
-        """Return to the model's first view, with the object centred and framed."""
+        """Return to the object's first view, that of its photo or the model's, centred and framed."""
         self.change(pan=(0.0, 0.0))
-        self._editor.set_camera(orbit.home(self._editor.model))
+        detail, model = self._editor.scene.codes.detail, self._editor.model
+        first = orbit.photo_camera(detail.views[0].camera, model) if detail else orbit.home(model)
+        self._editor.set_camera(first)
         self.framing.frame(self.settings.panel)
 
     def frame_result(self) -> None:
@@ -268,6 +271,8 @@ class Viewport:
         self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
+        if request != self.frame_request:  # else a sharper image of the same
+            self.repainted = None
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
         self.frame_request, self.baked_frame = request, None
 

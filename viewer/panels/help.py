@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.actions import ACTIONS, TABLE, Action
+from viewer.actions import ACTIONS, TABLE, Action, Gesture
 from viewer.context import PanelContext
 from viewer.values.variety import readable
 from viewer.values.view_modes import MODES
@@ -65,6 +65,10 @@ class Help:
             self._run(context, self._found[0])
 
     def _draw_found(self, context: PanelContext) -> None:
+        if not self._found:
+            imgui.table_next_column()
+            imgui.table_next_column()
+            imgui.text_wrapped("Nothing is called that. Try another word, such as paint, photo or undo")
         for number, entry in enumerate(self._found[:_MOST]):
             imgui.table_next_row()
             imgui.table_next_column()
@@ -80,11 +84,16 @@ class Help:
 
 
 def entries(context: PanelContext) -> Iterator[Entry]:
-    """Yield the actions that can be run now, panels, view modes and objects."""
+    """Yield the actions, gestures, panels, view modes and objects."""
     session = context.session
     for action in ACTIONS.values():
-        if action.enabled(context):
-            yield Entry(action.words, action.hint(), partial(action.run, context))
+        run = partial(action.run, context) if action.enabled(context) else lambda: None
+        yield Entry(action.words, action.hint(), run)
+    for place, rows in TABLE.items():
+        for row in rows:
+            if isinstance(row, Gesture):
+                there = place if place in context.panels else ""
+                yield Entry(row.words, f"{place}: {row.tooltip}", partial(setattr, context, "focus", there))
     for title in context.panels:
         yield Entry(title, "panel", partial(setattr, context, "focus", title))
     for mode in MODES:

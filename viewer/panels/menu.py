@@ -90,7 +90,7 @@ def _draw_status(context: PanelContext) -> None:
 
 MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
     "File": ("open_scene", "save_project", "share", _draw_recent, "new_project"),
-    "Edit": ("undo", "redo", "reset", None, "paste", "copy_image", None, "copy_camera", "paste_camera"),
+    "Edit": ("undo", "redo", "reset", None, "paste", "copy_image"),
     "View": (
         *("see_front", "see_side", "see_top", "see_photo", "reset_view"),
         *(None, "dark", "larger_text", "smaller_text"),

@@ -19,7 +19,7 @@ _COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PR
 
 
 def draw(context: PanelContext) -> None:
-    """Draw the messages that have not faded in one column, the newest at the bottom."""
+    """Draw the messages that have not faded in one column, the newest on top: it moves no button."""
     due = context.session.messages.shown
     if not due:
         return
@@ -33,7 +33,9 @@ def draw(context: PanelContext) -> None:
     if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
         if not _is_menu_open():
             imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
-        for number, message in enumerate(due):
+        if pressed:  # no new message moves a button
+            imgui.dummy((_line_width(high.x - low.x), 0))
+        for number, message in reversed([*enumerate(due)]):
             _draw(context, message, number, high.x - low.x)
     imgui.end()
     imgui.pop_style_var()
@@ -58,12 +60,16 @@ def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
     return viewport.work_pos, end
 
 
+def _line_width(room: float) -> float:
+    """Return the width of the longest line in px."""
+    return min(hello_imgui.em_size(_WIDTH), room - hello_imgui.em_size(_BESIDE))
+
+
 def _draw(context: PanelContext, message: Message, number: int, room: float) -> None:
     colour = getattr(context.palette, _COLOURS[message.kind])
     imgui.text_colored((*colour, 1.0), _ICONS[message.kind])
     imgui.same_line()
-    width = min(hello_imgui.em_size(_WIDTH), room - hello_imgui.em_size(_BESIDE))
-    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _line_width(room))
     imgui.text_unformatted(textwrap.shorten(message.text, 400))
     imgui.pop_text_wrap_pos()
     for place, one in enumerate(message.buttons):

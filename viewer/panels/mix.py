@@ -1,21 +1,18 @@
 """The panel that mixes object A, in the view, with object B."""
 
-from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.models.codes import Codes
-from core.models.scene import IMAGE_FORMATS
-from viewer.activities.mix_image import STEPS, mixes
 from viewer.context import Panel, PanelContext
-from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import ON_PLATE, WARM, packed
+from viewer.values.mixes import STEPS, mixes
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import button, draw_progress, end_gesture, tooltip
+from viewer.widgets.controls import end_gesture, tooltip
 from viewer.widgets.text import caption, heading
 
-_LEAST, _MOST, _BELOW = 9.0, 30.0, 6.0  # em: least and largest side of the pad, and height below it
-_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px and intervals of previews; opacity of those outside the corners
-_SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
+_LEAST, _MOST, _BELOW = 9.0, 30.0, 4.0  # em: least and largest side of the pad, and height below it
+_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.8  # px and intervals of previews; opacity of those outside the corners
 
 
 class MixPanel(Panel):
@@ -34,12 +31,6 @@ class MixPanel(Panel):
         room, em = imgui.get_content_region_avail(), hello_imgui.em_size()
         self._draw_pad(context, min(room.x, max(_LEAST * em, min(_MOST * em, room.y - _BELOW * em))))
         caption(context, "Drag the dot: to the right B's shape, upwards B's texture")
-        exporting = context.session.exporting
-        if not draw_progress(context, "mixes") and button(
-            f"{_label()}###save mixes", "All previews of the pad, larger", enabled=not exporting.running
-        ):
-            name = f"{context.file_name}-mixes.png"
-            context.files.ask(FileRequest("Save the mixes as", exporting.mixes, IMAGE_FORMATS, True, name))
 
     def _draw_pad(self, context: PanelContext, side: float) -> None:
         """Draw the pad. The dot stays half a preview inside, so that it can be grabbed in a corner."""
@@ -120,13 +111,6 @@ def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
     draw.add_line((corner.x, place.y), (corner.x + side, place.y), line)
     draw.add_circle_filled(place, 0.55 * em, packed(ON_PLATE))
     draw.add_circle_filled(place, 0.42 * em, packed(accent))
-
-
-def _label() -> str:
-    """Return the label of the button that saves the pad, short in a narrow panel."""
-    words, room = f"{_SAVE}  Save these {STEPS**2} as an image…", imgui.get_content_region_avail().x
-    fits = imgui.calc_text_size(words).x + 2 * imgui.get_style().frame_padding.x < room
-    return words if fits else f"{_SAVE}  Save…"
 
 
 def _within(amount: float) -> float:

@@ -19,10 +19,8 @@ from viewer.values.printable import as_label
 from viewer.widgets import user_objects, waiting_tiles
 from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
-    action_button,
     button,
     choose,
-    draw_choice,
     end_gesture,
     labelled_slider,
     tooltip,
@@ -33,9 +31,15 @@ from viewer.widgets.question import POINT_HELP, draw_question
 from viewer.widgets.text import heading
 from viewer.widgets.welcome import draw_samples, nouns
 
-_SHARE = icons_fontawesome_4.ICON_FA_SHARE_ALT
 _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
-_TOOLS = {"turn": "Turn", "wipe": "Wipe", "erase": "Erase"}
+_TOOLS = {
+    "turn": ("Turn", "Drag in the view to turn the object"),
+    "wipe": ("Wipe", "Drag in the view: the photo on the left, the render on the right"),
+    "erase": (
+        "Erase",
+        "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush",
+    ),
+}  # labels and tooltips of tools over the view
 _SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "soft": "Soft", "model": "The model's"}
 _LOST_HELP = "Open the photo again to fit it anew"
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
@@ -45,7 +49,6 @@ _DETAIL_HELP = """How much of the photo's own detail the object shows, such as i
 A doubtful camera shows none."""
 _SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, with its lettering;
 mirrored and blurred; or the model's own"""
-_ERASE_HELP = "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush"
 _AGREE = 0.5  # least explained fraction (:func:`explained`) of photos that agree
 
 
@@ -102,7 +105,6 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
     draw_paint(context)
     if detail:
         _draw_detail(context, detail)
-    action_button(context, "share", f"{_SHARE}  Share…", colour=context.palette.accent)
 
 
 def _draw_photos(fitting: Fitting, shown: FitHistory) -> None:
@@ -193,12 +195,14 @@ def _draw_dot_and_words(context: PanelContext, words: str, sure: str) -> None:
 
 def _draw_tools(context: PanelContext, detail: PhotoDetail) -> None:
     """Draw the choice of tools for the view."""
-    session, tool = context.session, draw_choice(_TOOLS, context.tool)
-    tooltip(_ERASE_HELP)
-    if tool != context.tool:
-        context.tool = tool
-        if tool != "turn":
-            session.see_from("photo")
+    session = context.session
+    for number, (tool, (label, words)) in enumerate(_TOOLS.items()):
+        if number:
+            imgui.same_line()
+        if button(f"{label}###{tool}", words, colour=context.palette.accent if tool == context.tool else None):
+            context.tool = tool
+            if tool != "turn":
+                session.see_from("photo")
     view = session.photo_view
     erased = context.tool == "erase" and view is not None and bool(view.erased)
     if erased and view and button("Bring back###restore detail", "All that was erased"):

@@ -1,5 +1,6 @@
 """The choice of a file in the system's dialog or, without one, by typing its path."""
 
+import os
 import shutil
 import sys
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from imgui_bundle import portable_file_dialogs as dialogs
 from viewer.values.printable import printable
 
 _TITLE = "Choose a file###ask"
+_LINES = 8  # of paths that complete the typed one
 
 
 @runtime_checkable
@@ -39,10 +41,32 @@ class FileRequest:
 
     def path(self, typed: str) -> Path:
         """Return typed text as a path; a file to save gets the proposed ending if it has none."""
-        path = Path(typed.strip())
-        with suppress(RuntimeError):  # unknown user after ~
-            path = path.expanduser()
+        path = _expanded(typed)
         return Path(f"{path}{Path(self.name).suffix}") if self.save and not path.suffix else path
+
+    def completions(self, typed: str) -> list[Path]:
+        """Return folders and files to choose from whose path begins with typed text, in any case; folders first."""
+        path = _expanded(typed)
+        folder, start = (path, "") if typed.endswith(("/", "\\")) else (path.parent, path.name.lower())
+        with suppress(OSError, ValueError):
+            listed = [entry for entry in folder.iterdir() if _begins(entry.name, start)]
+            kinds = {entry: entry.is_dir() for entry in listed}
+            usable = [entry for entry in listed if kinds[entry] or entry.suffix.lower() in self.suffixes]
+            return sorted(usable, key=lambda entry: (not kinds[entry], entry.name.lower()))
+        return []
+
+
+def _begins(name: str, start: str) -> bool:
+    """Return whether a name begins so, in lower case; hidden files are listed once their dot is typed."""
+    return name.lower().startswith(start) and (bool(start) or not name.startswith("."))
+
+
+def _expanded(typed: str) -> Path:
+    """Return typed text as a path, with ~ as the home of a known user."""
+    path = Path(typed.strip())
+    with suppress(RuntimeError):
+        return path.expanduser()
+    return path
 
 
 def is_there(path: Path) -> bool:
@@ -74,6 +98,7 @@ class FileDialog:
         self._request: FileRequest | None = None
         self._dialog: NativeDialog | None = None
         self._text = ""  # of the input line
+        self._listed: tuple[str, list[Path]] = ("", [])  # typed text and the paths that complete it
         self._fresh = False  # the input line opens in the next frame
         self._to_replace: Path | None = None  # existing file that "Replace" confirms
         self.folder = _home()  # folder of the last answer
@@ -91,7 +116,8 @@ class FileDialog:
         if self._native:
             self._dialog = self._open_native(request, self.folder)
         else:
-            self._text, self._fresh, self._to_replace = printable(self.folder / request.name), True, None
+            start = f"{self.folder / request.name}{'' if request.name else os.sep}"
+            self._text, self._fresh, self._to_replace = printable(start), True, None
 
     def draw(self) -> None:
         """Poll the native dialog or draw the input line; call once a frame."""
@@ -129,6 +155,7 @@ class FileDialog:
         imgui.set_next_item_width(-1)
         entered, self._text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
         imgui.text_disabled(self._verdict(request))
+        self._draw_completions(request)
         size = hello_imgui.em_to_vec2(6, 0)
         asked = self._to_replace == request.path(self._text)
         label = "Open" if not request.save else "Replace" if asked else "Save"
@@ -142,6 +169,19 @@ class FileDialog:
         imgui.end_popup()
         if chosen or cancelled:
             self._close(self._text.strip() if chosen else "")
+
+    def _draw_completions(self, request: FileRequest) -> None:
+        """Draw the paths that complete the typed one, if any; a click takes one over."""
+        if self._listed[0] != self._text:
+            self._listed = self._text, request.completions(self._text)
+        lines = min(_LINES, len(self._listed[1]))
+        if lines and imgui.begin_child("completions", (0, lines * imgui.get_text_line_height_with_spacing())):
+            for path in self._listed[1]:
+                ending = os.sep if path.is_dir() else ""
+                if imgui.selectable(printable(f"{path.name}{ending}"), False)[0]:
+                    self._text = printable(f"{path}{ending}")
+        if lines:
+            imgui.end_child()
 
     def _verdict(self, request: FileRequest) -> str:
         path = request.path(self._text)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.detail.paint import Paint, Rgb, paint, paint_colour
+from core.detail.paint import CoarsePaint, Paint, Rgb, coarse_paint, paint, paint_colour
 from core.detail.rendering import bake, render_progressively
 from core.export.framing import filling_distance
 from core.export.keyframes import View
@@ -53,5 +53,6 @@ class Backend:
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
     pulls: Callable[[Model, Codes, Camera, tuple[float, float]], list[Pull]] = pulls_at
     paint_colour: Callable[[Model, Codes, str], Generator[None, None, Rgb]] = paint_colour
+    coarse_paint: Callable[[Model, Codes, Camera, Frame, str], CoarsePaint] = coarse_paint
     paint: Callable[[Model, Codes, Paint], Generator[None, None, Codes]] = paint
     distance: Callable[[Model, Codes, Camera, float], float] = filling_distance

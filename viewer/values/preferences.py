@@ -10,6 +10,7 @@ from viewer.values.share_settings import ShareSettings
 
 _FILE = "preferences.json"
 _RECENT = 8  # files remembered
+_COLOURS = 6  # paints remembered
 SMALLEST, LARGEST = 0.75, 2.0  # limits of the text's size, relative to the default
 
 
@@ -22,6 +23,7 @@ class Preferences:
     newcomer: bool = True  # the object has never been turned
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()  # paths of opened files, the latest first
+    paints: tuple[str, ...] = ()  # chosen paints, such as #c03028, the latest first
 
     def with_text_size(self, text: float) -> "Preferences":
         """Return the preferences with another text size, within its limits."""
@@ -31,6 +33,10 @@ class Preferences:
         """Return the preferences with a file at the head of the recent ones."""
         name = str(path.absolute())
         return replace(self, recent=(name, *(other for other in self.recent if other != name))[:_RECENT])
+
+    def with_paint(self, paint: str) -> "Preferences":
+        """Return the preferences with a paint at the head of the chosen ones."""
+        return replace(self, paints=(paint, *(other for other in self.paints if other != paint))[:_COLOURS])
 
     def save(self, folder: Path) -> None:
         """Write the preferences to a folder, creating it. Raises ``ValueError`` or ``OSError`` on failure."""

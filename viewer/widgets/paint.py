@@ -1,19 +1,24 @@
-"""Controls of the object's paint: its colour, an eyedropper, and the original paint."""
+"""Controls of the object's paint: swatches, a square of colours, an eyedropper, and the original paint."""
 
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from jaxtyping import UInt8
 
+from core.detail.paint import Rgb
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
-from viewer.widgets.controls import button, choose
+from viewer.values.paints import as_paint, paints_of, rgb, square_colour
+from viewer.widgets.controls import button, choose, tooltip
 
 _DROP, _BACK = icons_fontawesome_4.ICON_FA_EYE_DROPPER, icons_fontawesome_4.ICON_FA_UNDO
-_FLAGS = imgui.ColorEditFlags_.no_inputs | imgui.ColorEditFlags_.picker_hue_wheel
+_SWATCH, _ACROSS = 1.45, 6  # em, height of a swatch; swatches in a line
+_SQUARE, _CELLS = (12.0, 7.0), (41, 24)  # em, size of the square of colours; its cells
+_SHADE = "Any other colour: drag in the square"
+_PICK = "Take a colour from the photo or the view: click there"
 
 
 def draw_paint(context: PanelContext) -> None:
-    """Draw a line of controls: part, colour, eyedropper, original paint."""
+    """Draw part, colour, eyedropper and original paint in a line, above swatches."""
     painting = context.session.painting
     imgui.align_text_to_frame_padding()
     imgui.text("Paint")
@@ -23,19 +28,74 @@ def draw_paint(context: PanelContext) -> None:
         parts = {part: part.capitalize() for part in painting.parts}
         painting.part = choose("paint part", painting.part, parts, "The part that is painted", 6)
     imgui.same_line()
-    changed, colour = imgui.color_edit3("###paint", list(painting.colour or (0.5, 0.5, 0.5)), _FLAGS)
-    imgui.set_item_tooltip("Give it another colour; lettering, lamps, glass and wheels of the photo stay")
-    if changed:
-        painting.paint((colour[0], colour[1], colour[2]))
-    if not imgui.is_mouse_down(imgui.MouseButton_.left):
-        painting.release()
+    if _draw_swatch("paint", painting.colour or (0.5, 0.5, 0.5), _SHADE, 2 * _SWATCH * hello_imgui.em_size()):
+        imgui.open_popup("shades")
+    if imgui.begin_popup("shades"):
+        _draw_square(context)
+        imgui.end_popup()
+    elif not imgui.is_mouse_down(imgui.MouseButton_.left):
+        painting.release()  # a drag that ended with the square
     imgui.same_line()
-    if button(f"{_DROP}###pick colour", "Take a colour from the photo or the view: click there"):
+    if button(f"{_DROP}###pick colour", _PICK):
         context.tool = "turn" if context.tool == "pick" else "pick"
     imgui.same_line()
     if button(f"{_BACK}###original paint", "Back to the original paint", enabled=not painting.is_original):
         painting.restore()
+    _draw_swatches(context)
     imgui.end_disabled()
+
+
+def _draw_swatches(context: PanelContext) -> None:
+    """Draw twelve paints that suit the part, and those chosen last; a click paints."""
+    latest = {f"Chosen before, {paint}": paint for paint in context.preferences.paints}
+    gap = 0.3 * hello_imgui.em_size()
+    width = (imgui.get_content_region_avail().x - gap * (_ACROSS - 1)) / _ACROSS
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
+    for number, (name, paint) in enumerate({**paints_of(context.session.painting.part), **latest}.items()):
+        if number % _ACROSS:
+            imgui.same_line()
+        if _draw_swatch(f"swatch {number + 1}", rgb(paint), name, width):
+            _paint(context, rgb(paint))
+    imgui.pop_style_var()
+
+
+def _draw_swatch(name: str, colour: Rgb, text: str, width: float) -> bool:
+    """Draw a button of a colour, ``width`` px wide, with a tooltip; return True if pressed."""
+    flags = imgui.ColorEditFlags_.no_tooltip | imgui.ColorEditFlags_.no_drag_drop
+    size = ImVec2(width, _SWATCH * hello_imgui.em_size())
+    pressed = imgui.color_button(f"###{name}", imgui.ImVec4(*colour, 1.0), flags, size)
+    tooltip(text)
+    return pressed
+
+
+def _draw_square(context: PanelContext) -> None:
+    """Draw the square of colours: the view follows a drag over it."""
+    (width, height), (columns, rows), em = _SQUARE, _CELLS, hello_imgui.em_size()
+    corner, size = imgui.get_cursor_screen_pos(), ImVec2(width, height) * em
+    imgui.invisible_button("square", size)
+    cell = ImVec2(size.x / columns, size.y / rows)
+    draw = imgui.get_window_draw_list()
+    for column in range(columns):
+        for row in range(rows):
+            low = corner + ImVec2(column * cell.x, row * cell.y)
+            colour = square_colour((column + 0.5) / columns, (row + 0.5) / rows)
+            draw.add_rect_filled(low, low + cell, packed(colour))
+    painting, place = context.session.painting, imgui.get_mouse_pos() - corner
+    if imgui.is_item_active():
+        across, down = (max(0.0, min(1.0, at / side)) for at, side in zip(place, size, strict=True))
+        painting.paint(square_colour(across, down))
+        draw.add_circle(corner + ImVec2(across * size.x, down * size.y), 0.4 * em, packed((1, 1, 1)), thickness=2.0)
+    elif imgui.is_item_deactivated() and painting.colour:
+        _paint(context, painting.colour)
+
+
+def _paint(context: PanelContext, colour: Rgb) -> None:
+    """Give the part a colour, and remember it among those chosen last unless it is a swatch."""
+    painting, paint = context.session.painting, as_paint(colour)
+    painting.paint(colour)
+    painting.release()
+    if paint not in paints_of(painting.part).values():
+        context.preferences = context.preferences.with_paint(paint)
 
 
 class Eyedropper:
@@ -62,10 +122,9 @@ def pick(
     colour = pixels[max(0, min(height - 1, row)), max(0, min(width - 1, column)), :3] / 255.0
     em = hello_imgui.em_size()
     low = imgui.get_mouse_pos() + ImVec2(0.8 * em, -1.8 * em)
-    draw, rgb = imgui.get_foreground_draw_list(), (float(colour[0]), float(colour[1]), float(colour[2]))
-    draw.add_rect_filled(low, low + ImVec2(em, em), packed(rgb), 0.2 * em)
+    draw, chosen = imgui.get_foreground_draw_list(), (float(colour[0]), float(colour[1]), float(colour[2]))
+    draw.add_rect_filled(low, low + ImVec2(em, em), packed(chosen), 0.2 * em)
     draw.add_rect(low, low + ImVec2(em, em), packed(context.palette.text), 0.2 * em)
     if imgui.is_item_clicked(imgui.MouseButton_.left):
         context.tool = "turn"
-        context.session.painting.paint(rgb)
-        context.session.painting.release()
+        _paint(context, chosen)

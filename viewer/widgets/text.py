@@ -27,11 +27,14 @@ def push_small() -> None:
     imgui.push_font(None, SMALL * imgui.get_style().font_size_base)
 
 
-def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: float, across: float = 0.5) -> None:
+def paint_caption(
+    context: PanelContext, words: str, corner: ImVec2, width: float, across: float = 0.5, quiet: bool = True
+) -> None:
     """Draw a caption at a corner on screen, shortened to ``width`` px, without an imgui item.
 
     Args:
         across: alignment within the width, from left (0) to right (1).
+        quiet: less contrast than usual text has.
     """
     push_small()
     if imgui.calc_text_size(words).x > width:
@@ -39,7 +42,8 @@ def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: floa
             words = words[:-1]
         words += "…"
     place = corner + ImVec2(across * (width - imgui.calc_text_size(words).x), 0)
-    imgui.get_window_draw_list().add_text(place, packed(context.palette.quiet), words)
+    colour = context.palette.quiet if quiet else context.palette.text
+    imgui.get_window_draw_list().add_text(place, packed(colour), words)
     imgui.pop_font()
 
 

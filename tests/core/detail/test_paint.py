@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
-from core.detail.paint import Paint, paint, paint_colour, paint_parts
+from core.detail.paint import Paint, coarse_paint, paint, paint_colour, paint_parts
 from core.detail.rendering import render_frame
 from core.models.codes import Codes
 from core.models.library import load_model
@@ -43,6 +44,24 @@ def test_a_cars_body_is_painted_and_its_glass_and_wheels_are_not(cars: Model) ->
     moved = [float((colour(cars, painted, part) - colour(cars, codes, part)).abs().max()) for part in ("body", *_KEPT)]
     assert moved[0] > 3 * max(moved[1:])
     assert (render_frame(cars, painted, cars.camera(1.0, 0.3)).image != 255).any()
+
+
+def test_a_coarse_paint_colours_the_body_in_a_frame_and_leaves_its_glass_and_wheels(cars: Model) -> None:
+    codes, camera = cars.codes[cars.codes.valid[0]], cars.camera(1.0, 0.3).resized(96, 96)
+    frame = render_frame(cars, codes, camera)
+    body, *kept = (coarse_paint(cars, codes, camera, frame, part) for part in ("body", *_KEPT))
+    assert body.fraction.sum() > 1.2 * sum(part.fraction.sum() for part in kept)
+    assert (body.fraction[frame.opacity == 0] == 0).all()
+    own, red = body.repainted(body.colour), body.repainted((0.9, 0.1, 0.1)).astype(int)
+    assert np.array_equal(own, frame.image)
+    painted = red[body.fraction > 0.7]
+    assert (painted[:, 0] - painted[:, 1]).mean() > 100
+
+
+def test_nothing_has_paint_in_a_frame_without_an_object(tiny: Model) -> None:
+    camera = tiny.camera(0.0, 0.0).resized(8, 8)
+    frame = replace(render_frame(tiny, tiny.codes[0], camera), opacity=np.zeros((8, 8), np.float32))
+    assert not coarse_paint(tiny, tiny.codes[0], camera, frame).fraction.any()
 
 
 @pytest.mark.parametrize("material, other", [("fabric", "wood"), ("wood", "fabric")])

@@ -73,9 +73,6 @@ def test_what_cannot_be_written_is_reported(session: Session, tmp_path: Path, ki
         finish(session)
         assert len(session.messages.errors) == 1, name
         assert not session.exporting.running
-    session.exporting.mixes(tmp_path / "missing" / "mixes.png", size=16)
-    finish(session)
-    assert len(session.messages.errors) == 2
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 
 from tests.viewer.driver import finish
+from tests.viewer.test_editor import fitted
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
@@ -38,6 +39,25 @@ def test_a_hand_that_turns_the_object_is_never_disturbed(nearer: Session, editor
     editor.show_object("object 3")
     finish(nearer)
     assert editor.scene.camera == replace(turned, distance=1.1)
+
+
+def test_the_first_view_of_a_fitted_object_is_its_photos(nearer: Session, editor: Editor) -> None:
+    fitted_object = fitted(editor.model)
+    assert fitted_object.codes.detail is not None
+    editor.add_and_show(fitted_object, orbit.home(editor.model))
+    nearer.viewport.reset_view()
+    finish(nearer)
+    own = orbit.photo_camera(fitted_object.codes.detail.views[0].camera, editor.model)
+    assert editor.scene.camera == replace(own, distance=1.1)
+
+
+def test_a_view_that_gets_its_size_while_a_fit_begins_is_not_turned_by_a_person(
+    nearer: Session, editor: Editor
+) -> None:
+    nearer.viewport.follow()  # as with --image, before the window is there
+    nearer.viewport.change(panel=(600, 400))
+    finish(nearer)
+    assert not nearer.viewport.turned
 
 
 def test_a_zoom_of_a_persons_own_stays_until_home(nearer: Session, editor: Editor, session: Session) -> None:

@@ -1,8 +1,12 @@
+from collections.abc import Generator
 from dataclasses import replace
 
 import pytest
 import torch
 
+from core.detail.paint import Paint
+from core.models.codes import Codes
+from core.models.model import Model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted
@@ -18,15 +22,22 @@ def painted(session: Session) -> Session:
     return session
 
 
-def test_a_drag_over_colours_is_one_step_that_ends_with_the_last(painted: Session, editor: Editor) -> None:
-    painting, past = painted.painting, len(editor.history.past)
-    painting.paint((0.1, 0.0, 0.0))
-    deliver(painted, lambda: editor.code("texture")[0] == pytest.approx(0.1))
+def test_a_drag_over_colours_shows_at_once_and_is_one_step_that_ends_with_the_last(
+    painted: Session, editor: Editor
+) -> None:
+    painting, view, past, before = painted.painting, painted.viewport, len(editor.history.past), editor.scene.codes
+    images = []
     for share in (0.3, 0.6, 0.9):
         painting.paint((share, 0.0, 0.0))
-    assert painting.colour == (0.9, 0.0, 0.0)
-    painting.release()  # the last colour is still on its way
-    finish(painted)
+        deliver(painted, lambda: view.repainted is not None and all(view.repainted.image is not one for one in images))
+        assert view.repainted is not None
+        images.append(view.repainted.image)
+        assert painting.colour == (share, 0.0, 0.0)
+    assert editor.scene.codes is before  # until the colour is released
+    assert images[0].mean() < images[1].mean() < images[2].mean()
+    painting.release()
+    assert view.repainted is not None  # until the object has the paint
+    finish(painted, lambda: view.repainted is None)
     assert editor.code("texture")[0] == pytest.approx(0.9)
     assert len(editor.history.past) == past + 1
     painting.paint((0.0, 1.0, 0.0))
@@ -34,6 +45,20 @@ def test_a_drag_over_colours_is_one_step_that_ends_with_the_last(painted: Sessio
     finish(painted)
     assert len(editor.history.past) == past + 2
     assert editor.code("texture")[:3].tolist() == pytest.approx([0.0, 1.0, 0.0])
+
+
+def test_a_paint_that_fails_leaves_nothing_on_screen(painted: Session, editor: Editor) -> None:
+    def fails(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Codes]:
+        yield None
+        raise ValueError("no surface")
+
+    painted.jobs.backend = replace(painted.jobs.backend, paint=fails)
+    painted.painting.paint((0.9, 0.0, 0.0))
+    deliver(painted, lambda: painted.viewport.repainted is not None)
+    painted.painting.release()
+    finish(painted)
+    assert painted.viewport.repainted is None
+    assert painted.messages.errors == ["Cannot paint: no surface"]
 
 
 def test_a_colour_that_comes_too_late_changes_nothing(painted: Session, editor: Editor) -> None:

@@ -6,7 +6,6 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from imgui_bundle import imgui
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
@@ -63,19 +62,3 @@ def test_numbers_describe_the_frame_on_screen_and_move_the_camera(window: Driver
     window.click("**/Opacity")
     window.wait(lambda: session.viewport.frame.final and not session.jobs.busy("view"))
     assert session.messages.errors == []
-
-
-@in_window()
-def test_the_camera_is_copied_and_pasted(window: Driver) -> None:
-    editor = window.session.editor
-    window.drag("View/orbit", 90, -20)
-    here = editor.scene.camera
-    window.menu("Edit/###copy_camera")
-    window.click("View/###reset_view")
-    window.menu("Edit/###paste_camera")
-    back = editor.scene.camera
-    assert (back.azimuth, back.elevation) == pytest.approx((here.azimuth, here.elevation), abs=1e-5)
-    imgui.set_clipboard_text("no camera at all")
-    window.menu("Edit/###paste_camera")
-    assert editor.scene.camera == back
-    assert "no camera" in window.session.messages.errors[0]

@@ -63,6 +63,10 @@ def test_everything_that_has_a_name_is_found_by_typing(drive: Drive) -> None:
             if action.enabled(context):
                 assert find(context, action.words)[0].words.lower() == action.words.lower()
 
+        for words, first in {"eye": "eyedropper", "erase": "erase", "undo": "undo", "paint": "swatch"}.items():
+            assert find(context, words)[0].words.lower() == first
+        assert not find(context, "no such word")
+
         def search(words: str) -> None:
             window.press(key.mod_ctrl, key.k)
             window.ctx.yield_(3)

@@ -1,7 +1,7 @@
 from imgui_bundle import imgui
 
 from tests.viewer.driver import Driver, in_window
-from viewer.services.messages import MessageKind
+from viewer.services.messages import Button, MessageKind
 
 
 @in_window()
@@ -39,6 +39,18 @@ def test_a_menu_is_drawn_over_messages_and_a_dialog_below(window: Driver) -> Non
     window.menu("File/###open_scene")
     assert window.context.files.asking and not is_above_messages()
     window.press(imgui.Key.escape)
+
+
+@in_window()
+def test_a_second_message_moves_no_button(window: Driver) -> None:
+    messages = window.session.messages
+    messages.notify("An object is ready", buttons=(Button("Show", lambda: None),))
+    window.ctx.yield_(3)
+    before = window.ctx.item_info("//Messages/###show 0").rect_full
+    messages.notify("Another thing, told in a much longer line than the first one was", MessageKind.NOTE)
+    window.ctx.yield_(3)
+    after = window.ctx.item_info("//Messages/###show 0").rect_full
+    assert (after.min.x, after.min.y) == (before.min.x, before.min.y)
 
 
 @in_window()

@@ -28,6 +28,7 @@ from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.fit_history import PhotoSource
+from viewer.values.paints import paints_of, rgb
 from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
@@ -105,8 +106,6 @@ def test_a_fit_is_begun_again_in_several_ways(window: Driver, photo: Path) -> No
     window.wait(lambda: not fitting.running)
     assert orbit.same_direction(fitting.view.camera, turned)
     assert editor.objects.own[:2] == ["block (2)", "block"]
-    window.click("Photo/###share")  # what one does next is there
-    window.press(imgui.Key.escape)
     window.click("Photo/###again")
     window.click("**/###restart")
     window.wait(lambda: not fitting.running)
@@ -257,6 +256,33 @@ def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model
     for _ in range(4):
         window.undo()
     assert editor.state == before
+
+
+@in_window(paint=quick_paint, paint_colour=quick_colour)
+def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: Driver) -> None:
+    editor, past = window.session.editor, len(window.session.editor.history.past)
+    window.show("Photo")
+    window.wait()
+    name, paint = next(iter(paints_of(window.session.painting.part).items()))
+    window.click("Photo/###swatch 1")
+    window.wait()
+    assert editor.scene.codes.texture[:3].tolist() == pytest.approx(rgb(paint)), name
+    assert len(editor.history.past) == past + 1
+    assert not window.context.preferences.paints
+    window.click("Photo/###paint")
+    window.drag("**/square", 30, -20)
+    window.press(imgui.Key.escape)
+    window.wait()
+    assert len(editor.history.past) == past + 2
+    (chosen,) = window.context.preferences.paints
+    assert editor.scene.codes.texture[:3].tolist() == pytest.approx(rgb(chosen), abs=0.01)
+    window.undo()
+    window.click("Photo/###swatch 13")
+    window.wait()
+    assert editor.scene.codes.texture[:3].tolist() == pytest.approx(rgb(chosen), abs=0.01)
+    window.undo()
+    window.undo()
+    assert len(editor.history.past) == past
 
 
 @in_window()

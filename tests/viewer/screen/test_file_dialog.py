@@ -1,8 +1,10 @@
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 
+from tests.viewer.driver import Driver, in_window
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
 
 
@@ -45,6 +47,37 @@ def test_a_name_without_an_ending_gets_the_proposed_one(typed: str, path: str) -
     request = FileRequest("Save", print, (".webp", ".png"), True, "image.png")
     assert request.path(typed) == Path(path)
     assert replace(request, save=False).path("/a/b") == Path("/a/b")
+
+
+def test_typed_paths_are_completed_with_folders_first(tmp_path: Path) -> None:
+    for name in ("chair.png", "Chairs.PNG", "chart.txt", ".hidden.png", "other.png"):
+        (tmp_path / name).touch()
+    (tmp_path / "chests").mkdir()
+    request = FileRequest("Photo", print, (".png",))
+
+    def names(typed: str) -> list[str]:
+        return [path.name for path in request.completions(typed)]
+
+    assert names(f"{tmp_path}/ch") == ["chests", "chair.png", "Chairs.PNG"]
+    assert names(f"{tmp_path}/") == ["chests", "chair.png", "Chairs.PNG", "other.png"]
+    assert names(f"{tmp_path}/.h") == [".hidden.png"]
+    for nowhere in ("", "/no/such/folder/a", "a\0b/", "~nobody/x", f"{tmp_path}/chair.png/"):
+        assert all(isinstance(name, str) for name in names(nowhere))
+    assert names("/no/such/folder/a") == []
+
+
+@in_window()
+def test_a_click_on_a_folder_and_on_its_file_completes_the_path(window: Driver, tmp_path: Path) -> None:
+    chosen, files = list[Path](), window.context.files
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "chair.png").touch()
+    files.folder = tmp_path
+    files.ask(FileRequest("Photo", chosen.append, (".png",)))
+    window.ctx.yield_(3)
+    window.click("**/deep" + os.sep.replace("/", "\\/"))
+    window.click("**/chair.png")
+    window.click("Choose a file###ask/###choose")
+    assert chosen == [tmp_path / "deep" / "chair.png"]
 
 
 def test_a_file_that_is_no_name_is_not_there() -> None:
