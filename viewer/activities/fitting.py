@@ -182,6 +182,10 @@ class Fitting:
         self.forget(request.history.sources)
         self._begin(again, confirmed)
 
+    def needs_file(self, question: Question) -> bool:
+        """Return whether a fit reads the file of the photo in question; a confirmed cut-out needs none."""
+        return question.is_unread and question.source not in self._confirmed
+
     def relocate(self, question: Question, path: Path) -> None:
         """Repeat a failed fit with another file for the photo in question."""
         history = question.request.history

@@ -31,7 +31,7 @@ def draw(context: PanelContext) -> None:
     # Without buttons, the mouse reaches the window below.
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
     if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
-        if not _is_menu_open():
+        if not (_is_menu_open() or context.files.asking):
             imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         if pressed:  # no new message moves a button
             imgui.dummy((_line_width(high.x - low.x), 0))

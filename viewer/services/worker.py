@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
 
-from core.runtime.modes import TorchModes
-
 T = TypeVar("T")
 
 _REST = 1.0  # s without work until ``at_rest``: memory that is returned earlier would soon be needed again
@@ -155,6 +153,8 @@ class Worker:
 
     def _step_in_modes(self, entry: _Running) -> None:
         """Step a job; modes of torch that it leaves on between steps are logged, and do not reach the next job."""
+        from core.runtime.modes import TorchModes  # imported late: the splash appears before torch is loaded
+
         before = TorchModes.current()
         with before.applied():
             self._step(entry)

@@ -51,7 +51,7 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
     fitting, history = context.session.fitting, question.request.history
     point = partial(context.session.segmenting.open, history.sources, question.number, history.model)
     answers: list[_Answer] = [("Point at it###point at it", POINT_HELP, point)]
-    if question.is_failed and question.is_unread and not is_there(question.source.path):
+    if question.is_failed and fitting.needs_file(question) and not is_there(question.source.path):
         find = partial(context.find_photo, question)
         answers = [("Find…###find photo", "Choose its file, which is not there any more, and fit it", find)]
     elif question.is_failed:
