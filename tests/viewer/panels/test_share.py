@@ -165,7 +165,7 @@ def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Pat
     def second(window: Driver) -> None:
         window.click("View/###share")
         settings = window.context.preferences.share
-        assert (settings.kind, settings.video, settings.mesh, settings.behind) == ("turntable", ".webp", ".obj", None)
+        assert (settings.kind, settings.video, settings.mesh, settings.behind) == ("swing", ".webp", ".obj", None)
         assert not window.exists("Share/##video")  # it is folded away
 
     for act in (first, second):
