@@ -105,7 +105,7 @@ class Autosave:
                 self._written = ()
 
     def close(self) -> None:
-        """Save what has changed since the last save, for the next run."""
+        """Save all changes since the last save, for the next run."""
         self.finish()
         self._thread.shutdown()
         self._session.keep_user_objects()

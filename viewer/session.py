@@ -328,7 +328,7 @@ class Session:
         return (*named, *fit, steps, *added)
 
     def restore(self, project: Project) -> None:
-        """Take a project's objects, undo history and fits, as :meth:`Editor.restore`; tell what is missing."""
+        """Take a project's objects, undo history and fits, as :meth:`Editor.restore`; report missing models."""
         self._add_models()
         self.editor.restore(project)
         self._restore_fits(project.fit, project.pending)

@@ -251,7 +251,7 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
 def _painted_maps(
     model: Model, photos: Sequence[ComparedPhoto], textured: Codes
 ) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of all photos in the texture of some codes, and the match of its colours to the photos."""
+    """Return the maps of all photos in a texture, and the match of its colours to the photos."""
     maps, colours, shown, weights = [], [], [], []
     for one in photos:
         change = one.change(model, textured)

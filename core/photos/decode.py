@@ -122,7 +122,7 @@ def _mask_values(image: Image.Image) -> Image.Image:
 
 
 def _has_grey_palette(image: Image.Image) -> bool:
-    """True if all colours in use are grey, as when a program that saves small files wrote a mask with soft edges."""
+    """True if all colours in use are grey: programs that save small files write soft masks so."""
     return all(red == green == blue for red, green, blue in _palette(image).values())
 
 

@@ -23,7 +23,7 @@ class TorchModes(NamedTuple):
 
     @contextmanager
     def applied(self) -> Iterator[None]:
-        """Apply the modes inside a ``with``; the former ones return at its end, whatever was left on inside."""
+        """Apply the modes inside a ``with``; the former ones return at its end in any case."""
         with (
             torch.inference_mode(self.inference),
             torch.set_grad_enabled(self.grad),

@@ -110,7 +110,7 @@ class HistoryStrip:
 
 
 def _draw_marks(context: PanelContext, tile: _Tile, shown: bool, low: ImVec2, side: float) -> None:
-    """Draw a tile's shade if it is undone, its fork if it is a branch, and its border if it is shown."""
+    """Draw the shade of an undone tile, the fork of a branch, and the border of the shown one."""
     if tile.undone:
         object_tiles.shade(low, side, context.palette.panel, object_tiles.DIMMED)
     if tile.branch:

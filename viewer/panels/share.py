@@ -173,7 +173,7 @@ def _draw_toggles(chosen: T, toggles: Mapping[T, tuple[str, str]], width: float)
 
 
 def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> ShareSettings:
-    """Draw a moving preview of each film over its button, and what the chosen one shows; return the changed settings.
+    """Draw a moving preview of each film over its button, and its sources; return the changed settings.
 
     Args:
         room: em of all films.

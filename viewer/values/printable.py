@@ -21,7 +21,7 @@ def printable(text: object) -> str:
 
 
 def as_label(text: str) -> str:
-    """Make text safe as a label or an id of imgui, which hides what follows "##" and forgets what precedes "###".
+    """Make text safe as a label or an id of imgui, for which "##" and "###" are signs.
 
     An invisible space stands between the signs.
 

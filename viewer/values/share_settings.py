@@ -129,7 +129,7 @@ class ShareSettings:
         return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
 
     def _shots(self, models: OpenModels, scene: Scene, other: Codes | None) -> list[View]:
-        """Return the views of an image or of a film around the object, at the size of the scene's camera or photo."""
+        """Return the views of an image or of a film around the object, at the size of its camera."""
         if self.kind == "picture":
             return [View(scene.codes, scene.camera)]
         camera, known = scene.camera, scene.photo_camera
