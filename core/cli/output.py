@@ -87,7 +87,7 @@ def collecting_lines() -> bool:
 
 
 def _nowhere() -> IO[str]:
-    """Open a sink in place of a stream that was closed at the start, so that no file gets its number."""
+    """Open a sink in place of a closed stream, so that no file gets its number."""
     return Path(os.devnull).open("w")
 
 

@@ -32,7 +32,8 @@ def free_biases(
         winner: result of the search, a single hypothesis.
         stage: :attr:`core.fitting.schedule.Schedule.free`.
     """
-    parameters, (shapes, textures) = winner.parameters, problem.spaces
+    parameters = winner.parameters
+    shapes, textures = problem.spaces
     origin = Latents(shapes.code(parameters.shape[0]), textures.code(parameters.texture[0]))
     shape, texture = (torch.zeros(1, std.numel()) for std in problem.model.bias_std)
     problem = replace(_cautious(problem, winner, generator), origin=origin)
@@ -50,19 +51,20 @@ def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Genera
     if all(photo.mask_confidence == 1 for photo in problem.photos):
         return problem
     observations = tuple(
-        seen if photo.mask_confidence == 1 else _without_solid(problem, winner, seen, view)
-        for view, (seen, photo) in enumerate(zip(problem.observations, problem.photos, strict=True))
+        observation if photo.mask_confidence == 1 else _without_solid(problem, winner, observation, view)
+        for view, (observation, photo) in enumerate(zip(problem.observations, problem.photos, strict=True))
     )
     scoring = sample_pixels(observations, SCORING_RAYS, generator)
     return replace(problem, observations=observations, scoring=scoring)
 
 
-def _without_solid(problem: Problem, winner: HypothesisBatch, seen: Observation, view: int) -> Observation:
+def _without_solid(problem: Problem, winner: HypothesisBatch, observation: Observation, view: int) -> Observation:
     """Return a photo's observation without certainty of background that the winner covers."""
-    background = (seen.target_opacity < 0.5).nonzero()[:, 0]
+    background = (observation.target_opacity < 0.5).nonzero()[:, 0]
     parameters = one_view(winner.parameters, view)
     with torch.no_grad():
-        opacity = render_pixels(problem.model, parameters, seen.batch(background), problem.settings.samples).opacity
-    certainty = seen.certainty.clone()
+        pixels = observation.batch(background)
+        opacity = render_pixels(problem.model, parameters, pixels, problem.settings.samples).opacity
+    certainty = observation.certainty.clone()
     certainty[background[opacity[0, 0] > _SOLID]] = 0.0
-    return replace(seen, certainty=certainty)
+    return replace(observation, certainty=certainty)

@@ -8,8 +8,6 @@ from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
 
-import torch
-
 from core.export.keyframes import Timeline
 from core.models.codes import CODE_KINDS
 from core.models.scene import Scene
@@ -85,7 +83,7 @@ class State:
         if (mix.shape, mix.texture) != (was.shape, was.texture):
             return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
         now, then = self.scene.codes, before.scene.codes
-        kinds = (kind for kind in CODE_KINDS if not torch.equal(getattr(now, kind), getattr(then, kind)))
+        kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
         return " and ".join(kinds) or self._aside_from(before)
 
     def _aside_from(self, before: State) -> str:
