@@ -59,9 +59,9 @@ def haze(opacity: Float[np.ndarray, "h w"]) -> float:
 
 def rotation_error(camera: Camera, truth: Camera) -> float:
     """Return the angle of the rotation between two cameras' axes, degrees."""
-    first, second = camera.pose()[:3, :3], truth.pose()[:3, :3]
+    difference = camera.pose()[:3, :3] - truth.pose()[:3, :3]
     # |A - B| = 2 sqrt(2) sin(angle / 2): exact for small angles, where acos of the trace is not.
-    half = float(torch.linalg.matrix_norm(first - second)) / (2 * math.sqrt(2))
+    half = float(torch.linalg.matrix_norm(difference)) / (2 * math.sqrt(2))
     return math.degrees(2 * math.asin(min(1.0, half)))
 
 
@@ -71,7 +71,7 @@ def translation_error(camera: Camera, truth: Camera) -> float:
 
 
 def _arrays(image: Image, truth: Image) -> tuple[np.ndarray, np.ndarray]:
-    first, second = (np.asarray(part, dtype=np.float64) for part in (image, truth))
+    first, second = (np.asarray(pixels, dtype=np.float64) for pixels in (image, truth))
     if first.shape != second.shape:
         raise ValueError(f"images of different sizes: {first.shape} and {second.shape}")
     return first, second

@@ -6,8 +6,8 @@ from typing import Any, TypeVar
 _Result = TypeVar("_Result")
 
 
-def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], object] = lambda value: None) -> _Result:
-    """Run a generator to its end and return its result; call ``each`` with every value that it yields.
+def run_to_end(stream: Generator[Any, None, _Result], receive: Callable[[Any], object] = lambda _: None) -> _Result:
+    """Run a generator to its end and return its result; call ``receive`` with every value that it yields.
 
     Example:
         >>> def job():
@@ -18,7 +18,7 @@ def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], obje
     """
     while True:
         try:
-            each(next(stream))
+            receive(next(stream))
         except StopIteration as done:
             return done.value
 

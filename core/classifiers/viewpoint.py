@@ -40,7 +40,7 @@ class ViewpointClassifier(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         sizes = (4, *_CHANNELS)
-        self.layers = nn.ModuleList(nn.Conv2d(one, other, 3, 2, 1) for one, other in pairwise(sizes))
+        self.layers = nn.ModuleList(nn.Conv2d(inputs, outputs, 3, 2, 1) for inputs, outputs in pairwise(sizes))
         self.fewer = nn.Conv2d(sizes[-1], _BOTTLENECK, 1)
         self.hidden = nn.Linear(_BOTTLENECK * (SIDE // 2 ** len(_CHANNELS)) ** 2, _HIDDEN)
         self.last = nn.Linear(_HIDDEN, _DIRECTIONS)
@@ -77,14 +77,14 @@ def crop_to_object(
 ) -> Float[Tensor, "4 side side"]:
     """Crop an image to a square around the object, as the network's input: rgb on white and the mask."""
     left, top, right, bottom = bounding_box(mask)
-    middle, half = ((top + bottom) / 2, (left + right) / 2), CROP_MARGIN * max(right - left, bottom - top) / 2
-    steps = (torch.arange(2 * SIDE) + 0.5) / SIDE - 1
-    y, x = ((one + half * steps) / length * 2 - 1 for one, length in zip(middle, mask.shape, strict=True))
+    steps = CROP_MARGIN * max(right - left, bottom - top) / 2 * ((torch.arange(2 * SIDE) + 0.5) / SIDE - 1)
+    y = ((top + bottom) / 2 + steps) / mask.shape[0] * 2 - 1
+    x = ((left + right) / 2 + steps) / mask.shape[1] * 2 - 1
     grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)
     inside = mask[..., None].float()
-    seen = torch.cat(((pixels - 1) * inside, inside), -1).movedim(-1, 0)[None]
-    found = functional.avg_pool2d(functional.grid_sample(seen, grid[None], align_corners=False), 2)[0]
-    return torch.cat((found[:3] + 1, found[3:]))
+    image = torch.cat(((pixels - 1) * inside, inside), -1).movedim(-1, 0)[None]
+    crop = functional.avg_pool2d(functional.grid_sample(image, grid[None], align_corners=False), 2)[0]
+    return torch.cat((crop[:3] + 1, crop[3:]))
 
 
 @torch.no_grad()
@@ -109,15 +109,16 @@ def with_witness(
 
     The witness may confuse front and back (-azimuth) or be wrong altogether.
     """
-    azimuths, elevations = directions()[0][:AZIMUTHS], directions()[1][::AZIMUTHS]
-    likelihood = torch.full((AZIMUTHS,), _WITNESS_WRONG / AZIMUTHS)
-    for told, share in ((azimuth, _WITNESS_RIGHT), (-azimuth, _WITNESS_MIRRORED)):
-        apart = torch.remainder(azimuths - told + math.pi, 2 * math.pi) - math.pi
-        near = _gaussian(apart, _WITNESS_WIDTH)
-        likelihood += share * near / near.sum()
-    near = (1 - _WITNESS_WRONG) * _gaussian(elevations - elevation, _WITNESS_WIDTH) + _WITNESS_WRONG
-    both = probability.reshape(-1, AZIMUTHS) * near[:, None] * likelihood
-    return (both / both.sum()).flatten()
+    azimuths, elevations = (grid.reshape(-1, AZIMUTHS) for grid in directions())
+    azimuth_likelihood = torch.full((AZIMUTHS,), _WITNESS_WRONG / AZIMUTHS)
+    for candidate, frequency in ((azimuth, _WITNESS_RIGHT), (-azimuth, _WITNESS_MIRRORED)):
+        angle = torch.remainder(azimuths[0] - candidate + math.pi, 2 * math.pi) - math.pi
+        kernel = _gaussian(angle, _WITNESS_WIDTH)
+        azimuth_likelihood += frequency * kernel / kernel.sum()
+    kernel = _gaussian(elevations[:, :1] - elevation, _WITNESS_WIDTH)
+    elevation_likelihood = (1 - _WITNESS_WRONG) * kernel + _WITNESS_WRONG
+    posterior = probability.reshape(-1, AZIMUTHS) * elevation_likelihood * azimuth_likelihood
+    return (posterior / posterior.sum()).flatten()
 
 
 def _gaussian(values: Float[Tensor, "*shape"], width: float) -> Float[Tensor, "*shape"]:

@@ -80,7 +80,8 @@ class Camera:
         Clip coordinates x (right), y (up) and z run from -1 to 1; z from depth ``near`` to ``far``, scene units.
         """
         projection = np.zeros((4, 4))
-        projection[0, 0], projection[1, 1] = 2 * self.focal / self.width, 2 * self.focal / self.height
+        projection[0, 0] = 2 * self.focal / self.width
+        projection[1, 1] = 2 * self.focal / self.height
         projection[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
         projection[3, 2] = -1.0
         camera_to_world = self.pose().numpy() @ OPENCV_FROM_OPENGL
@@ -91,7 +92,8 @@ class Camera:
         angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
         matrix = torch.eye(4, dtype=torch.float64)
         rotation = camera_rotation(angles[0], angles[1])
-        matrix[:3, :3], matrix[:3, 3] = rotation.T, angles[2] * rotation[2]
+        matrix[:3, :3] = rotation.T
+        matrix[:3, 3] = angles[2] * rotation[2]
         return matrix @ torch.from_numpy(OPENCV_FROM_OPENGL)
 
     @classmethod
@@ -113,8 +115,7 @@ class Camera:
         if distance < 1e-6:
             raise ValueError("the camera of a pose must not be at the origin")
         # At the pole the position has no azimuth; the camera's right axis (-sin, cos, 0) still does.
-        right_x, right_y = float(matrix[0, 0]), float(matrix[1, 0])
-        azimuth = math.atan2(-right_x, right_y)
+        azimuth = math.atan2(-float(matrix[0, 0]), float(matrix[1, 0]))
         camera = cls(azimuth, math.asin(max(-1.0, min(1.0, z / distance))), distance, focal, width, height)
         error = float((camera.pose() - matrix).abs().max())
         if error > 2e-2:
@@ -126,15 +127,16 @@ class Camera:
 def _world_to_camera(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
     with torch.inference_mode(False):  # cached, and a later caller may differentiate
         azimuth, elevation = torch.tensor([camera.azimuth, camera.elevation], device=device)
-        turn = camera_rotation(azimuth, elevation)
-        return turn, camera.distance * turn[2]
+        rotation = camera_rotation(azimuth, elevation)
+        return rotation, camera.distance * rotation[2]
 
 
 def camera_rotation(
     azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch 3 3"]:
     """Return the world-to-camera rotation, the paper's R: its rows are the camera's right, up and backward axes."""
-    sin_a, cos_a, sin_e, cos_e = azimuth.sin(), azimuth.cos(), elevation.sin(), elevation.cos()
+    sin_a, sin_e = (angle.sin() for angle in (azimuth, elevation))
+    cos_a, cos_e = (angle.cos() for angle in (azimuth, elevation))
     right = -sin_a, cos_a, torch.zeros_like(sin_a)
     up = -sin_e * cos_a, -sin_e * sin_a, cos_e
     backward = cos_e * cos_a, cos_e * sin_a, sin_e

@@ -24,5 +24,6 @@ def bounding_box(mask: Bool[Tensor | np.ndarray, "height width"]) -> tuple[int, 
         (1, 0, 3, 1)
     """
     values = mask.cpu().numpy() if isinstance(mask, Tensor) else mask
-    rows, columns = np.flatnonzero(values.any(1)), np.flatnonzero(values.any(0))
+    rows = np.flatnonzero(values.any(1))
+    columns = np.flatnonzero(values.any(0))
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

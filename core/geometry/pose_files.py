@@ -13,7 +13,7 @@ from torch import Tensor
 from core.geometry.camera import OPENCV_FROM_OPENGL, Camera
 from core.runtime.reading import optional, read_json, read_numbers, reading, typed
 
-_LIKELY = {  # error messages for poses with other axes
+_HINTS = {  # error messages for poses with other axes
     "opengl": "it is a pose in OpenGL axes (--pose-axes opengl reads it)",
     "opencv": "it is a pose in OpenCV axes (--pose-axes opencv reads it)",
     "opencv inverse": "it goes from world to camera; its inverse is wanted",
@@ -107,7 +107,7 @@ def require_scale(
     Args:
         scale: already applied to the cameras; the message names a better one.
     """
-    radius = max(map(_seen_radius, masks, cameras))
+    radius = max(map(_visible_radius, masks, cameras))
     if radius and not _RADII[0] <= radius <= _RADII[1]:
         better = f"{scale * _RADIUS / radius:.2g}"
         raise ValueError(
@@ -115,7 +115,7 @@ def require_scale(
         )
 
 
-def _seen_radius(mask: Bool[np.ndarray, "height width"], camera: Camera) -> float:
+def _visible_radius(mask: Bool[np.ndarray, "height width"], camera: Camera) -> float:
     """Return the largest distance of a mask's rays from the origin, at which the camera looks; 0 for no object."""
     rows, columns = mask.nonzero()
     if not len(rows):
@@ -160,15 +160,15 @@ def read_pose(path: Path, axes: str = "opencv") -> Float[Tensor, "4 4"]:
     """
     with reading(path, "a pose"):
         matrix = torch.tensor(read_numbers(path, 16), dtype=torch.float64).reshape(4, 4)
-        found = _as_opencv(matrix, axes)
+        pose = _as_opencv(matrix, axes)
         try:
-            Camera.from_pose(found, 1.0, 1, 1)
+            Camera.from_pose(pose, 1.0, 1, 1)
         except ValueError as error:
-            others = (words for other, words in _LIKELY.items() if other != axes and _is_pose(matrix, other))
-            if likely := next(others, None):
-                raise ValueError(likely) from error
+            hints = (hint for likely, hint in _HINTS.items() if likely != axes and _is_pose(matrix, likely))
+            if hint := next(hints, None):
+                raise ValueError(hint) from error
             raise
-        return found
+        return pose
 
 
 def _as_opencv(matrix: Float[Tensor, "4 4"], axes: str) -> Float[Tensor, "4 4"]:

@@ -71,9 +71,10 @@ def clip_to_box(
 ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
     """Return the distances at which rays enter and leave the box [-extent, extent]; equal for a miss."""
     safe = torch.where(directions.abs() < 1e-9, torch.full_like(directions, 1e-9), directions)
-    first, second = (-extent - origins) / safe, (extent - origins) / safe
-    near = torch.minimum(first, second).amax(-1).clamp_min(0.0)
-    far = torch.maximum(first, second).amin(-1)
+    negative_side = (-extent - origins) / safe
+    positive_side = (extent - origins) / safe
+    near = torch.minimum(negative_side, positive_side).amax(-1).clamp_min(0.0)
+    far = torch.maximum(negative_side, positive_side).amin(-1)
     return near, torch.maximum(near, far)
 
 

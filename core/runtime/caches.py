@@ -98,7 +98,8 @@ class ByteCache:
         return sum(entry.size for entries in self._entries.values() for entry in entries.values())
 
     def _room(self, kind: CacheKind) -> int:
-        return self.limit - sum(one.size for more in CacheKind if more > kind for one in self._entries[more].values())
+        later_kinds = [later for later in CacheKind if later > kind]
+        return self.limit - sum(entry.size for later in later_kinds for entry in self._entries[later].values())
 
     def _make_room(self, size: int = 0) -> None:
         while self._used() + size > self.limit:

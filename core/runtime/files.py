@@ -44,7 +44,8 @@ def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
     Raises ``ValueError`` naming ``path`` if it cannot be written, or if it exists and ``replace`` is False.
     """
     target = Path(os.path.realpath(path))
-    partial, former = _beside(target), _beside(target)
+    partial = _beside(target)
+    former = _beside(target)
     if target.exists() and not replace:
         raise ValueError(f"cannot write {path}: it exists already")
     with _naming(path):
@@ -55,8 +56,8 @@ def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
                 target.rename(former)
             partial.rename(target)
         finally:
-            for left in (partial, former):
-                shutil.rmtree(left, ignore_errors=True)
+            for folder in (partial, former):
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def require_writable(path: Path) -> None:
@@ -80,9 +81,9 @@ def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
     try:
         save(path)
     except ValueError as error:
-        other = Path(tempfile.mkdtemp(prefix="codenerf-")) / path.name
-        save(other)
-        raise ValueError(f"{error}; it is in {other} instead") from error
+        fallback = Path(tempfile.mkdtemp(prefix="codenerf-")) / path.name
+        save(fallback)
+        raise ValueError(f"{error}; it is in {fallback} instead") from error
 
 
 def write_json(path: Path, content: dict) -> None:
@@ -94,9 +95,9 @@ def write_json(path: Path, content: dict) -> None:
 def is_stream(path: Path) -> bool:
     """True for a device, a pipe, or the target of this process's standard output or error."""
     with suppress(OSError):
-        found = path.stat()
-        plain = stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
-        return not plain or _standard(found) is not None
+        status = path.stat()
+        plain = stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)
+        return not plain or _standard(status) is not None
     return False
 
 
@@ -117,11 +118,11 @@ def _naming(path: Path) -> Iterator[None]:
         raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-def _standard(found: os.stat_result) -> int | None:
+def _standard(status: os.stat_result) -> int | None:
     """Return the number (1 or 2) of the standard stream that is this file; None otherwise."""
     for number in (1, 2):
         with suppress(OSError):  # a closed stream
-            if os.path.samestat(found, os.fstat(number)):
+            if os.path.samestat(status, os.fstat(number)):
                 return number
     return None
 
@@ -173,7 +174,7 @@ def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:
 
 def _without_nan(value: object) -> object:
     if isinstance(value, dict):
-        return {key: _without_nan(part) for key, part in value.items()}
+        return {key: _without_nan(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_without_nan(part) for part in value]
+        return [_without_nan(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

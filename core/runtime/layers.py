@@ -41,7 +41,7 @@ def _as_integers(values: Tensor) -> Tensor:
     return values.view(_INTEGERS[values.element_size()])
 
 
-def pad_rows(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:
+def pad_rows(rows: Num[Tensor, "rows *width"]) -> Num[Tensor, "padded *width"]:
     """Append zero rows up to a multiple of 512.
 
     oneDNN compiles a kernel for every new number of rows, which takes longer than running it.

@@ -18,7 +18,8 @@ class TorchModes(NamedTuple):
     @classmethod
     def current(cls) -> "TorchModes":
         """Return the modes of this thread."""
-        autocast, dtype = torch.is_autocast_enabled("cpu"), torch.get_autocast_dtype("cpu")
+        autocast = torch.is_autocast_enabled("cpu")
+        dtype = torch.get_autocast_dtype("cpu")
         return cls(torch.is_inference_mode_enabled(), torch.is_grad_enabled(), autocast, dtype)
 
     @contextmanager

@@ -49,18 +49,19 @@ def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) 
     if helpers is None:
         yield from map(function, pieces)
         return
-    most, remaining, begun = int(_AHEAD * _caller.count), iter(pieces), deque[Future[_Result]]()
+    remaining = iter(pieces)
+    futures = deque[Future[_Result]]()
     try:
         while True:
-            for piece in islice(remaining, most - len(begun)):
-                begun.append(helpers.submit(_in_modes(function), piece))
-            if not begun:
+            for piece in islice(remaining, int(_AHEAD * _caller.count) - len(futures)):
+                futures.append(helpers.submit(_in_modes(function), piece))
+            if not futures:
                 return
-            yield begun.popleft().result()
+            yield futures.popleft().result()
     finally:
-        for future in begun:
+        for future in futures:
             future.cancel()
-        wait(begun)
+        wait(futures)
 
 
 def _helpers() -> ThreadPoolExecutor | None:
@@ -69,12 +70,14 @@ def _helpers() -> ThreadPoolExecutor | None:
     if count != _caller.count:
         if _caller.helpers:
             _caller.helpers.shutdown()
-        _caller.count, _caller.helpers = count, _started(count) if count > 1 else None
+        _caller.count = count
+        _caller.helpers = _started(count) if count > 1 else None
     return _caller.helpers
 
 
 def _started(count: int) -> ThreadPoolExecutor:
-    helpers, all_begun = ThreadPoolExecutor(count, "pool", _begin), threading.Barrier(count + 1)
+    helpers = ThreadPoolExecutor(count, "pool", _begin)
+    all_begun = threading.Barrier(count + 1)
     for _ in range(count):
         helpers.submit(all_begun.wait)
     all_begun.wait()

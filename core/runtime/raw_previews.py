@@ -67,11 +67,11 @@ def _directories(image: TiffImageFile) -> Iterator[Directory]:
         places = below if isinstance(below, tuple) else (below,)
         for place in (*places, directory.next) if canon and directory.next else places:
             with suppress(Exception):  # a damaged one is as good as none
-                found = Directory(_read(image, 0, 8))
+                subdirectory = Directory(_read(image, 0, 8))
                 assert image.fp is not None
                 image.fp.seek(place)
-                found.load(image.fp)
-                waiting.append(found)
+                subdirectory.load(image.fp)
+                waiting.append(subdirectory)
 
 
 def _size(directory: Directory) -> tuple[int, int]:
@@ -83,8 +83,9 @@ def _size(directory: Directory) -> tuple[int, int]:
 
 def _preview(image: TiffImageFile, directory: Directory) -> Image.Image | None:
     """Return a directory's JPEG; None for the lossless ones that hold a sensor's values, and for other content."""
-    for place, length in (_JPEG, _STRIPS):
+    for tags in (_JPEG, _STRIPS):
         with suppress(Exception):
-            offset, count = (one[0] if isinstance(one, tuple) else one for one in (directory[place], directory[length]))
+            values = (directory[tag] for tag in tags)
+            offset, count = (value[0] if isinstance(value, tuple) else value for value in values)
             return Image.open(BytesIO(_read(image, offset, count)), formats=("JPEG",))
     return None

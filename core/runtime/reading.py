@@ -155,14 +155,14 @@ def read_numbers(path: Path, count: int) -> tuple[float, ...]:
 def number(value: Any, name: str = "a number") -> float:
     """Return a finite number as a float. Raises ``ValueError`` for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
-        raise ValueError(f"{name} must be a finite number, got {_shown(value)}")
+        raise ValueError(f"{name} must be a finite number, got {_excerpt(value)}")
     return float(value)
 
 
 def whole(value: Any, name: str = "a number") -> int:
     """Return a whole number, such as 128 or 128.0, as an integer. Raises ``ValueError`` for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
-        raise ValueError(f"{name} must be a whole number, got {_shown(value)}")
+        raise ValueError(f"{name} must be a whole number, got {_excerpt(value)}")
     return int(value)
 
 
@@ -185,17 +185,18 @@ def typed(
     """
     if (read := special(kind)) is not None:
         return read(value)
-    origin, arguments = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    arguments = get_args(kind)
     if origin in (Union, types.UnionType):
-        (only,) = (one for one in arguments if one is not types.NoneType)
-        return None if value is None else typed(only, value, special, name)
+        (present,) = (argument for argument in arguments if argument is not types.NoneType)
+        return None if value is None else typed(present, value, special, name)
     if origin is Literal:
         return _choice(value, arguments, name)
     if origin in (tuple, frozenset):
         return origin(_items(origin, arguments, value, special, name))
     if origin is dict:
         entries = _of_type(value, dict, name).items()
-        return {key: typed(arguments[1], one, special, f"{name}.{key}") for key, one in entries}
+        return {key: typed(arguments[1], entry, special, f"{name}.{key}") for key, entry in entries}
     if is_dataclass(kind) or hasattr(kind, "_fields"):
         return _with_fields(kind, _of_type(value, dict, name), special, name)
     if kind in _SIMPLE:
@@ -204,37 +205,39 @@ def typed(
 
 
 def _items(origin: Any, arguments: tuple, value: Any, special: Any, name: str) -> Iterator[Any]:
-    parts = _of_type(value, list, name)
-    every = arguments[:1] * len(parts) if origin is frozenset or arguments[-1] is ... else arguments
-    if len(every) != len(parts):
-        raise ValueError(f"{name} has {len(every)} parts, got {len(parts)}")
-    return (typed(one, part, special, f"{name}[{i}]") for i, (one, part) in enumerate(zip(every, parts, strict=True)))
+    items = _of_type(value, list, name)
+    kinds = arguments[:1] * len(items) if origin is frozenset or arguments[-1] is ... else arguments
+    if len(kinds) != len(items):
+        raise ValueError(f"{name} has {len(kinds)} parts, got {len(items)}")
+    pairs = zip(kinds, items, strict=True)
+    return (typed(kind, item, special, f"{name}[{i}]") for i, (kind, item) in enumerate(pairs))
 
 
-def _with_fields(kind: Any, about: dict, special: Any, name: str) -> Any:
-    kinds, found = field_types(kind), {}
-    for one, required in _fields(kind):
-        if one in about:
-            found[one] = typed(kinds[one], about[one], special, f"{name}.{one}")
+def _with_fields(kind: Any, entries: dict, special: Any, name: str) -> Any:
+    kinds = field_types(kind)
+    values = {}
+    for field, required in _fields(kind):
+        if field in entries:
+            values[field] = typed(kinds[field], entries[field], special, f"{name}.{field}")
         elif required:
-            raise ValueError(f"{name}.{one} is missing")
-    return kind(**found)
+            raise ValueError(f"{name}.{field} is missing")
+    return kind(**values)
 
 
 def _choice(value: Any, choices: tuple, name: str) -> Any:
-    for one in choices:
-        if type(one) is type(value) and one == value:
-            return one
-    raise ValueError(f"{name} must be one of {', '.join(map(str, choices))}, got {_shown(value)}")
+    for choice in choices:
+        if type(choice) is type(value) and choice == value:
+            return choice
+    raise ValueError(f"{name} must be one of {', '.join(map(str, choices))}, got {_excerpt(value)}")
 
 
 def _of_type(value: Any, kind: Any, name: str) -> Any:
     if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
-        raise ValueError(f"{name} must be {_WORDS.get(kind, kind.__name__)}, got {_shown(value)}")
+        raise ValueError(f"{name} must be {_WORDS.get(kind, kind.__name__)}, got {_excerpt(value)}")
     return value
 
 
-def _shown(value: Any) -> str:
+def _excerpt(value: Any) -> str:
     text = repr(value)
     return text if len(text) < 40 else f"{text[:36]}..."
 
@@ -257,9 +260,9 @@ def field_types(kind: Any) -> dict[str, Any]:
 def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
     """Return the names of the fields, and True for those without a default."""
     if is_dataclass(kind):
-        known = [one for one in fields(kind) if one.init]
-        return tuple((one.name, one.default is MISSING and one.default_factory is MISSING) for one in known)
-    return tuple((one, one not in kind._field_defaults) for one in kind._fields)
+        arguments = [field for field in fields(kind) if field.init]
+        return tuple((field.name, field.default is field.default_factory is MISSING) for field in arguments)
+    return tuple((name, name not in kind._field_defaults) for name in kind._fields)
 
 
 # Images, tensors and zip files
@@ -281,10 +284,10 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
         full = image.size
         if side:
             image.draft("RGB", (side, side))
-        taken = image.width * image.height * _STORED.get(image.mode, 4) * (2 if image.format in _COPIED else 1)
+        size = image.width * image.height * _STORED.get(image.mode, 4) * (2 if image.format in _COPIED else 1)
         if image.info.get("progressive"):
-            taken += full[0] * full[1] * _COEFFICIENTS
-        if taken > most:
+            size += full[0] * full[1] * _COEFFICIENTS
+        if size > most:
             raise ValueError(f"the image is too large ({full[0]}x{full[1]} px); make it smaller first")
         yield image
 

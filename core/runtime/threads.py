@@ -31,12 +31,12 @@ def thread_count() -> int:
 
     Raises ``ValueError`` unless the variable is a positive whole number.
     """
-    told = os.environ.get(VARIABLE)
-    if told is None:
+    setting = os.environ.get(VARIABLE)
+    if setting is None:
         return available_cores()
-    if not (told.isdecimal() and int(told)):
-        raise ValueError(f"{VARIABLE} is a number of threads, got {told!r}")
-    return int(told)
+    if not (setting.isdecimal() and int(setting)):
+        raise ValueError(f"{VARIABLE} is a number of threads, got {setting!r}")
+    return int(setting)
 
 
 @cache
