@@ -90,10 +90,10 @@ def shared() -> Path:
 
 def no_opengl(error: Exception) -> NoReturn:
     """Ends a test that cannot render: skipped, or failed where CI says that rendering should be possible."""
-    said = f"no OpenGL to render with: {error}"
+    message = f"no OpenGL to render with: {error}"
     if os.environ.get("CI", "").lower() == "true":
-        pytest.fail(said)
-    pytest.skip(said)
+        pytest.fail(message)
+    pytest.skip(message)
 
 
 @pytest.fixture(scope="module")
@@ -118,16 +118,16 @@ def random_model(seed: int = 0, white_from_network: bool = False) -> Model:
     torch.manual_seed(seed)
     config = FieldConfig(width=16, shape_latent=8, texture_latent=4, position_frequencies=4, direction_frequencies=2)
     book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
-    about = {"metres": 0.9, "white_from_network": white_from_network}
-    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **about)
+    options = {"metres": 0.9, "white_from_network": white_from_network}
+    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **options)
 
 
 def open_models(*models: Model) -> OpenModels:
     """A registry of some models."""
-    found = OpenModels(random_model)
+    registry = OpenModels(random_model)
     for model in models:
-        found.add(model.fingerprint, model)
-    return found
+        registry.add(model.fingerprint, model)
+    return registry
 
 
 def with_contrast(model: Model, contrast: float = 20.0) -> Model:

@@ -38,18 +38,18 @@ def faults(source: str) -> Iterator[str]:
             continue
         modes = [name for name in decorators if name.startswith("torch.") and name not in DECORATORS]
         switches = [_name(call).rpartition(".")[2] for call in _own(function, (ast.Call,))]
-        around = [
+        contexts = [
             _name(item.context_expr)
             for block in _own(function, (ast.With,))
             if _suspends(block)
             for item in block.items
         ]
-        found = [
+        held = [
             *modes,
             *(name for name in switches if name in SWITCHES),
-            *(name for name in around if name not in SAFE),
+            *(name for name in contexts if name not in SAFE),
         ]
-        yield from (f"{function.name}: {name}" for name in found)
+        yield from (f"{function.name}: {name}" for name in held)
 
 
 def _own(node: ast.AST, kinds: tuple[type[ast.AST], ...]) -> Iterator[ast.AST]:
@@ -71,12 +71,12 @@ def _name(expression: ast.AST) -> str:
 
 @pytest.mark.parametrize("room", ["core", "viewer"])
 def test_no_generator_is_suspended_inside_a_mode_a_lock_or_an_open_file(room: str) -> None:
-    found = [
+    held = [
         f"{path.relative_to(ROOT)}: {fault}"
         for path in (ROOT / room).rglob("*.py")
         for fault in faults(path.read_text())
     ]
-    assert found == []
+    assert held == []
 
 
 @pytest.mark.parametrize(
@@ -93,11 +93,11 @@ def test_no_generator_is_suspended_inside_a_mode_a_lock_or_an_open_file(room: st
         "stack.enter_context(torch.no_grad()); yield",
     ],
 )
-def test_what_is_on_at_a_yield_is_found(line: str) -> None:
+def test_modes_held_at_a_yield_are_reported(line: str) -> None:
     assert len([*faults(f"def stream():\n    {line}")]) == 1
 
 
-def test_what_is_off_at_a_yield_is_let_through() -> None:
+def test_modes_released_at_a_yield_are_accepted() -> None:
     source = """
         @torch.no_grad()
         def stream():

@@ -15,7 +15,7 @@ UNCHECKED = {"benchmarks", "cli", "evaluation"}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _checks_where_they_tell(request: pytest.FixtureRequest) -> Iterator[None]:
+def _shape_checks(request: pytest.FixtureRequest) -> Iterator[None]:
     with unchecked_shapes() if request.path.parent.name in UNCHECKED else nullcontext():
         yield
 

@@ -30,8 +30,8 @@ pytestmark = [
 
 
 @pytest.fixture(autouse=True)
-def single() -> Iterator[None]:
-    """In float32 on both; bfloat16 is what one test is about."""
+def _float32() -> Iterator[None]:
+    """Float32 on both devices; one test asks for bfloat16."""
     with use_dtype(torch.float32):
         yield
 
@@ -43,19 +43,18 @@ def on_card(model: Model) -> Model:
 def test_exact_renders_are_the_same():
     """Sums in another order: the last digits of float32, larger where a density is."""
     model = tiny_model()
-    here, there = (render_exact(one, one.codes[1], one.camera(0.7, 0.4)) for one in (model, on_card(model)))
-    torch.testing.assert_close(there.colour.cpu(), here.colour, rtol=0, atol=2e-3)
-    torch.testing.assert_close(there.opacity.cpu(), here.opacity, rtol=0, atol=2e-3)
+    cpu, gpu = (render_exact(tiny, tiny.codes[1], tiny.camera(0.7, 0.4)) for tiny in (model, on_card(model)))
+    torch.testing.assert_close(gpu.colour.cpu(), cpu.colour, rtol=0, atol=2e-3)
+    torch.testing.assert_close(gpu.opacity.cpu(), cpu.opacity, rtol=0, atol=2e-3)
 
 
 @pytest.mark.parametrize("name", ["chairs", "cars"])
 @pytest.mark.parametrize(("dtype", "least"), [(torch.float32, 45.0), (torch.bfloat16, 35.0)])
-def test_shipped_objects_look_the_same(name: str, dtype: torch.dtype, least: float):
+def test_shipped_objects_render_the_same(name: str, dtype: torch.dtype, least: float):
     with use_dtype(dtype):
-        here, there = (
-            render(one, one.codes[3], one.camera(0.7, 0.4), 96) for one in (load_model(name), load_model(name, "cuda"))
-        )
-    assert psnr(there.colour.cpu().clamp(0, 1), here.colour.clamp(0, 1)) > least
+        models = (load_model(name, device) for device in ("cpu", "cuda"))
+        cpu, gpu = (render(model, model.codes[3], model.camera(0.7, 0.4), 96) for model in models)
+    assert psnr(gpu.colour.cpu().clamp(0, 1), cpu.colour.clamp(0, 1)) > least
 
 
 def test_a_fit_finds_the_same_camera_and_explains_the_photo_as_well():
@@ -63,31 +62,32 @@ def test_a_fit_finds_the_same_camera_and_explains_the_photo_as_well():
     truth = model.camera(1.2, 0.3)
     photo = photo_of(model, model.codes[0], truth)
     settings = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
-    here, there = (list(fit(one, FitJob((photo,), settings)))[-1] for one in (model, on_card(model)))
-    assert rotation_error(here.cameras[0], truth) < 10
-    assert rotation_error(there.cameras[0], truth) < 10
-    assert there.psnr > 30
-    assert there.psnr == pytest.approx(here.psnr, abs=3)
+    cpu, gpu = (list(fit(tiny, FitJob((photo,), settings)))[-1] for tiny in (model, on_card(model)))
+    assert rotation_error(cpu.cameras[0], truth) < 10
+    assert rotation_error(gpu.cameras[0], truth) < 10
+    assert gpu.psnr > 30
+    assert gpu.psnr == pytest.approx(cpu.psnr, abs=3)
 
 
-def test_what_is_baked_differs_by_a_step_of_its_bytes():
+def test_bakes_differ_by_at_most_one_step_of_a_byte():
     def baked(model: Model) -> BakedField:
-        return next(one for one in bake(model, model.codes[0]) if one is not None)
+        return next(volume for volume in bake(model, model.codes[0]) if volume is not None)
 
-    here, there = baked(tiny_model()), baked(on_card(tiny_model()))
-    occupied = (here.distance == 0) == (there.distance == 0)
+    cpu = baked(tiny_model())
+    gpu = baked(on_card(tiny_model()))
+    occupied = (cpu.distance == 0) == (gpu.distance == 0)
     assert occupied.mean() > 0.999  # a corner whose density is just at the limit may fall on either side
-    off = np.abs(here.texels.astype(int) - there.texels).max(-1)
-    assert (off <= 1).mean() > 0.995
+    difference = np.abs(cpu.texels.astype(int) - gpu.texels).max(-1)
+    assert (difference <= 1).mean() > 0.995
 
 
-def test_training_gets_as_far():
+def test_training_reaches_the_same_psnr():
     """Rays are drawn by each device's own generator, so that runs differ; only how far they get is compared."""
     model = tiny_model()
     dataset = Dataset(tuple(views_of(model, i, 6) for i in range(2)), "stools", model.image_size, model.focal)
-    ends = []
+    final_psnrs = []
     for device in ("cpu", "cuda"):
         steps = list(Trainer(dataset, replace(SETTINGS, steps=200), device).steps())
-        ends.append(float(np.mean([step.psnr for step in steps[-50:]])))
-        assert ends[-1] > float(np.mean([step.psnr for step in steps[:20]])) + 1
-    assert ends[1] == pytest.approx(ends[0], abs=2)
+        final_psnrs.append(float(np.mean([step.psnr for step in steps[-50:]])))
+        assert final_psnrs[-1] > float(np.mean([step.psnr for step in steps[:20]])) + 1
+    assert final_psnrs[1] == pytest.approx(final_psnrs[0], abs=2)

@@ -101,13 +101,14 @@ READERS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = 
 }
 
 
-def corrupted(whole: bytes, generator: random.Random) -> bytes:
-    """Some bytes changed, most of them in the head; a piece replaced, left out or doubled; or the end cut off."""
-    content = bytearray(whole)
+def corrupted(original: bytes, generator: random.Random) -> bytes:
+    """Bytes changed, mostly in the head; a piece replaced, omitted or repeated; or the end cut off."""
+    content = bytearray(original)
     for _ in range(generator.choice((1, 1, 3, 20))):
         place = generator.randrange(min(len(content), generator.choice((64, 512, len(content)))))
         content[place] = generator.randrange(256)
-    place, length = generator.randrange(len(content)), generator.randrange(1, 64)
+    place = generator.randrange(len(content))
+    length = generator.randrange(1, 64)
     match generator.randrange(6):
         case 0:
             del content[place:]
@@ -123,16 +124,17 @@ def corrupted(whole: bytes, generator: random.Random) -> bytes:
     return bytes(content)
 
 
-@pytest.mark.filterwarnings("ignore")  # what Pillow thinks of its input
+@pytest.mark.filterwarnings("ignore")  # of Pillow about damaged images
 @pytest.mark.parametrize("name", READERS)
-def test_damage_is_said_in_one_line_that_names_the_file(name: str, tmp_path: Path) -> None:
+def test_damaged_files_raise_one_line_that_names_the_file(name: str, tmp_path: Path) -> None:
     write, read = READERS[name]
-    path, generator = tmp_path / "whole.bin", random.Random(name)
+    path = tmp_path / "file.bin"
+    generator = random.Random(name)
     write(path)
-    whole = path.read_bytes()
-    read(path)  # whole, it is read
+    original = path.read_bytes()
+    read(path)  # undamaged
     for _ in range(_CORRUPTIONS):
-        path.write_bytes(corrupted(whole, generator))
+        path.write_bytes(corrupted(original, generator))
         try:
             read(path)
         except ValueError as error:

@@ -31,7 +31,8 @@ def test_psnr_and_ssim_are_their_formulas():
 
 
 def test_overlap_and_haze_count_pixels_by_opacity():
-    opacity, mask = np.array([[0.9, 0.6, 0.4, 0.0]]), np.array([[True, False, True, False]])
+    opacity = np.array([[0.9, 0.6, 0.4, 0.0]])
+    mask = np.array([[True, False, True, False]])
     assert silhouette_overlap(opacity, mask) == pytest.approx(1 / 3)
     assert silhouette_overlap(np.zeros((1, 4)), np.zeros((1, 4), bool)) == 1
     assert haze(np.array([[0.0, 1.0]])) == haze(np.zeros((1, 2))) == 0
@@ -45,14 +46,15 @@ def test_images_of_different_sizes_are_refused(measure):
 
 
 @given(angles, heights, st.floats(-2, 2))
-def test_a_turn_about_the_axis_is_as_large_as_itself(azimuth: float, elevation: float, turn: float):
-    found = rotation_error(camera(azimuth, elevation), camera(azimuth + turn, elevation))
-    assert found == pytest.approx(abs(math.degrees(turn)), abs=1e-4)
+def test_the_error_of_a_turn_about_the_axis_is_its_angle(azimuth: float, elevation: float, turn: float):
+    error = rotation_error(camera(azimuth, elevation), camera(azimuth + turn, elevation))
+    assert error == pytest.approx(abs(math.degrees(turn)), abs=1e-4)
 
 
 @given(angles, heights, angles, heights)
 def test_rotation_error_is_the_angle_of_the_trace(a: float, b: float, c: float, d: float):
-    first, second = camera(a, b), camera(c, d)
+    first = camera(a, b)
+    second = camera(c, d)
     trace = torch.trace(first.pose()[:3, :3] @ second.pose()[:3, :3].T)
     expected = math.degrees(math.acos(max(-1.0, min(1.0, (float(trace) - 1) / 2))))
     assert rotation_error(first, second) == pytest.approx(expected, abs=1e-3)
@@ -61,9 +63,8 @@ def test_rotation_error_is_the_angle_of_the_trace(a: float, b: float, c: float, 
 def test_camera_errors_are_exact_when_small_at_poles_and_far():
     assert rotation_error(camera(1.0, 0.5), camera(1.0, 0.5 + 1e-7)) == pytest.approx(math.degrees(1e-7), rel=1e-3)
     assert translation_error(camera(1.0, 0.5), camera(1.0, 0.5 + 1e-7)) == pytest.approx(1e-7, rel=1e-3)
-    first, second = camera(0.0, math.pi / 2), camera(math.pi / 2, math.pi / 2)
-    assert rotation_error(first, second) == pytest.approx(90.0)
-    assert translation_error(first, second) == pytest.approx(0.0, abs=1e-6)
-    near, far = camera(0.4, 0.2, 1.9), camera(0.4, 0.2, 2.0)
-    assert translation_error(near, far) == pytest.approx(0.05)
+    above, turned = (camera(azimuth, math.pi / 2) for azimuth in (0.0, math.pi / 2))
+    assert rotation_error(above, turned) == pytest.approx(90.0)
+    assert translation_error(above, turned) == pytest.approx(0.0, abs=1e-6)
+    assert translation_error(camera(0.4, 0.2, 1.9), camera(0.4, 0.2, 2.0)) == pytest.approx(0.05)
     assert translation_error(camera(0.0, 0.0), camera(math.pi, 0.0)) == pytest.approx(2.0)

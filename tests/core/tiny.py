@@ -1,7 +1,7 @@
 """A tiny model of a real thing: lopsided stools of four shapes and four colours.
 
-Its weights are a file, which :mod:`tests.core.train_tiny` wrote: what the same training ends with differs between
-processors, by more than a last digit.
+:mod:`tests.core.train_tiny` wrote the file of its weights: trained weights differ between processors, by more than the
+last digit.
 """
 
 from functools import cache
@@ -43,5 +43,5 @@ def tiny_bank() -> ViewBank:
 
 def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:
     """An image of one of a model's objects, with its mask."""
-    seen = render_exact(model, codes, camera, 64)
-    return Photo(seen.colour.clamp(0, 1), seen.opacity > 0.5)
+    frame = render_exact(model, codes, camera, 64)
+    return Photo(frame.colour.clamp(0, 1), frame.opacity > 0.5)

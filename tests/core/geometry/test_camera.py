@@ -14,20 +14,20 @@ elevations = st.floats(-math.pi / 2, math.pi / 2)
 
 @given(azimuths, elevations)
 def test_rotation_is_the_papers_and_a_rotation(azimuth: float, elevation: float):
-    a, e = azimuth, elevation
-    found = camera_rotation(torch.tensor(a, dtype=torch.float64), torch.tensor(e, dtype=torch.float64))
+    rotation = camera_rotation(*torch.tensor([azimuth, elevation], dtype=torch.float64))
+    sin_a, cos_a, sin_e, cos_e = (f(angle) for angle in (azimuth, elevation) for f in (math.sin, math.cos))
     paper = [
-        [-math.sin(a), math.cos(a), 0],
-        [-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e)],
-        [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)],
+        [-sin_a, cos_a, 0],
+        [-sin_e * cos_a, -sin_e * sin_a, cos_e],
+        [cos_e * cos_a, cos_e * sin_a, sin_e],
     ]
-    torch.testing.assert_close(found, torch.tensor(paper, dtype=torch.float64))
-    torch.testing.assert_close(found @ found.T, torch.eye(3, dtype=torch.float64))
-    assert torch.linalg.det(found) == pytest.approx(1.0)
+    torch.testing.assert_close(rotation, torch.tensor(paper, dtype=torch.float64))
+    torch.testing.assert_close(rotation @ rotation.T, torch.eye(3, dtype=torch.float64))
+    assert torch.linalg.det(rotation) == pytest.approx(1.0)
 
 
 @given(azimuths, elevations, st.floats(0.5, 5.0))
-def test_pose_goes_there_and_back(azimuth: float, elevation: float, distance: float):
+def test_camera_and_pose_round_trip(azimuth: float, elevation: float, distance: float):
     camera = Camera(azimuth, elevation, distance, 131.25, 128, 128)
     again = Camera.from_pose(camera.pose(), 131.25, 128, 128)
     torch.testing.assert_close(again.pose(), camera.pose(), atol=1e-7, rtol=0)
@@ -45,7 +45,7 @@ def test_an_orbit_camera_looks_at_the_origin_at_any_size():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"azimuth": math.nan}, "azimuth"),
         ({"elevation": 2.0}, "elevation"),
@@ -56,8 +56,8 @@ def test_an_orbit_camera_looks_at_the_origin_at_any_size():
         ({"width": 30_000, "height": 30_000}, "size"),
     ],
 )
-def test_numbers_that_no_camera_has_are_refused_by_name(wrong: dict, said: str):
-    with pytest.raises(ValueError, match=f"camera .*{said}"):
+def test_impossible_values_are_refused_by_name(wrong: dict, message: str):
+    with pytest.raises(ValueError, match=f"camera .*{message}"):
         replace(Camera(0.3, 0.4, 1.3, 131.25, 128, 96), **wrong)
 
 

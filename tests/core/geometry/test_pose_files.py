@@ -22,12 +22,12 @@ def write(path: Path, matrix: np.ndarray) -> Path:
 
 def test_poses_of_srn_and_of_blender_are_read(tmp_path: Path) -> None:
     for axes, matrix in (("opencv", OPENCV), ("opengl", OPENGL)):
-        found = read_pose(write(tmp_path / "pose.txt", matrix), axes)
-        torch.testing.assert_close(found, torch.from_numpy(OPENCV), atol=1e-9, rtol=0)
+        pose = read_pose(write(tmp_path / "pose.txt", matrix), axes)
+        torch.testing.assert_close(pose, torch.from_numpy(OPENCV), atol=1e-9, rtol=0)
 
 
 @pytest.mark.parametrize(
-    ("matrix", "axes", "said"),
+    ("matrix", "axes", "message"),
     [
         (OPENGL, "opencv", "it is a pose in OpenGL axes"),
         (OPENCV, "opengl", "it is a pose in OpenCV axes"),
@@ -37,8 +37,8 @@ def test_poses_of_srn_and_of_blender_are_read(tmp_path: Path) -> None:
         (np.diag([1.0, 1, 1, 0]) + 1, "opencv", "does not look at the origin"),
     ],
 )
-def test_another_convention_is_recognised(tmp_path: Path, matrix: np.ndarray, axes: str, said: str) -> None:
-    with pytest.raises(ValueError, match=rf"pose\.txt: .*{said}"):
+def test_another_convention_is_recognised(tmp_path: Path, matrix: np.ndarray, axes: str, message: str) -> None:
+    with pytest.raises(ValueError, match=rf"pose\.txt: .*{message}"):
         read_pose(write(tmp_path / "pose.txt", matrix), axes)
 
 
@@ -64,7 +64,7 @@ def test_frames_of_nerf_synthetic_are_cameras(tmp_path: Path) -> None:
     assert measured.focal == 1.5
 
 
-def test_an_image_is_found_among_the_frames(tmp_path: Path) -> None:
+def test_frames_are_looked_up_by_file_name_and_folder(tmp_path: Path) -> None:
     """By its name, and where several folders have such a name by its place."""
     moved = Camera(0.2, 0.1, 1.5, 131.25, 128, 128).pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
     path = write_transforms(tmp_path, {"./left/r_0": OPENGL, "./right/r_0": moved, "./right/r_1.png": moved})
@@ -80,7 +80,7 @@ def test_an_image_is_found_among_the_frames(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ({"frames": []}, "no frames"),
         ({"camera_angle_x": 4.0}, "needs camera_angle_x"),
@@ -91,9 +91,9 @@ def test_an_image_is_found_among_the_frames(tmp_path: Path) -> None:
         ({"frames": [{"file_path": "a"}]}, "transform_matrix is missing"),
     ],
 )
-def test_broken_transforms_are_named(content: dict, said: str, tmp_path: Path) -> None:
+def test_broken_transforms_are_named(content: dict, message: str, tmp_path: Path) -> None:
     path = write_transforms(tmp_path, {"a": OPENGL}, **content)
-    with pytest.raises(ValueError, match=rf"transforms_train\.json: .*{said}"):
+    with pytest.raises(ValueError, match=rf"transforms_train\.json: .*{message}"):
         read_transforms(path)
 
 

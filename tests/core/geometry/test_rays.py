@@ -8,7 +8,7 @@ from core.geometry.rays import camera_rays, cast_rays, clip_to_box
 EXTENT = torch.tensor([0.3, 0.5, 0.2])
 
 
-def test_pixels_look_where_the_convention_says():
+def test_rays_follow_the_conventions_of_axes_and_pixels():
     rays = cast_rays(torch.tensor([16.0, 16.0]), *torch.tensor([0.4, 0.3, 2.0]), 32.0, (32, 32), EXTENT)
     torch.testing.assert_close(rays.directions, torch.nn.functional.normalize(-rays.origins, dim=-1))
     camera = Camera(0.0, 0.0, 2.0, 32.0, 32, 32)  # from +x: right is +y, up is +z
@@ -57,11 +57,11 @@ def test_clipped_rays_stay_in_the_box_and_missing_ones_are_empty(seed: int):
     directions = torch.nn.functional.normalize(torch.randn(64, 3, generator=generator), dim=-1)
     near, far = clip_to_box(origins, directions, EXTENT)
     assert bool((near >= 0).all() and (far >= near).all())
-    shares = torch.linspace(0.01, 0.99, 9)
-    inside = origins[:, None] + (near[:, None] + (far - near)[:, None] * shares)[..., None] * directions[:, None]
+    fractions = torch.linspace(0.01, 0.99, 9)
+    inside = origins[:, None] + (near[:, None] + (far - near)[:, None] * fractions)[..., None] * directions[:, None]
     hit = far > near
     assert bool((inside[hit].abs() <= EXTENT + 1e-4).all())
-    # The plain reference: walk along the ray and look.
-    walked = origins[:, None] + torch.linspace(0, 8, 2000)[:, None] * directions[:, None]
-    seen = (walked.abs() <= EXTENT - 0.02).all(-1).any(-1)
-    assert bool((hit | ~seen).all())
+    # Reference: test many points along the ray.
+    dense_points = origins[:, None] + torch.linspace(0, 8, 2000)[:, None] * directions[:, None]
+    enters = (dense_points.abs() <= EXTENT - 0.02).all(-1).any(-1)
+    assert bool((hit | ~enters).all())

@@ -1,4 +1,4 @@
-"""Memory that is shared: never more than the limit, and what is cheap to make again goes first."""
+"""The cache stays below its limit and evicts the values that are cheapest to recompute first."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +12,7 @@ puts = st.lists(st.tuples(st.sampled_from(list(CacheKind)), st.integers(0, 9), s
 def test_the_limit_holds(puts: list[tuple[CacheKind, int, int]]):
     cache = ByteCache(100)
     for kind, key, size in puts:
-        room = 100 - sum(other for more in CacheKind if more > kind for _, other in cache.newest(more))
+        room = 100 - sum(held for later in CacheKind if later > kind for _, held in cache.newest(later))
         cache.put(kind, key, size, size)
         assert cache.used <= cache.limit
         assert cache.get(kind, key) == (size if size <= room else None)
@@ -21,7 +21,7 @@ def test_the_limit_holds(puts: list[tuple[CacheKind, int, int]]):
 
 
 @given(puts)
-def test_room_made_for_a_value_is_there_when_it_comes(puts: list[tuple[CacheKind, int, int]]):
+def test_make_room_evicts_until_the_value_fits(puts: list[tuple[CacheKind, int, int]]):
     cache = ByteCache(100)
     for kind, key, size in puts:
         cache.put(kind, key, size, size)
@@ -33,7 +33,7 @@ def test_room_made_for_a_value_is_there_when_it_comes(puts: list[tuple[CacheKind
             assert sum(size for kind in CacheKind if kind > CacheKind.VIEW for _, size in cache.newest(kind)) > 60
 
 
-def test_the_oldest_views_go_before_details_and_what_is_put_again_replaces():
+def test_the_oldest_views_are_evicted_before_details_and_a_second_put_replaces():
     cache = ByteCache(100)
     cache.put(CacheKind.DETAIL, "detail", 0, 40)
     for key in "abc":

@@ -24,7 +24,7 @@ def write(path: Path, text: str) -> None:
         partial.write_text(text)
 
 
-def test_a_file_appears_whole_or_not_at_all(tmp_path: Path):
+def test_a_file_appears_complete_or_not_at_all(tmp_path: Path):
     path = tmp_path / "a.txt"
     with pytest.raises(KeyError), atomic_file(path) as partial:
         partial.write_text("half")
@@ -35,7 +35,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path: Path):
     assert [path.read_text() for path in tmp_path.iterdir()] == ["whole"]
 
 
-def test_a_folder_is_replaced_on_demand_only_and_by_a_whole_one(tmp_path: Path):
+def test_a_folder_is_replaced_only_on_demand_and_completely(tmp_path: Path):
     path = tmp_path / "a"
     with atomic_folder(path) as partial:
         (partial / "old").touch()
@@ -50,7 +50,7 @@ def test_a_folder_is_replaced_on_demand_only_and_by_a_whole_one(tmp_path: Path):
     assert [file.name for file in tmp_path.iterdir()] == ["a"]
 
 
-def test_what_cannot_be_read_back_does_not_replace_what_was_there(tmp_path: Path):
+def test_a_file_that_fails_its_check_does_not_replace_the_old_one(tmp_path: Path):
     path = tmp_path / "a.txt"
     path.write_text("before")
 
@@ -71,14 +71,14 @@ def test_a_name_as_long_as_systems_allow_is_written(tmp_path: Path):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a folder that takes no files, also from root")
-def test_a_place_that_takes_no_files_is_named_before_the_work():
+def test_an_unwritable_path_is_named_before_the_work():
     path = Path("/proc/a.txt")
     for write in (lambda: require_writable(path), lambda: atomic_file(path).__enter__()):
         with pytest.raises(ValueError, match=r"cannot write /proc/a\.txt: "):
             write()
 
 
-def test_a_place_that_is_gone_at_the_end_does_not_hide_why(tmp_path: Path):
+def test_a_folder_deleted_during_the_work_is_reported(tmp_path: Path):
     (tmp_path / "b").mkdir()
     with (
         pytest.raises(ValueError, match=r"cannot write .*a\.txt: No such file"),
@@ -87,7 +87,7 @@ def test_a_place_that_is_gone_at_the_end_does_not_hide_why(tmp_path: Path):
         shutil.rmtree(tmp_path / "b")
 
 
-def test_what_cannot_be_saved_is_saved_elsewhere_and_both_places_named(tmp_path: Path):
+def test_a_failed_save_falls_back_to_the_temporary_folder_and_names_both_paths(tmp_path: Path):
     def save(path: Path) -> None:
         if "gone" in str(path):
             raise ValueError(f"cannot write {path}: it is gone")
@@ -97,13 +97,13 @@ def test_what_cannot_be_saved_is_saved_elsewhere_and_both_places_named(tmp_path:
     assert (tmp_path / "a.txt").read_text() == "kept"
     with pytest.raises(ValueError, match=r"cannot write gone/a\.txt: it is gone; it is in ") as error:
         save_or_elsewhere(save, Path("gone/a.txt"))
-    found = Path(str(error.value).split("it is in ")[1].removesuffix(" instead"))
-    assert found.read_text() == "kept"
-    shutil.rmtree(found.parent)
+    fallback = Path(str(error.value).split("it is in ")[1].removesuffix(" instead"))
+    assert fallback.read_text() == "kept"
+    shutil.rmtree(fallback.parent)
 
 
 @_POSIX
-def test_a_link_leads_to_its_target_also_one_that_is_not_there_yet(tmp_path: Path):
+def test_a_link_is_followed_to_an_existing_or_new_target(tmp_path: Path):
     (tmp_path / "there").mkdir()
     (tmp_path / "link.txt").symlink_to("middle.txt")
     (tmp_path / "middle.txt").symlink_to("there/real.txt")
@@ -128,7 +128,7 @@ def test_a_folder_behind_a_link_is_replaced_and_the_link_stays(tmp_path: Path):
 
 @_POSIX
 @pytest.mark.parametrize("mode", [0o600, 0o640, 0o664])
-def test_the_mode_stays_also_while_it_is_written(tmp_path: Path, mode: int):
+def test_a_file_keeps_its_mode_also_while_it_is_written(tmp_path: Path, mode: int):
     (tmp_path / "a.txt").touch()
     (tmp_path / "a.txt").chmod(mode)
     with atomic_file(tmp_path / "a.txt") as partial:
@@ -174,21 +174,21 @@ print("after")
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="links to descriptors of Linux")
 @pytest.mark.parametrize("to_file", [True, False])
-def test_what_leads_to_standard_output_joins_it_in_order(tmp_path: Path, to_file: bool):
+def test_paths_of_standard_output_are_appended_in_order(tmp_path: Path, to_file: bool):
     (tmp_path / "link").symlink_to("/proc/self/fd/1")
     words = [sys.executable, "-c", _TO_STREAM, tmp_path / "link", "/dev/fd/1", "/dev/stdout", "/dev/null"]
     if to_file:
         with (tmp_path / "out").open("w") as file:
             subprocess.run(words, stdout=file, check=True, cwd=_ROOT)
-        said = (tmp_path / "out").read_text()
+        output = (tmp_path / "out").read_text()
     else:
-        said = subprocess.run(words, stdout=subprocess.PIPE, check=True, cwd=_ROOT, text=True).stdout
-    assert said == "before\n" + 3 * "{}\n" + "a line\nafter\n"
+        output = subprocess.run(words, stdout=subprocess.PIPE, check=True, cwd=_ROOT, text=True).stdout
+    assert output == "before\n" + 3 * "{}\n" + "a line\nafter\n"
     assert (tmp_path / "link").is_symlink()
     assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
 
 
-def test_of_two_writers_of_one_process_the_last_wins_whole(tmp_path: Path):
+def test_the_last_of_two_writers_in_a_process_wins_completely(tmp_path: Path):
     path = tmp_path / "a.txt"
     with ExitStack() as first:
         of_first = first.enter_context(atomic_file(path))
@@ -215,8 +215,9 @@ while True:
 
 
 @_POSIX
-def test_two_writers_killed_at_any_moment_leave_a_whole_file(tmp_path: Path):
-    path, numbers = tmp_path / "a.txt", random.Random(0)
+def test_two_writers_killed_at_any_moment_leave_a_complete_file(tmp_path: Path):
+    path = tmp_path / "a.txt"
+    numbers = random.Random(0)
     path.write_text("0" * 1_000_000)
     for _ in range(25):
         words = [sys.executable, "-c", _WRITER, path]
@@ -247,7 +248,7 @@ with atomic_file(Path(sys.argv[1])) as partial:
 
 @_POSIX
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_removes_what_was_begun(tmp_path: Path, number: signal.Signals):
+def test_a_signal_removes_the_unfinished_file(tmp_path: Path, number: signal.Signals):
     words = [sys.executable, "-c", _SLOW_WRITER, tmp_path / "a.txt"]
     # A shell that runs the tests in the background lets them ignore interrupts.
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "cwd": _ROOT}

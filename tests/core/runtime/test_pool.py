@@ -1,4 +1,4 @@
-"""Pieces come back in order, whatever thread computes them, and as many threads as there are give the same bits."""
+"""Results come in the order of the pieces, and any number of threads gives the same bits."""
 
 import os
 import sys
@@ -45,7 +45,7 @@ def test_results_come_in_the_order_of_the_pieces(monkeypatch: pytest.MonkeyPatch
     assert list(map_pieces(late, [])) == []
 
 
-def test_pieces_of_one_thread_or_within_another_are_computed_alone(monkeypatch: pytest.MonkeyPatch):
+def test_one_thread_and_nested_calls_compute_in_the_calling_thread(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "1")
     assert set(map_pieces(thread, range(9))) == {threading.get_ident()}
     monkeypatch.setenv(VARIABLE, "2")
@@ -54,7 +54,7 @@ def test_pieces_of_one_thread_or_within_another_are_computed_alone(monkeypatch: 
 
 
 @pytest.mark.parametrize("count", ["1", "2"])
-def test_an_error_comes_in_the_place_of_its_piece(monkeypatch: pytest.MonkeyPatch, count: str):
+def test_an_error_is_raised_in_the_place_of_its_piece(monkeypatch: pytest.MonkeyPatch, count: str):
     monkeypatch.setenv(VARIABLE, count)
     stream = map_pieces(lambda piece: 1 // piece, [1, 0, 1])
     assert next(stream) == 1
@@ -63,7 +63,7 @@ def test_an_error_comes_in_the_place_of_its_piece(monkeypatch: pytest.MonkeyPatc
     assert list(stream) == []
 
 
-def test_a_closed_stream_begins_no_more_pieces(monkeypatch: pytest.MonkeyPatch):
+def test_a_closed_stream_starts_no_more_pieces(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "2")
     begun = list[int]()
     stream = map_pieces(begun.append, range(1000))
@@ -77,75 +77,75 @@ def test_a_closed_stream_begins_no_more_pieces(monkeypatch: pytest.MonkeyPatch):
 
 def test_modes_of_the_caller_hold_in_the_threads(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "2")
-    seen: Callable[[int], tuple[bool, bool, bool]] = lambda _: (  # noqa: E731
-        torch.is_inference_mode_enabled(),
-        torch.is_grad_enabled(),
-        torch.is_autocast_enabled("cpu"),
-    )
-    assert list(map_pieces(seen, range(2))) == [(False, True, False)] * 2
+
+    def modes(_: int) -> tuple[bool, bool, bool]:
+        return torch.is_inference_mode_enabled(), torch.is_grad_enabled(), torch.is_autocast_enabled("cpu")
+
+    assert list(map_pieces(modes, range(2))) == [(False, True, False)] * 2
     with torch.no_grad(), torch.autocast("cpu", dtype=torch.bfloat16):
-        assert list(map_pieces(seen, range(2))) == [(False, False, True)] * 2
+        assert list(map_pieces(modes, range(2))) == [(False, False, True)] * 2
     with torch.inference_mode():
-        assert list(map_pieces(seen, range(2))) == [(True, False, False)] * 2
+        assert list(map_pieces(modes, range(2))) == [(True, False, False)] * 2
     assert list(map_pieces(lambda _: torch.get_num_threads(), range(2))) == [1, 1]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have a priority of their own on Linux only")
 def test_threads_have_the_priority_of_their_caller(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "2")
-    found = list[int]()
+    priorities = list[int]()
 
     def priority(piece: object) -> int:
         return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 
     def call() -> None:
         os.nice(3)
-        found.extend((priority(0), *map_pieces(priority, range(4))))
+        priorities.extend((priority(0), *map_pieces(priority, range(4))))
 
     caller = threading.Thread(target=call)
     caller.start()
     caller.join()
-    assert set(found) == {found[0]}
+    assert set(priorities) == {priorities[0]}
 
 
-def same(*runs: list[Tensor]) -> bool:
-    return all(torch.equal(one, other) for run in runs for one, other in zip(runs[0], run, strict=True))
+def equal_runs(*runs: list[Tensor]) -> bool:
+    return all(torch.equal(expected, tensor) for run in runs for expected, tensor in zip(runs[0], run, strict=True))
 
 
-def of_render(model: Model) -> list[Tensor]:
+def render_tensors(model: Model) -> list[Tensor]:
     fast.clear_cache()
-    codes, camera = model.codes[1], model.camera(0.5, 0.5).resized(90, 90)
+    codes = model.codes[1]
+    camera = model.camera(0.5, 0.5).resized(90, 90)
     first = fast.render(model, codes, camera, 48)
     again = fast.render(model, replace(codes, texture=model.codes[2].texture), camera, 48)  # of the cached shape
     return [first.colour, first.depth, again.colour, render_exact(model, codes, camera, 32).colour]
 
 
-def of_bake(model: Model) -> list[Tensor]:
+def bake_tensors(model: Model) -> list[Tensor]:
     fast.clear_cache()
     return [torch.from_numpy(baked.texels) for baked in bake(model, model.codes[1]) if baked]
 
 
-def of_mesh(model: Model) -> list[Tensor]:
+def mesh_tensors(model: Model) -> list[Tensor]:
     mesh = run_to_end(extract_mesh(model, model.codes[1], 48))
-    return [torch.from_numpy(part) for part in (mesh.vertices, mesh.faces, mesh.colours)]
+    return [torch.from_numpy(values) for values in (mesh.vertices, mesh.faces, mesh.colours)]
 
 
-def of_fit(model: Model) -> list[Tensor]:
+def fit_tensors(model: Model) -> list[Tensor]:
     photos = (photo_of(model, model.codes[1], model.camera(0.5, 0.5)),)
     *_, last = fit(model, FitJob(photos, SHORT))
-    cameras = chain.from_iterable((one.azimuth, one.elevation, one.distance) for one in last.cameras)
+    cameras = chain.from_iterable((camera.azimuth, camera.elevation, camera.distance) for camera in last.cameras)
     return [last.codes.shape, last.codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
 
 
-def of_view_bank(model: Model) -> list[Tensor]:
+def bank_tensors(model: Model) -> list[Tensor]:
     bank = view_bank(replace(model))  # a model that has none yet
     return [bank.silhouettes, bank.sizes, bank.offsets]
 
 
-@pytest.mark.parametrize("job", [of_render, of_bake, of_mesh, of_fit, of_view_bank])
+@pytest.mark.parametrize("job", [render_tensors, bake_tensors, mesh_tensors, fit_tensors, bank_tensors])
 def test_threads_give_the_same_bits(tiny: Model, job: Callable[[Model], list[Tensor]], monkeypatch: pytest.MonkeyPatch):
-    found = []
+    runs = []
     for count in ("1", "2", "8"):
         monkeypatch.setenv(VARIABLE, count)
-        found.append(job(tiny))
-    assert same(*found)
+        runs.append(job(tiny))
+    assert equal_runs(*runs)

@@ -45,7 +45,8 @@ def write_raw(path: Path, preview: tuple[int, int] | None, tags: str, orientatio
     raw = {254: (0,), 256: (3000,), 257: (2000,), 259: (7,), 262: (32803,), 273: (sensor,), 279: (28,)}
     below.append(write_directory(content, raw))
     if preview:
-        place, data = len(content), jpeg(preview)
+        place = len(content)
+        data = jpeg(preview)
         content += data
         where = {513: (place,), 514: (len(data),)} if tags == "nef" else {273: (place,), 279: (len(data),)}
         sizes = {} if tags == "nef" else {256: (preview[0],), 257: (preview[1],), 259: (7,)}
@@ -72,21 +73,21 @@ def write_raw(path: Path, preview: tuple[int, int] | None, tags: str, orientatio
 @pytest.mark.parametrize("orientation", [1, 6])
 def test_the_full_size_preview_of_a_raw_is_read_upright(tags: str, orientation: int, tmp_path: Path) -> None:
     write_raw(tmp_path / "a.dng", (1800, 1200), tags, orientation)
-    found = read_rgba(tmp_path / "a.dng")
-    assert NOTE not in found.info
-    assert found.size == ((1024, 683) if orientation == 1 else (683, 1024))
+    image = read_rgba(tmp_path / "a.dng")
+    assert NOTE not in image.info
+    assert image.size == ((1024, 683) if orientation == 1 else (683, 1024))
     assert upright_size(tmp_path / "a.dng") == ((1800, 1200) if orientation == 1 else (1200, 1800))
     expected = drawing((1024, 683)).transpose(Image.Transpose.ROTATE_270) if orientation == 6 else drawing((1024, 683))
-    assert np.abs(np.asarray(found.convert("RGB")).astype(int) - np.asarray(expected)).mean() < 2
+    assert np.abs(np.asarray(image.convert("RGB")).astype(int) - np.asarray(expected)).mean() < 2
 
 
 @pytest.mark.parametrize("preview", [None, (20, 14)])
-def test_a_raw_with_a_thumbnail_alone_says_what_to_do(preview: tuple[int, int] | None, tmp_path: Path) -> None:
+def test_a_raw_with_only_a_thumbnail_advises_to_export_a_jpeg(preview: tuple[int, int] | None, tmp_path: Path) -> None:
     write_raw(tmp_path / "a.nef", preview, "nef")
-    found = read_rgba(tmp_path / "a.nef")
-    said = "only the preview of this camera raw is read (30x20 px of 3000x2000): export it as JPEG"
-    assert found.info[NOTE] == said
-    assert found.size == (30, 20)
+    image = read_rgba(tmp_path / "a.nef")
+    note = "only the preview of this camera raw is read (30x20 px of 3000x2000): export it as JPEG"
+    assert image.info[NOTE] == note
+    assert image.size == (30, 20)
 
 
 def test_a_tiff_of_pages_is_no_raw(tmp_path: Path) -> None:

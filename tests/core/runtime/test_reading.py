@@ -13,7 +13,7 @@ from core.runtime.reading import open_image, open_zip, parse_json, read_json, re
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "message"),
     [
         (RuntimeError("Failed to decode frame 0:\nplanes"), "unreadable (Failed to decode frame 0: planes)"),
         (EOFError(), "unreadable (EOFError)"),
@@ -29,18 +29,18 @@ from core.runtime.reading import open_image, open_zip, parse_json, read_json, re
         (ValueError("the focal length is -1"), "the focal length is -1"),
     ],
 )
-def test_whatever_a_parser_raises_names_the_file_in_one_line_and_is_kept(error: Exception, said: str) -> None:
+def test_any_parser_error_becomes_one_line_that_names_the_file(error: Exception, message: str) -> None:
     with pytest.raises(ValueError) as raised, reading(Path("dir/a.bin"), "a thing"):
         raise error
     text = str(raised.value)
-    assert said.replace("unreadable", "not a thing that can be read") in text
+    assert message.replace("unreadable", "not a thing that can be read") in text
     assert "dir/a.bin" in text
     assert text.count("a.bin") == 1
     assert "\n" not in text
     assert raised.value.__cause__ is error
 
 
-def test_what_is_named_already_is_left_and_an_address_is_no_file() -> None:
+def test_errors_that_name_the_file_pass_and_web_addresses_are_explained() -> None:
     class OfItsOwnKind(ValueError):
         pass
 
@@ -102,7 +102,7 @@ class Thing:
 
 
 def test_json_becomes_values_of_their_types() -> None:
-    about = {
+    entries = {
         "name": "n",
         "count": 128.0,
         "places": [{"x": 1}],
@@ -111,15 +111,15 @@ def test_json_becomes_values_of_their_types() -> None:
         "path": "p/q",
         "new": 1,
     }
-    found = typed(Thing, about | {"sizes": {"a": 1}})
-    assert found == Thing("n", 128, (Place(1.0),), (3, True), "b", Path("p/q"), {"a": 1.0})
-    assert type(found.count) is int
-    assert type(found.places[0].x) is float
+    thing = typed(Thing, entries | {"sizes": {"a": 1}})
+    assert thing == Thing("n", 128, (Place(1.0),), (3, True), "b", Path("p/q"), {"a": 1.0})
+    assert type(thing.count) is int
+    assert type(thing.places[0].x) is float
     assert typed(Thing, {"name": "n", "count": 1}) == Thing("n", 1)
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"name": None}, "it.name must be a text, got None"),
         ({"count": 1.5}, "it.count must be a whole number, got 1.5"),
@@ -137,10 +137,10 @@ def test_json_becomes_values_of_their_types() -> None:
         ({"sizes": {"a": "b"}}, "it.sizes.a must be a finite number, got 'b'"),
     ],
 )
-def test_what_is_of_another_type_is_named(wrong: dict, said: str) -> None:
+def test_fields_of_the_wrong_type_are_named(wrong: dict, message: str) -> None:
     with pytest.raises(ValueError) as error:
         typed(Thing, {"name": "n", "count": 1} | wrong)
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 def test_zips_and_images_are_measured_before_they_are_decoded(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_zips_and_images_are_measured_before_they_are_decoded(tmp_path: Path) ->
 
 @pytest.mark.parametrize("path", ["a.json", "d" * 300 + "/a.json"])
 @pytest.mark.parametrize("named", [True, False])
-def test_a_message_is_short_whatever_the_file_holds(path: str, named: bool) -> None:
+def test_long_messages_are_shortened(path: str, named: bool) -> None:
     with pytest.raises(ValueError) as raised, reading(path):
         raise ValueError(f"{path if named else ''} begins {'x' * 5000} ends")
     assert len(str(raised.value)) <= max(200, len(path) + 100)

@@ -17,13 +17,13 @@ def run(program: str, **environment: str) -> str:
     return done.stdout.strip()
 
 
-def test_torch_computes_in_one_thread_in_a_program_whatever_the_environment_says():
+def test_use_one_torch_thread_overrides_the_environment():
     begun = f"from core.runtime.threads import use_one_torch_thread; use_one_torch_thread(); {_COUNT}"
     assert run(begun, OMP_NUM_THREADS="3", MKL_NUM_THREADS="3") == "1"
 
 
 @pytest.mark.parametrize("module", ["core.__main__", "viewer.__main__"])
-def test_programs_begin_with_that(module: str):
+def test_programs_limit_torch_to_one_thread(module: str):
     tried = f"import {module} as program\ntry: program.main(['--help'])\nexcept SystemExit: {_COUNT}"
     assert run(tried, OMP_NUM_THREADS="3").splitlines()[-1] == "1"
 
@@ -43,7 +43,7 @@ new.start(), new.join()
     assert run(program, **{VARIABLE: "2"}).split() == ["1", "1", "1", "3", "3"]
 
 
-def test_threads_are_as_many_as_the_environment_says_else_as_cores(monkeypatch: pytest.MonkeyPatch):
+def test_the_thread_count_is_that_of_the_environment_or_the_cores(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "5")
     assert thread_count() == 5
     monkeypatch.delenv(VARIABLE)
