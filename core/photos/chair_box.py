@@ -11,10 +11,10 @@ from core.photos.detector import Box
 from core.runtime.networks import NETWORKS, run_network
 
 _SIDE = 224  # px of the network's input
-_ROOM = 1.5  # side of the crop over the object's box; best of 1.0 to 1.6 on renders of validation objects
+_MARGIN = 1.5  # side of the crop over the object's box; best of 1.0 to 1.6 on renders of validation objects
 _FOCAL = 1.5  # image heights; the azimuth is insensitive to it from 0.8 to 2.5
 _ELEVATION_BIAS = math.radians(20)  # median over 97 renders of validation and foreign chairs: 23 degrees, test 14
-EDGES = tuple((1 + one, 1 + one + step) for step in (1, 2, 4) for one in range(8) if not one & step)
+EDGES = tuple((1 + corner, 1 + corner + bit) for bit in (1, 2, 4) for corner in range(8) if not corner & bit)
 """Pairs of corners joined by an edge of the box."""
 _SIGNS = np.array([(0, 0, 0), *((x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))])
 """Centre and corners as sums of the half edges X (right), Y (up) and Z (to the front)."""
@@ -31,11 +31,11 @@ def chair_corners(image: Image.Image, box: Box) -> Float[np.ndarray, "9 2"] | No
     """
     crop, left, top, scale = _crop(image, box)
     try:
-        found = run_network(NETWORKS / "objectron_chair.onnx", np.asarray(crop, np.float32)[None] / 255)
+        outputs = run_network(NETWORKS / "objectron_chair.onnx", np.asarray(crop, np.float32)[None] / 255)
     except ValueError as error:
         logging.getLogger(__name__).warning("chairs are fitted without their 3D box: %s", error)
         return None
-    return ((left, top) + found["Identity_1"].reshape(9, 2) * scale) / image.size
+    return ((left, top) + outputs["Identity_1"].reshape(9, 2) * scale) / image.size
 
 
 def chair_direction(corners: Float[np.ndarray, "9 2"], aspect: float) -> tuple[float, float]:
@@ -68,9 +68,10 @@ def _crop(image: Image.Image, box: Box) -> tuple[Image.Image, float, float, floa
 
     Border pixels are repeated beyond the image.
     """
-    left, top, right, bottom = (side * size for side, size in zip(box, image.size * 2, strict=True))
-    side = _ROOM * max(right - left, bottom - top)
-    left, top = (left + right - side) / 2, (top + bottom - side) / 2
+    left, top, right, bottom = (edge * size for edge, size in zip(box, image.size * 2, strict=True))
+    side = _MARGIN * max(right - left, bottom - top)
+    left = (left + right - side) / 2
+    top = (top + bottom - side) / 2
     pad = math.ceil(max(0, -left, -top, left + side - image.width, top + side - image.height))
     padded = Image.fromarray(np.pad(np.asarray(image.convert("RGB")), ((pad, pad), (pad, pad), (0, 0)), "edge"))
     corners = left + pad, top + pad, left + pad + side, top + pad + side

@@ -21,8 +21,8 @@ IMAGE_SUFFIXES = (
 )  # offered by file dialogs
 _FILM_DIAGONAL = math.hypot(36, 24)  # mm
 _LENSES = 8, 600  # mm, plausible focal lengths
-_SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
-"""of whole photographs, longer by shorter side; and their relative tolerance"""
+_SENSOR_RATIOS = (4 / 3, 3 / 2, 16 / 9)  # longer by shorter side of uncropped photographs
+_SAME_RATIO = 0.02  # relative tolerance of these ratios
 NOTE = "note"  # in ``Image.info``: how an ambiguous file was read
 _TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that exchange width and height
 _TURNS = {
@@ -36,11 +36,12 @@ _TURNS = {
 }  # transform to upright, by EXIF orientation
 _GREY = 127  # largest value of a mask's background
 _DARK = 32  # a grey value closer to 0 or 255 counts as black or white
-_MOST_BETWEEN = 0.25  # largest fraction of other pixels, which soft edges have; photographs have more
-_BLACK, _WHITE = (0, 0, 0), (255, 255, 255)
+_MOST_GREY = 0.25  # largest fraction of other pixels, which soft edges have; photographs have more
+_BLACK = (0, 0, 0)
+_WHITE = (255, 255, 255)
 _VOID = (224, 224, 192)  # colour of Pascal VOC's index 255: edges of objects
-_FEW = 8  # values in a message
-_NO_COLOURS_OF_SCREENS = ("L", "CMYK")  # modes with colour profiles of their own
+_LISTED = 8  # values in a message
+_OTHER_COLOUR_SPACES = ("L", "CMYK")  # modes with colour profiles of their own
 
 
 def read_rgba(path: Path) -> Image.Image:
@@ -54,15 +55,16 @@ def read_rgba(path: Path) -> Image.Image:
         with open_image(path, WORKING_SIDE) as image:
             if max(image.size) > _NARROWEST * min(image.size):
                 raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
-            number, count = image.tell() + 1, getattr(image, "n_frames", 1)
+            page = image.tell() + 1
+            count = getattr(image, "n_frames", 1)
             raw = image.info.get(RAW_SIZE)
-            found = _small_rgba(image)
+            rgba = _small_rgba(image)
             if raw:
                 sizes = f"{image.width}x{image.height} px of {raw[0]}x{raw[1]}"
-                found.info[NOTE] = f"only the preview of this camera raw is read ({sizes}): export it as JPEG"
+                rgba.info[NOTE] = f"only the preview of this camera raw is read ({sizes}): export it as JPEG"
             elif count > 1:
-                found.info[NOTE] = f"image {number} of the {count} in this file is used"
-            return found
+                rgba.info[NOTE] = f"image {page} of the {count} in this file is used"
+            return rgba
 
 
 def on_white(image: Image.Image) -> Image.Image:
@@ -89,8 +91,9 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
             mask = _shrunk(_mask_values(image), WORKING_SIDE, Image.Resampling.BOX)
     mask = _turned(mask, _orientation(path))
     note = ""
-    drawn, upright, orientation = upright_size(path), upright_size(photo), _orientation(photo)
+    drawn, upright = (upright_size(file) for file in (path, photo))
     if not _same_proportions(drawn, upright):
+        orientation = _orientation(photo)
         if orientation not in _TRANSPOSED or not _same_proportions(drawn[::-1], upright):
             sizes = f"a mask of {drawn[0]}x{drawn[1]} px does not fit a photo of {upright[0]}x{upright[1]} px"
             raise ValueError(f"{path}: {sizes}")
@@ -115,9 +118,9 @@ def _mask_values(image: Image.Image) -> Image.Image:
         return grey.point(lambda value: 255 * (value == values[1]))
     if len(values) == 1 or values[-1] <= _GREY or values[0] > _GREY:
         raise ValueError(f"the mask has {_listed('value', values)}; it must be white on the object, black elsewhere")
-    between = sum(grey.histogram()[_DARK:-_DARK]) / (grey.width * grey.height)
-    if between > _MOST_BETWEEN:
-        raise ValueError(f"this is no mask: {between:.0%} of its pixels are neither black nor white")
+    grey_fraction = sum(grey.histogram()[_DARK:-_DARK]) / (grey.width * grey.height)
+    if grey_fraction > _MOST_GREY:
+        raise ValueError(f"this is no mask: {grey_fraction:.0%} of its pixels are neither black nor white")
     return grey
 
 
@@ -138,8 +141,8 @@ def _object_of_palette(image: Image.Image) -> Image.Image:
     colours = _palette(image)
     if len(colours) != 2:
         raise ValueError(f"the mask has {_listed('palette index', list(colours))}; it must have the object's and 0")
-    background, thing = sorted(colours, key=lambda index: (colours[index] == _WHITE, colours[index] != _BLACK, index))
-    return image.point(lambda index: 0 if index == background else 255 if index == thing else _GREY, "L")
+    background, target = sorted(colours, key=lambda index: (colours[index] == _WHITE, colours[index] != _BLACK, index))
+    return image.point(lambda index: 0 if index == background else 255 if index == target else _GREY, "L")
 
 
 def _listed(name: str, values: Sequence[int]) -> str:
@@ -150,8 +153,8 @@ def _listed(name: str, values: Sequence[int]) -> str:
         '3 palette indices (0, 7, 15)'
     """
     plural = name.replace("index", "indices") if "index" in name else f"{name}s"
-    few = ", ".join(map(str, values[:_FEW]))
-    return f"{len(values)} {plural if len(values) != 1 else name} ({few}{', …' if len(values) > _FEW else ''})"
+    listed = ", ".join(map(str, values[:_LISTED]))
+    return f"{len(values)} {plural if len(values) != 1 else name} ({listed}{', …' if len(values) > _LISTED else ''})"
 
 
 def upright_size(path: Path) -> tuple[int, int]:
@@ -175,13 +178,13 @@ def _same_proportions(first: tuple[int, int], second: tuple[int, int]) -> bool:
 def lens_focal(image: Image.Image) -> float | None:
     """Return the focal length in px from an image's EXIF, which gives it as 35 mm equivalent; None if unknown."""
     details = optional(lambda: _exif(image).get_ifd(ExifTags.IFD.Exif)) or {}
-    written = details.get(ExifTags.Base.FocalLengthIn35mmFilm)
-    if not isinstance(written, int | float) or not _LENSES[0] <= written <= _LENSES[1]:
+    millimetres = details.get(ExifTags.Base.FocalLengthIn35mmFilm)
+    if not isinstance(millimetres, int | float) or not _LENSES[0] <= millimetres <= _LENSES[1]:
         return None
     short, long = sorted(image.size)
     if all(abs(long / short / ratio - 1) > _SAME_RATIO for ratio in _SENSOR_RATIOS):
         return None  # a crop of unknown extent
-    return float(written) / _FILM_DIAGONAL * math.hypot(*image.size)
+    return float(millimetres) / _FILM_DIAGONAL * math.hypot(*image.size)
 
 
 def _exif(image: Image.Image) -> Image.Exif:
@@ -191,7 +194,8 @@ def _exif(image: Image.Image) -> Image.Exif:
 
 def _small_rgba(image: Image.Image) -> Image.Image:
     """Convert to upright 8-bit RGBA, shrinking before the conversion to save memory."""
-    profile, exif = image.info.get("icc_profile"), _exif(image)
+    profile = image.info.get("icc_profile")
+    exif = _exif(image)
     if image.mode.startswith(("I", "F")):
         image = _eight_bits(_shrunk(image, 4 * WORKING_SIDE))
     if image.mode in ("P", "1", "PA") or "transparency" in image.info:
@@ -200,20 +204,20 @@ def _small_rgba(image: Image.Image) -> Image.Image:
     factor = max(image.size) // (2 * WORKING_SIDE)
     if factor > 1 and min(image.size) >= factor:
         image = image.reduce(factor)
-    if image.mode in _NO_COLOURS_OF_SCREENS:
+    if image.mode in _OTHER_COLOUR_SPACES:
         image = _in_srgb(image, profile)
     # Pillow resizes RGBA with the colours weighted by alpha.
     image = _in_srgb(_shrunk(image.convert("RGBA"), WORKING_SIDE, Image.Resampling.LANCZOS), profile)
     image = _turned(image, exif.pop(ExifTags.Base.Orientation, 1))
-    written = optional(exif.tobytes)
-    image.info = {"exif": written} if written else {}
+    exif_bytes = optional(exif.tobytes)
+    image.info = {"exif": exif_bytes} if exif_bytes else {}
     return image
 
 
 def _turned(image: Image.Image, orientation: int) -> Image.Image:
     """Turn an image upright."""
     turn = _TURNS.get(orientation)
-    return image if turn is None else image.transpose(turn)  # Pillow counts them from 0
+    return image if turn is None else image.transpose(turn)
 
 
 def _in_srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
@@ -224,9 +228,9 @@ def _in_srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
     if not profile or b"sRGB" in profile[:1024]:
         return image
     mode = "RGBA" if image.mode == "RGBA" else "RGB"
-    given = optional(lambda: ImageCms.ImageCmsProfile(io.BytesIO(profile)))
+    source = optional(lambda: ImageCms.ImageCmsProfile(io.BytesIO(profile)))
     srgb = ImageCms.createProfile("sRGB")
-    return optional(lambda: ImageCms.profileToProfile(image, given, srgb, outputMode=mode)) or image
+    return optional(lambda: ImageCms.profileToProfile(image, source, srgb, outputMode=mode)) or image
 
 
 def _shrunk(image: Image.Image, side: int, resampling: Image.Resampling = Image.Resampling.NEAREST) -> Image.Image:

@@ -18,7 +18,7 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom as fractions
 _SIDE = 300  # px of the network's input
 _CLASSES = {"chairs": (5,), "cars": (18, 23)}  # of Open Images: chair; vehicle and car
 _MIN_SCORE = 0.16  # above it, 26 of 26 photographs have the right category
-_MIN_OTHER = 0.3  # the same for objects other than the most prominent one
+_MIN_OTHER_SCORE = 0.3  # the same for objects other than the most prominent one
 _SAME = 0.5  # intersection over union from which two boxes count as one object
 _CENTRE_SCALE, _SIZE_SCALE = 10.0, 5.0  # of the encoded boxes, from the network's training
 UNDETECTED = dict.fromkeys(_CLASSES, 0.2)
@@ -67,30 +67,30 @@ def detect(image: Image.Image) -> tuple[Detection, ...] | None:
         return None
 
 
-def detection_of(mask: Bool[np.ndarray, "height width"], found: Sequence[Detection]) -> Detection | None:
+def detection_of(mask: Bool[np.ndarray, "height width"], detections: Sequence[Detection]) -> Detection | None:
     """Return the detection whose box fits a mask best; None if none overlaps it by half."""
-    box = share_box(mask)
-    best = max(found, key=lambda one: box_overlap(one.box, box), default=None)
+    box = mask_box(mask)
+    best = max(detections, key=lambda detection: box_overlap(detection.box, box), default=None)
     return best if best and box_overlap(best.box, box) >= _SAME else None
 
 
-def share_box(mask: Bool[np.ndarray, "height width"]) -> Box:
+def mask_box(mask: Bool[np.ndarray, "height width"]) -> Box:
     """Return the bounding box of a mask."""
     height, width = mask.shape
     left, top, right, bottom = bounding_box(mask)
     return left / width, top / height, right / width, bottom / height
 
 
-def box_overlap(one: Box, other: Box) -> float:
+def box_overlap(first: Box, second: Box) -> float:
     """Return the intersection over union of two boxes.
 
     Example:
         >>> box_overlap((0.0, 0.0, 1.0, 1.0), (0.0, 0.0, 0.5, 1.0))
         0.5
     """
-    across = max(0.0, min(one[2], other[2]) - max(one[0], other[0]))
-    down = max(0.0, min(one[3], other[3]) - max(one[1], other[1]))
-    areas = ((box[2] - box[0]) * (box[3] - box[1]) for box in (one, other))
+    across = max(0.0, min(first[2], second[2]) - max(first[0], second[0]))
+    down = max(0.0, min(first[3], second[3]) - max(first[1], second[1]))
+    areas = ((box[2] - box[0]) * (box[3] - box[1]) for box in (first, second))
     return across * down / max(sum(areas) - across * down, 1e-9)
 
 
@@ -98,25 +98,25 @@ def box_overlap(one: Box, other: Box) -> float:
 def _detect(pixels: bytes) -> tuple[Detection, ...]:
     """Run the network; cached, since a photo is cut out again after every stroke."""
     values = np.frombuffer(pixels, np.uint8).reshape(1, _SIDE, _SIDE, 3)
-    found = run_network(NETWORKS / "ssd_oidv4.onnx", values.astype(np.float32) / 127.5 - 1)
-    boxes = _decode(found["raw_outputs_box_encodings"][0])
-    scores = 1 / (1 + np.exp(-found["raw_outputs_class_predictions"][0]))
-    each = np.stack([scores[:, classes].max(1) for classes in _CLASSES.values()], 1)
+    outputs = run_network(NETWORKS / "ssd_oidv4.onnx", values.astype(np.float32) / 127.5 - 1)
+    boxes = _decode(outputs["raw_outputs_box_encodings"][0])
+    class_scores = 1 / (1 + np.exp(-outputs["raw_outputs_class_predictions"][0]))
+    scores = np.stack([class_scores[:, classes].max(1) for classes in _CLASSES.values()], 1)
     kept: list[Detection] = []
-    for index in np.argsort(-each.max(1)):
-        if each[index].max() < _MIN_SCORE:
+    for index in np.argsort(-scores.max(1)):
+        if scores[index].max() < _MIN_SCORE:
             break
         left, top, right, bottom = map(float, boxes[index])
-        one = Detection((left, top, right, bottom), dict(zip(_CLASSES, each[index].tolist(), strict=True)))
-        if all(box_overlap(one.box, other.box) < _SAME for other in kept):  # non-maximum suppression
-            kept.append(one)
-    kept.sort(key=lambda one: -one.prominence)
-    return (*kept[:1], *(one for one in kept[1:] if one.score >= _MIN_OTHER))
+        detection = Detection((left, top, right, bottom), dict(zip(_CLASSES, scores[index].tolist(), strict=True)))
+        if all(box_overlap(detection.box, better.box) < _SAME for better in kept):  # non-maximum suppression
+            kept.append(detection)
+    kept.sort(key=lambda detection: -detection.prominence)
+    return (*kept[:1], *(detection for detection in kept[1:] if detection.score >= _MIN_OTHER_SCORE))
 
 
 def _decode(encoded: Float[np.ndarray, "anchors 4"]) -> Float[np.ndarray, "anchors 4"]:
     """Decode boxes (left, top, right, bottom) from offsets and sizes relative to the anchors."""
-    low, high = _anchors()[:, :2], _anchors()[:, 2:]
+    low, high = np.split(_anchors(), 2, axis=1)
     centre = (low + high) / 2 + encoded[:, :2] / _CENTRE_SCALE * (high - low)
     half = np.exp(encoded[:, 2:] / _SIZE_SCALE) * (high - low) / 2
     return np.concatenate(((centre - half)[:, ::-1], (centre + half)[:, ::-1]), 1).clip(0, 1)

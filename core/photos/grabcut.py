@@ -25,20 +25,20 @@ def grabcut(
     import cv2  # imports in 0.2 s, and many images do not need it
 
     left, top, right, bottom = window
-    part = np.ascontiguousarray((colours[top:bottom, left:right] * 255 + 0.5).astype(np.uint8))
-    scale = min(1.0, _SIDE / max(part.shape[:2]))
-    size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
-    small = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-    whole = np.ascontiguousarray(labels[top:bottom, left:right])
-    marks = cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST)
-    if not np.isin(marks, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
+    crop = np.ascontiguousarray((colours[top:bottom, left:right] * 255 + 0.5).astype(np.uint8))
+    scale = min(1.0, _SIDE / max(crop.shape[:2]))
+    size = max(1, round(crop.shape[1] * scale)), max(1, round(crop.shape[0] * scale))
+    image = cv2.resize(crop, size, interpolation=cv2.INTER_AREA)
+    cropped_labels = np.ascontiguousarray(labels[top:bottom, left:right])
+    seeds = cv2.resize(cropped_labels, size, interpolation=cv2.INTER_NEAREST)
+    if not np.isin(seeds, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
         raise ValueError("no object found: the strokes removed all of it")
-    if not np.isin(marks, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
+    if not np.isin(seeds, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
         raise NoBackgroundError("the strokes add the whole image to the object: leave some background")
     cv2.setRNGSeed(0)
-    memory = np.zeros((1, 65)), np.zeros((1, 65))
-    decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _ROUNDS, cv2.GC_INIT_WITH_MASK)
-    found = np.isin(decided, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
+    mixtures = np.zeros((1, 65)), np.zeros((1, 65))
+    result, *_ = cv2.grabCut(image, seeds, (0, 0, 1, 1), *mixtures, _ROUNDS, cv2.GC_INIT_WITH_MASK)
+    opacity = np.isin(result, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
     mask = np.zeros(colours.shape[:2], dtype=bool)
-    mask[top:bottom, left:right] = cv2.resize(found, part.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0.5
+    mask[top:bottom, left:right] = cv2.resize(opacity, crop.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0.5
     return mask

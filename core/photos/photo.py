@@ -117,23 +117,26 @@ def prepare_photo(cut: CutOut, model: Model, posed: PosedImage | None = None) ->
     height, width = cut.mask.shape
     size = model.image_size
     if posed is not None:
-        across = max(1, round(size * width / height))
-        photo = _resampled(cut, (0, 0, width, height), (across, size))
-        return replace(photo, camera=posed.camera(across, size, model.focal))
+        posed_width = max(1, round(size * width / height))
+        photo = _resampled(cut, (0, 0, width, height), (posed_width, size))
+        return replace(photo, camera=posed.camera(posed_width, size, model.focal))
     bank = view_bank(model)
     usual = apparent_size(bank, model)
     left, top, right, bottom = bounding_box(cut.mask)
-    scaled, half = True, max(right - left, bottom - top) / usual.median / 2
-    if cut.focal is None and _like_training(cut, usual):
+    half = max(right - left, bottom - top) / usual.median / 2
+    keeps_size = cut.focal is None and _like_training(cut, usual)
+    if keeps_size:
         photo = _resampled(cut, (0, 0, width, width), (size, size))
         if offset_from_expected(bank, ObjectMask(photo.mask, model.focal)) < _MAX_OFFSET:
             return photo
-        scaled, half = False, width / 2  # recentre only: the apparent size determines the distance
-    across, down = (left + right) / 2, (top + bottom) / 2
-    square = across - half, down - half, across + half, down + half
+        half = width / 2  # recentre only: the apparent size determines the distance
+    x = (left + right) / 2
+    y = (top + bottom) / 2
+    square = x - half, y - half, x + half, y + half
     photo = _resampled(cut, square, (size, size))
     focal = cut.focal and cut.focal * size / (2 * half)
-    return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
+    unseen = _unseen(cut, square, photo.mask)
+    return replace(photo, cropped=True, scaled=not keeps_size, unseen=unseen, focal=focal)
 
 
 # Cropping
@@ -162,7 +165,7 @@ def _unseen(
     if all(touched) or not any(touched):
         return None
     steps = (torch.arange(len(mask)) + 0.5) / len(mask)
-    x, y = box[0] + steps * (box[2] - box[0]), box[1] + steps * (box[3] - box[1])
+    x, y = (box[axis] + steps * (box[axis + 2] - box[axis]) for axis in (0, 1))
     columns = (x < 0) & touched[0] | (x > width) & touched[2]
     rows = (y < 0) & touched[1] | (y > height) & touched[3]
     return (rows[:, None] | columns) & ~mask
@@ -174,9 +177,10 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
     Raises ``ValueError`` if nothing of the object is left.
     """
     pixels, opacity = _resampled_pixels(cut, box, size)
-    mask, blur = opacity > 0.5, measure_blur(pixels)
+    mask = opacity > 0.5
     if not bool(mask.any()):
         raise ValueError(f"the object is too thin to be seen at {size[1]} px")
+    blur = measure_blur(pixels)
     edge_error = math.hypot(cut.edge_error * size[1] / (box[3] - box[1]), edge_softness(opacity, blur))
     fine = _fine_pixels(cut, box, size) if max(box[2] - box[0], box[3] - box[1]) > max(size) else None
     return Photo(
@@ -209,9 +213,9 @@ def _resampled_pixels(
     # Pillow crops within the image only, so it is padded first.
     pad = math.ceil(max(0, -box[0], -box[1], box[2] - width, box[3] - height))
     inner = (box[0] + pad, box[1] + pad, box[2] + pad, box[3] + pad)
-    whole = np.concatenate((1 - cut.pixels, cut.opacity[..., None]), -1)
-    whole = np.pad(whole, ((pad, pad), (pad, pad), (0, 0)))
-    smooth = Image.Resampling.HAMMING if (box[3] - box[1]) >= size[1] else Image.Resampling.BICUBIC
-    channels = [Image.fromarray(whole[..., i]).resize(size, smooth, box=inner) for i in range(4)]
+    image = np.concatenate((1 - cut.pixels, cut.opacity[..., None]), -1)
+    image = np.pad(image, ((pad, pad), (pad, pad), (0, 0)))
+    resampling = Image.Resampling.HAMMING if (box[3] - box[1]) >= size[1] else Image.Resampling.BICUBIC
+    channels = [Image.fromarray(image[..., i]).resize(size, resampling, box=inner) for i in range(4)]
     values = torch.from_numpy(np.stack([np.asarray(channel) for channel in channels], -1)).clamp(0, 1)
     return 1 - values[..., :3], values[..., 3]

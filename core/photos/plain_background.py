@@ -37,22 +37,21 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
     their colour is the background's (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
-    found = _background_colour(lab)
-    if found is None or found[1] >= _EVEN or found[2] <= _EVEN_BORDER:
+    fitted = _background_colour(lab)
+    if fitted is None or fitted[1] >= _EVEN or fitted[2] <= _EVEN_BORDER:
         return None
-    model, noise, _ = found
+    model, noise, _ = fitted
     distance = np.linalg.norm(lab - model, axis=-1)
-    alike = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
-    outside = ~binary_fill_holes(~(alike | _shaded(lab, model)))
+    similar = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
+    outside = ~binary_fill_holes(~(similar | _shaded(lab, model)))
     gaps = (distance < np.clip(2 * noise, 1.0, 3.0)) & ~outside
     pieces, count = label(gaps)
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
     areas[0] = 0
     outside |= (areas > 4e-4 * outside.size)[pieces]
-    lightness, chroma = model[..., 0].min(), np.abs(model[..., 1:]).max()
     if not (outside.all() or _is_compact(~outside)):
         return None
-    return PlainBackground(outside, bool(lightness > 96 and chroma < 3))
+    return PlainBackground(outside, white=bool(model[..., 0].min() > 96 and np.abs(model[..., 1:]).max() < 3))
 
 
 def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
@@ -76,18 +75,18 @@ def _background_colour(
     ring = np.ones((height, width), dtype=bool)
     thick = max(1, round(0.015 * min(height, width)))
     ring[thick:-thick, thick:-thick] = False
-    colours, places = lab[ring], terms[ring]
-    centre = np.median(colours, axis=0)
-    kept = np.linalg.norm(colours - centre, axis=1) < 3 * _BACKGROUND_DISTANCE
+    colours = lab[ring]
+    border = terms[ring]
+    inliers = np.linalg.norm(colours - np.median(colours, axis=0), axis=1) < 3 * _BACKGROUND_DISTANCE
     for count in (1, 3, 6, 6):
-        if kept.sum() < 2 * count:
+        if inliers.sum() < 2 * count:
             return None
-        factors = np.linalg.lstsq(places[kept, :count], colours[kept], rcond=None)[0]
-        away = np.linalg.norm(colours - places[:, :count] @ factors, axis=1)
-        kept = away < (2 if count == 1 else 1) * _BACKGROUND_DISTANCE
-    if kept.mean() < 0.6:
+        factors = np.linalg.lstsq(border[inliers, :count], colours[inliers], rcond=None)[0]
+        residuals = np.linalg.norm(colours - border[:, :count] @ factors, axis=1)
+        inliers = residuals < (2 if count == 1 else 1) * _BACKGROUND_DISTANCE
+    if inliers.mean() < 0.6:
         return None
-    return terms @ factors, float(np.quantile(away[kept], 0.9)), float(kept.mean())
+    return terms @ factors, float(np.quantile(residuals[inliers], 0.9)), float(inliers.mean())
 
 
 def _shaded(
@@ -98,6 +97,6 @@ def _shaded(
     if longer < 200:  # too small for soft shadows: a render
         return np.zeros(lab.shape[:2], dtype=bool)
     slope = np.linalg.norm([gaussian_gradient_magnitude(lab[..., axis], 1.0) for axis in range(3)], axis=0)
-    apart, chroma = lab - model, np.linalg.norm(model[..., 1:], axis=-1)
-    same_hue = np.linalg.norm(apart[..., 1:], axis=-1) < 5 + 0.5 * chroma
-    return (np.abs(apart[..., 0]) < _SHADOW_LIGHTNESS) & same_hue & (slope < _EDGE_SLOPE / longer)
+    difference = lab - model
+    same_hue = np.linalg.norm(difference[..., 1:], axis=-1) < 5 + 0.5 * np.linalg.norm(model[..., 1:], axis=-1)
+    return (np.abs(difference[..., 0]) < _SHADOW_LIGHTNESS) & same_hue & (slope < _EDGE_SLOPE / longer)

@@ -15,8 +15,8 @@ from core.geometry.camera import camera_rotation
 from core.geometry.pixels import bounding_box
 from core.models.view_bank import SIDE, ViewBank, unpack_bits
 
-_SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
-"""of a difference in size (logarithm) and position (object sizes), relative to the overlap"""
+_SIZE_WEIGHT = 0.3  # of a difference in size (logarithm), relative to the overlap
+_POSITION_WEIGHT = 1.0  # of a difference in position (object sizes), relative to the overlap
 _VIEWPOINT_RANK_WEIGHT = 0.06  # of the logarithm of a direction's probability, relative to the overlap
 _NEIGHBOURS = 20  # best matching views that predict an object's position
 _MATCHED = 1344  # views at a time, since the bank's numbers are expanded for the computation
@@ -67,24 +67,25 @@ def rank_cameras(
     if not cropped:
         size = sizes[:, None, None]
         offset = (bank.offsets - middles[:, None, None]).norm(dim=-1)
-        scores = scores - _SIZE_WEIGHT * (bank.sizes / size).log().abs() - _PLACE_WEIGHT * offset / size
-    best, which = scores.flatten(0, 1).max(0)
+        scores = scores - _SIZE_WEIGHT * (bank.sizes / size).log().abs() - _POSITION_WEIGHT * offset / size
+    view_scores, matches = scores.flatten(0, 1).max(0)
     if viewpoint is not None:
-        best = best + _VIEWPOINT_RANK_WEIGHT * viewpoint.log()
-    chosen = _spaced_out(best, count)
-    template, prototype = which[chosen] // len(bank.sizes), which[chosen] % len(bank.sizes)
-    scale = sizes[template] / bank.sizes[prototype, chosen]
+        view_scores = view_scores + _VIEWPOINT_RANK_WEIGHT * viewpoint.log()
+    views = _spaced_out(view_scores, count)
+    template = matches[views] // len(bank.sizes)
+    prototype = matches[views] % len(bank.sizes)
+    scale = sizes[template] / bank.sizes[prototype, views]
     distance = (bank.distance / scale).clamp(0.5 * bank.distance, 2 * bank.distance)
-    shift = middles[template] - bank.offsets[prototype, chosen] * scale[:, None]
-    return CandidateCameras(bank.azimuth[chosen], bank.elevation[chosen], distance, shift, prototype)
+    shift = middles[template] - bank.offsets[prototype, views] * scale[:, None]
+    return CandidateCameras(bank.azimuth[views], bank.elevation[views], distance, shift, prototype)
 
 
 def shape_similarity(
     bank: ViewBank, image: ObjectMask, azimuth: float, elevation: float
 ) -> Float[Tensor, "prototypes"]:
     """Score each prototype against an image of known camera (rad), in the nearest view of the view bank."""
-    given = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
-    nearest = (camera_rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
+    rotation = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
+    nearest = (camera_rotation(bank.azimuth, bank.elevation) * rotation).sum((-2, -1)).argmax()
     return _match(bank.silhouettes[:, nearest], _templates(image)).amax(0)
 
 
@@ -110,7 +111,7 @@ class _Template(NamedTuple):
     """An image on the view bank's grid, assuming that the whole object fills a box in it."""
 
     mask: Float[Tensor, "side side"]
-    seen: Float[Tensor, "side side"]  # 0 on unknown pixels
+    visible: Float[Tensor, "side side"]  # 0 on unknown pixels
     size: float  # longer side of the box, in focal lengths
     middle: Float[Tensor, "2"]  # of the box relative to the image's middle, (x, y) in focal lengths
 
@@ -121,10 +122,11 @@ def _templates(image: ObjectMask) -> list[_Template]:
     left, top, right, bottom = bounding_box(image.mask)
     edges = unseen[:, 0].all(), unseen[0].all(), unseen[:, -1].all(), unseen[-1].all()
     sides = [_TRUNCATION if edge else _TRUNCATION[:1] for edge in edges]
-    across, down = right - left, bottom - top
+    width = right - left
+    height = bottom - top
     boxes = [
-        (left - one * across, top - two * down, right + three * across, bottom + four * down)
-        for one, two, three, four in product(*sides)
+        (left - hidden[0] * width, top - hidden[1] * height, right + hidden[2] * width, bottom + hidden[3] * height)
+        for hidden in product(*sides)
     ]
     return [_template(image, box) for box in boxes]
 
@@ -139,12 +141,12 @@ def _template(image: ObjectMask, box: tuple[float, ...]) -> _Template:
     y = ((top + bottom) / 2 + steps * reach) / height * 2 - 1
     x = ((left + right) / 2 + steps * reach) / width * 2 - 1
     grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)[None]
-    known = torch.ones_like(image.mask) if image.unseen is None else ~image.unseen
-    cover = functional.grid_sample(image.mask[None, None].float(), grid, "bilinear", "zeros", False)
-    seen = functional.grid_sample(known[None, None].float(), grid, "nearest", "border", False)
-    cover, seen = (functional.avg_pool2d(part, 3)[0, 0] for part in (cover, seen))
+    in_view = torch.ones_like(image.mask) if image.unseen is None else ~image.unseen
+    mask = functional.grid_sample(image.mask[None, None].float(), grid, "bilinear", "zeros", False)
+    visible = functional.grid_sample(in_view[None, None].float(), grid, "nearest", "border", False)
+    mask, visible = (functional.avg_pool2d(samples, 3)[0, 0] for samples in (mask, visible))
     middle = torch.tensor([left + right - width, top + bottom - height]) / (2 * image.focal)
-    return _Template(cover, seen, size / image.focal, middle)
+    return _Template(mask, visible, size / image.focal, middle)
 
 
 def _match(
@@ -152,25 +154,24 @@ def _match(
 ) -> Float[Tensor, "templates *views"]:
     """Return the overlap of masks (intersection over union) on known pixels."""
     mask = torch.stack([template.mask.flatten() for template in templates], 1)
-    seen = torch.stack([template.seen.flatten() for template in templates], 1)
+    visible = torch.stack([template.visible.flatten() for template in templates], 1)
     scores = []
     for packed in silhouettes.flatten(0, -2).split(_MATCHED):
         views = unpack_bits(packed)
-        shared = views @ mask
-        scores.append(shared / (views @ seen + mask.sum(0) - shared))
+        intersection = views @ mask
+        scores.append(intersection / (views @ visible + mask.sum(0) - intersection))
     return torch.cat(scores).T.reshape(len(templates), *silhouettes.shape[:-1])
 
 
 def _spaced_out(scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:
     """Return views by score, none beside one taken before, each followed by its opposite (azimuth + 180)."""
-    remaining, taken = scores.clone(), list[int]()
-    half = AZIMUTHS // 2
+    remaining = scores.clone()
+    taken = list[int]()
     while len(taken) < count and bool(torch.isfinite(remaining).any()):
-        view = int(remaining.argmax())
-        row, column = divmod(view, AZIMUTHS)
-        for azimuth in (column, (column + half) % AZIMUTHS):
+        row, column = divmod(int(remaining.argmax()), AZIMUTHS)
+        for azimuth in (column, (column + AZIMUTHS // 2) % AZIMUTHS):
             if torch.isfinite(remaining[row * AZIMUTHS + azimuth]):
                 taken.append(row * AZIMUTHS + azimuth)
-            beside = [row * AZIMUTHS + (azimuth + step) % AZIMUTHS for step in (-1, 0, 1)]
-            remaining[beside] = -math.inf
+            neighbours = [row * AZIMUTHS + (azimuth + step) % AZIMUTHS for step in (-1, 0, 1)]
+            remaining[neighbours] = -math.inf
     return torch.tensor(taken[:count])

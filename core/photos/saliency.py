@@ -11,7 +11,8 @@ from PIL import Image
 from core.runtime.networks import NETWORKS, run_network
 
 _SIDE = 320  # px of the network's input
-_MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of the colours it was trained on
+_MEAN = (0.485, 0.456, 0.406)  # of the colours it was trained on
+_STD = (0.229, 0.224, 0.225)
 
 
 def predict_saliency(image: Image.Image) -> Float[np.ndarray, "height width"] | None:

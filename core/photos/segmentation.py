@@ -10,10 +10,10 @@ from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label
 
 from core.geometry.pixels import bounding_box
-from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
+from core.photos.candidates import Candidate, box_candidate, mask_overlap, rank_candidates, salient_box, salient_box_at
 from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import NOTE, lens_focal, on_white
-from core.photos.detector import UNDETECTED, Box, Detection, box_overlap, detect, detection_of, share_box
+from core.photos.detector import UNDETECTED, Box, Detection, box_overlap, detect, detection_of, mask_box
 from core.photos.grabcut import grabcut
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
 
@@ -46,7 +46,7 @@ class CutOut:
     edge_error: float = 0.0  # px, uncertainty of the edges
     found_by: str = ""
     confidence: float = 1.0  # probability that the mask is the whole object and little else
-    others: tuple["CutOut", ...] = ()  # alternative masks, the likeliest first
+    alternatives: tuple["CutOut", ...] = ()  # other masks, the likeliest first
     focal: float | None = None  # px, if the image tells
     note: str = ""  # how an ambiguous file was read, and why its mask is rather a mistake
     detections: tuple[Detection, ...] = ()  # chairs and cars, the most prominent first
@@ -79,7 +79,8 @@ class Hints:
     object: int = 0  # index among the detected objects, the most prominent first
 
     def __post_init__(self) -> None:
-        if min(self.choice, self.object) < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
+        inside = all(0 <= fraction <= 1 for point in self.points for fraction in point)
+        if min(self.choice, self.object) < 0 or not inside:
             raise ValueError("there is no such mask or object, or a point is outside the image")
         if self.box is not None:
             left, top, right, bottom = self.box
@@ -101,52 +102,54 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     """
     if min(image.size) < MIN_SIDE:
         raise ValueError(f"an image of {image.width}x{image.height} px is too small; each side needs {MIN_SIDE} px")
-    hints, rgb = hints or Hints(), on_white(image)
-    found = detect(rgb)
-    if hints.object >= max(1, len(found or ())):
-        raise ValueError(f"there is no object {hints.object + 1}: only {len(found or ())} chairs and cars were found")
-    cut = _cut_out(rgb, np.asarray(image.getchannel("A"), np.float32) / 255, hints, found or ())
+    hints = hints or Hints()
+    rgb = on_white(image)
+    detected = detect(rgb)
+    detections = detected or ()
+    if hints.object >= max(1, len(detections)):
+        raise ValueError(f"there is no object {hints.object + 1}: only {len(detections)} chairs and cars were found")
+    cut = _cut_out(rgb, np.asarray(image.getchannel("A"), np.float32) / 255, hints, detections)
     if hints.strokes:
         cut = _stroked(cut, rgb, hints.strokes)
     note = "; ".join(filter(None, (image.info.get(NOTE), cut.note)))
-    cut = replace(cut, focal=lens_focal(image), note=note, detections=found or ())
-    return _described(cut, rgb, found)
+    cut = replace(cut, focal=lens_focal(image), note=note, detections=detections)
+    return _with_category(cut, rgb, detected)
 
 
-def _described(cut: CutOut, rgb: Image.Image, found: tuple[Detection, ...] | None) -> CutOut:
-    """Add the results of the detector and of the network for chairs."""
-    seen = detection_of(cut.mask, found or ())
-    if seen is None:
+def _with_category(cut: CutOut, rgb: Image.Image, detected: tuple[Detection, ...] | None) -> CutOut:
+    """Add the detected category and a chair's 3D box."""
+    detection = detection_of(cut.mask, detected or ())
+    if detection is None:
         # The detector may not recognise the category of renders, drawings and toys on white.
-        return replace(cut, categories={} if cut.white or found is None else UNDETECTED)
+        return replace(cut, categories={} if cut.white or detected is None else UNDETECTED)
     # The viewpoint classifier, trained on renders, is better for renders and cut-outs on white.
-    boxed = seen.category == "chairs" and not cut.white
-    corners = chair_corners(rgb, seen.box) if boxed else None
-    return replace(cut, categories=seen.probabilities, corners=corners)
+    boxed = detection.category == "chairs" and not cut.white
+    corners = chair_corners(rgb, detection.box) if boxed else None
+    return replace(cut, categories=detection.probabilities, corners=corners)
 
 
 def _cut_out(
-    rgb: Image.Image, alpha: Float[np.ndarray, "height width"], hints: Hints, found: tuple[Detection, ...]
+    rgb: Image.Image, alpha: Float[np.ndarray, "height width"], hints: Hints, detections: tuple[Detection, ...]
 ) -> CutOut:
     """Cut out without strokes."""
-    if boxes := _pointed_out(rgb, hints, found):
+    if boxes := _hinted_boxes(rgb, hints, detections):
         return _in_boxes(rgb, boxes, hints)
     colours = np.asarray(rgb, np.float32) / 255
     if _is_cut_out(alpha < 0.5):
-        doubt = _describe_mask(alpha > _THRESHOLD)
-        sure = _ODD_MASK if doubt else 1.0
-        cut = _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True, confidence=sure))
+        doubt = _doubt_about(alpha > _THRESHOLD)
+        confidence = _ODD_MASK if doubt else 1.0
+        cut = _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True, confidence=confidence))
         return replace(cut, note=doubt)
-    plain = _plain_background(colours, found)
+    plain = _plain_background(colours, detections)
     if plain is None:
-        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints)
+        return _in_boxes(rgb, [detections[0].box if detections else salient_box(rgb)], hints)
     if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
     opacity = (~plain.mask).astype(np.float32)
     return _on_white(colours, Candidate("plain background", opacity, white=plain.white, certain=True))
 
 
-def _describe_mask(mask: Bool[np.ndarray, "height width"]) -> str:
+def _doubt_about(mask: Bool[np.ndarray, "height width"]) -> str:
     """Return why a given mask is rather a mistake, or ""."""
     edges = mask[0], mask[-1], mask[:, 0], mask[:, -1]
     if sum(edge.mean() > _WHOLE_EDGE for edge in edges) >= 3:
@@ -163,13 +166,13 @@ def _is_cut_out(clear: Bool[np.ndarray, "height width"]) -> bool:
 
 
 def _plain_background(
-    colours: Float[np.ndarray, "height width 3"], found: tuple[Detection, ...]
+    colours: Float[np.ndarray, "height width 3"], detections: tuple[Detection, ...]
 ) -> PlainBackground | None:
     """Find a plain background, also within a frame; None if it is only the frame of a photo."""
     plain = find_background(colours)
     if plain is None or plain.mask.all():
         return plain
-    if found and not plain.white and box_overlap(share_box(~plain.mask), found[0].box) < _SAME_BOX:
+    if detections and not plain.white and box_overlap(mask_box(~plain.mask), detections[0].box) < _SAME_BOX:
         return None
     left, top, right, bottom = bounding_box(~plain.mask)
     height, width = plain.mask.shape
@@ -187,54 +190,58 @@ def _plain_background(
 
 
 def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
-    """Return the chosen mask of the objects in some boxes together, with alternatives."""
-    cuts, colours = list[CutOut](), np.asarray(rgb, np.float32) / 255
-    for ranked in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
-        opacity, sure = np.max([one.opacity for one in ranked], axis=0), min(one.confidence for one in ranked)
-        whole = replace(ranked[0], opacity=opacity, certain=hints.box is not None, confidence=sure)
+    """Return the chosen mask of the objects in boxes together, with alternatives."""
+    cuts = list[CutOut]()
+    colours = np.asarray(rgb, np.float32) / 255
+    for candidates in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
+        opacity = np.max([candidate.opacity for candidate in candidates], axis=0)
+        confidence = min(candidate.confidence for candidate in candidates)
+        merged = replace(candidates[0], opacity=opacity, certain=hints.box is not None, confidence=confidence)
         with suppress(ValueError):  # the whole image, or almost nothing
-            cut = _on_white(colours, whole)
-            if all(mask_overlap(cut.mask, other.mask) < _SAME for other in cuts):
+            cut = _on_white(colours, merged)
+            if all(mask_overlap(cut.mask, better.mask) < _SAME for better in cuts):
                 cuts.append(cut)
     if not cuts:
-        cuts = [_on_white(colours, by_place(rgb, boxes))]
+        cuts = [_on_white(colours, box_candidate(rgb, boxes))]
     chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
-    return replace(chosen, others=tuple(cuts))
+    return replace(chosen, alternatives=tuple(cuts))
 
 
-def _pointed_out(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> list[Box]:
+def _hinted_boxes(rgb: Image.Image, hints: Hints, detections: tuple[Detection, ...]) -> list[Box]:
     """Return the boxes that a person points out, by a box, by points or by an object's number."""
     if hints.box is not None:
         return [hints.box]
     if hints.points:
-        return [_box_at(rgb, point, found) for point in hints.points]
-    return [found[hints.object].box] if hints.object else []
+        return [_box_at(rgb, point, detections) for point in hints.points]
+    return [detections[hints.object].box] if hints.object else []
 
 
-def _box_at(rgb: Image.Image, point: tuple[float, float], found: tuple[Detection, ...]) -> Box:
+def _box_at(rgb: Image.Image, point: tuple[float, float], detections: tuple[Detection, ...]) -> Box:
     """Return the smallest detected box at a point, else the box of the salient object there."""
     x, y = point
-    there = [one.box for one in found if one.box[0] <= x <= one.box[2] and one.box[1] <= y <= one.box[3]]
-    return min(there, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None) or box_at(rgb, point)
+    boxes = (detection.box for detection in detections)
+    hit = [box for box in boxes if box[0] <= x <= box[2] and box[1] <= y <= box[3]]
+    smallest = min(hit, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None)
+    return smallest or salient_box_at(rgb, point)
 
 
-def _on_white(pixels: Float[np.ndarray, "height width 3"], found: Candidate) -> CutOut:
+def _on_white(pixels: Float[np.ndarray, "height width 3"], candidate: Candidate) -> CutOut:
     """Put an object on white. ``ValueError`` if too small, :class:`NoBackgroundError` if it is the whole image."""
-    opacity, white = found.opacity, found.white
-    mask = _without_specks(opacity > _THRESHOLD, far=found.certain)
+    white = candidate.white
+    mask = _without_specks(candidate.opacity > _THRESHOLD, far=candidate.certain)
     if mask.sum() < _MIN_OBJECT_PIXELS:
         hint = "a larger image, or a box closer around the object, may help"
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
     if mask.mean() > 0.97:
         raise NoBackgroundError("no background found: draw a box around the object, or make the background transparent")
     # On white, half-covered pixels around the object are right; on a colour they are left out.
-    near = binary_dilation(mask, iterations=2)
-    shown = near if white else mask
+    dilated = binary_dilation(mask, iterations=2)
+    coloured = dilated if white else mask
     if not white and min(mask.shape) >= 200:
-        shown = binary_erosion(mask, iterations=1, border_value=1)
-    pixels = np.where(shown[..., None], pixels, np.float32(1))
-    opacity = np.where(near, opacity, 0).astype(np.float32)
-    return CutOut(pixels, mask, white, opacity, found.edge_error, found.found_by, found.confidence)
+        coloured = binary_erosion(mask, iterations=1, border_value=1)
+    pixels = np.where(coloured[..., None], pixels, np.float32(1))
+    opacity = np.where(dilated, candidate.opacity, 0).astype(np.float32)
+    return CutOut(pixels, mask, white, opacity, candidate.edge_error, candidate.found_by, candidate.confidence)
 
 
 # Strokes
@@ -254,10 +261,10 @@ def _corrected(
     """Return GrabCut's labels: certain below strokes, probable near them, unchanged elsewhere."""
     import cv2
 
-    wide = tuple(stroke._replace(radius=_REACH * stroke.radius, adds=True) for stroke in strokes)
-    doubtful = _apply_strokes(np.zeros_like(mask), wide, True, False).astype(bool)
-    sure = np.where(mask, cv2.GC_FGD, cv2.GC_BGD)
-    labels = np.where(doubtful, np.where(mask, cv2.GC_PR_FGD, cv2.GC_PR_BGD), sure).astype(np.uint8)
+    widened = tuple(stroke._replace(radius=_REACH * stroke.radius, adds=True) for stroke in strokes)
+    doubtful = _apply_strokes(np.zeros_like(mask), widened, True, False).astype(bool)
+    certain = np.where(mask, cv2.GC_FGD, cv2.GC_BGD)
+    labels = np.where(doubtful, np.where(mask, cv2.GC_PR_FGD, cv2.GC_PR_BGD), certain).astype(np.uint8)
     return _apply_strokes(labels, strokes, cv2.GC_FGD, cv2.GC_BGD)
 
 

@@ -66,11 +66,13 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
     for _ in model.find_occupied_cells():
         yield 0.0
     azimuth, elevation = directions()
-    rows, mean = _prototypes(model), model.codes.mean
+    rows = _prototypes(model)
+    mean = model.codes.mean
     # Preallocated: small results between large temporaries would keep the memory of these from being returned.
     shape = len(rows), len(azimuth)
     silhouettes = torch.empty(*shape, SIDE * SIDE // 8, dtype=torch.uint8)
-    sizes, offsets = (torch.empty(*shape, *more, dtype=torch.half) for more in ((), (2,)))  # the precision of files
+    sizes = torch.empty(shape, dtype=torch.half)  # the precision of files
+    offsets = torch.empty(*shape, 2, dtype=torch.half)
 
     def fill(number: int) -> bool:
         row = rows[number]
@@ -120,8 +122,9 @@ def _splat(
     x, y, z = (camera_rotation(azimuth, elevation) @ points.T).unbind(1)  # (views, points) each
     depth = (distance - z).clamp_min(1e-3)
     projected = torch.stack((x, -y), 1) / depth[:, None]
-    low, high = projected.amin(2), projected.amax(2)
-    size, middle = (high - low).amax(-1), (high + low) / 2
+    low, high = projected.aminmax(dim=2)
+    size = (high - low).amax(-1)
+    middle = (high + low) / 2
     scaled = (projected - middle[..., None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2
     column, row = scaled.long().clamp_(0, SIDE - 1).unbind(1)
     masks = torch.zeros(len(azimuth), SIDE * SIDE, dtype=torch.bool).scatter_(1, row * SIDE + column, True)

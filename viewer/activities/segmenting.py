@@ -134,7 +134,7 @@ class Segmenting:
 def _segment(image: Image.Image, hints: Hints) -> Segmentation:
     found, shown = cut_out(image, hints), pixels_on_white(image, _SHOWN)
     small = pixels_on_white(image, _SMALL)
-    others = tuple(_dimmed(small, other.mask) for other in found.others)
+    others = tuple(_dimmed(small, other.mask) for other in found.alternatives)
     return Segmentation(hints, found, _dimmed(shown, found.mask), others)
 
 

@@ -20,7 +20,7 @@ from core.geometry.camera import Camera, camera_rotation
 from core.lab.benchmarks.csv_files import read_results
 from core.models.library import load_model
 from core.photos.decode import read_rgba
-from core.photos.detector import Box, box_overlap, share_box
+from core.photos.detector import Box, box_overlap, mask_box
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import CutOut, cut_out
 
@@ -124,7 +124,7 @@ def _judged(overlap: float) -> str:
 
 def _overlap(box: Box, cut: CutOut) -> float:
     """Return the intersection over union of a box and the mask's box."""
-    return box_overlap(box, share_box(cut.mask))
+    return box_overlap(box, mask_box(cut.mask))
 
 
 def _right_side(seen: Judgement, camera: Camera) -> bool | None:

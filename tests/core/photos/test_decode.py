@@ -20,21 +20,22 @@ def inside(mask: Image.Image) -> np.ndarray:
 
 @pytest.mark.parametrize("size", [(300, 200), (150, 100), (301, 200)])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_a_mask_is_taken_upright_or_as_its_photo_lies(orientation: int, size: tuple[int, int], tmp_path: Path) -> None:
+def test_a_mask_is_upright_or_turned_as_its_photo_is(orientation: int, size: tuple[int, int], tmp_path: Path) -> None:
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = orientation
     drawing().save(tmp_path / "photo.png", exif=exif)
     photo = read_rgba(tmp_path / "photo.png")
-    expected, transposed = inside(mask_of(photo.convert("RGB"))), orientation >= 5
+    expected = inside(mask_of(photo.convert("RGB")))
+    transposed = orientation >= 5
     mask_of(photo.convert("RGB")).resize(size[::-1] if transposed else size).save(tmp_path / "upright.png")
-    found = read_mask(tmp_path / "upright.png", tmp_path / "photo.png", photo.size)
-    assert (inside(found) == expected).mean() > 0.99
-    assert not found.info[NOTE]
+    mask = read_mask(tmp_path / "upright.png", tmp_path / "photo.png", photo.size)
+    assert (inside(mask) == expected).mean() > 0.99
+    assert not mask.info[NOTE]
     if transposed:
         mask_of(drawing()).resize(size).save(tmp_path / "lying.png")
-        found = read_mask(tmp_path / "lying.png", tmp_path / "photo.png", photo.size)
-        assert (inside(found) == expected).mean() > 0.99
-        assert found.info[NOTE].startswith("lying.png is turned as photo.png is")
+        mask = read_mask(tmp_path / "lying.png", tmp_path / "photo.png", photo.size)
+        assert (inside(mask) == expected).mean() > 0.99
+        assert mask.info[NOTE].startswith("lying.png is turned as photo.png is")
 
 
 @pytest.mark.parametrize("size", [(200, 200), (200, 300), (300, 206)])
@@ -82,8 +83,8 @@ MASKS = {
 def test_two_values_of_any_kind_are_a_mask(name: str, tmp_path: Path) -> None:
     drawing().save(tmp_path / "photo.png")
     MASKS[name].save(tmp_path / "mask.png")
-    found = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
-    np.testing.assert_array_equal(np.asarray(found), np.where(INSIDE, 255, 0))
+    mask = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+    np.testing.assert_array_equal(np.asarray(mask), np.where(INSIDE, 255, 0))
 
 
 def test_pixels_of_unknown_class_are_half_in_the_mask(tmp_path: Path) -> None:
@@ -93,16 +94,16 @@ def test_pixels_of_unknown_class_are_half_in_the_mask(tmp_path: Path) -> None:
     image = Image.fromarray(indices)
     image.putpalette(VOC)
     image.save(tmp_path / "mask.png")
-    found = np.asarray(read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200)))
-    assert (found[:, 100:104] == 127).all()
-    np.testing.assert_array_equal(np.delete(found, slice(100, 104), 1) > 127, np.delete(INSIDE, slice(100, 104), 1))
+    mask = np.asarray(read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200)))
+    assert (mask[:, 100:104] == 127).all()
+    np.testing.assert_array_equal(np.delete(mask, slice(100, 104), 1) > 127, np.delete(INSIDE, slice(100, 104), 1))
 
 
 @pytest.mark.parametrize(
-    ("palette", "said"),
+    ("palette", "values"),
     [(VOC, r"3 palette indices \(0, 1, 2\)"), (None, r"3 values \(0, 1, 2\)"), ([7] * 9, r"3 values \(0, 1, 2\)")],
 )
-def test_a_mask_of_several_objects_lists_them(palette: list[int] | None, said: str, tmp_path: Path) -> None:
+def test_a_mask_of_several_objects_lists_them(palette: list[int] | None, values: str, tmp_path: Path) -> None:
     drawing().save(tmp_path / "photo.png")
     indices = INSIDE.astype(np.uint8)
     indices[:20] = 2
@@ -110,7 +111,7 @@ def test_a_mask_of_several_objects_lists_them(palette: list[int] | None, said: s
     if palette:
         image.putpalette(palette if palette == VOC else [0, 0, 0, 1, 1, 1, 2, 2, 2])
     image.save(tmp_path / "mask.png")
-    with pytest.raises(ValueError, match=rf"mask\.png: the mask has {said}; it must"):
+    with pytest.raises(ValueError, match=rf"mask\.png: the mask has {values}; it must"):
         read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
 
 
@@ -121,38 +122,38 @@ def test_a_photograph_is_no_mask_and_soft_edges_are_one(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"mask\.png: this is no mask: 7\d% of its pixels are neither black nor white"):
         read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
     mask_of(drawing()).filter(ImageFilter.GaussianBlur(6)).save(tmp_path / "mask.png")
-    found = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
-    assert (inside(found) == INSIDE).mean() > 0.98
+    mask = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
+    assert (inside(mask) == INSIDE).mean() > 0.98
 
 
 @pytest.mark.parametrize("name", ["mask_zero_one", "mask_voc_palette"])
-def test_masks_that_once_failed_are_read(name: str, shared: Path) -> None:
+def test_masks_of_zero_and_one_and_of_pascal_voc_are_read(name: str, shared: Path) -> None:
     folder = shared / "failing/5"
-    found = read_mask(folder / f"{name}.png", folder / "mask_photo.png", (640, 480))
-    assert inside(found).sum() == 15346
+    mask = read_mask(folder / f"{name}.png", folder / "mask_photo.png", (640, 480))
+    assert inside(mask).sum() == 15346
 
 
 @pytest.mark.parametrize("sizes", [((32, 24), (300, 200)), ((300, 200), (32, 24)), ((30, 20), (300, 200), (60, 40))])
-def test_of_the_pages_of_a_tif_the_largest_is_meant(sizes: tuple[tuple[int, int], ...], tmp_path: Path) -> None:
-    first, *others = (drawing(size) for size in sizes)
-    first.save(tmp_path / "a.tif", save_all=True, append_images=others)
-    found = read_rgba(tmp_path / "a.tif")
-    assert found.size == upright_size(tmp_path / "a.tif") == (300, 200)
-    assert found.info[NOTE] == f"image {sizes.index((300, 200)) + 1} of the {len(sizes)} in this file is used"
-    np.testing.assert_array_equal(np.asarray(found.convert("RGB")), np.asarray(drawing()))
+def test_the_largest_page_of_a_tif_is_read(sizes: tuple[tuple[int, int], ...], tmp_path: Path) -> None:
+    first, *further = (drawing(size) for size in sizes)
+    first.save(tmp_path / "a.tif", save_all=True, append_images=further)
+    image = read_rgba(tmp_path / "a.tif")
+    assert image.size == upright_size(tmp_path / "a.tif") == (300, 200)
+    assert image.info[NOTE] == f"image {sizes.index((300, 200)) + 1} of the {len(sizes)} in this file is used"
+    np.testing.assert_array_equal(np.asarray(image.convert("RGB")), np.asarray(drawing()))
 
 
 @pytest.mark.parametrize("kind", ["gif", "webp", "png"])
-def test_of_an_animation_the_first_frame_is_read(kind: str, tmp_path: Path) -> None:
+def test_the_first_frame_of_an_animation_is_read(kind: str, tmp_path: Path) -> None:
     white = Image.new("RGB", (300, 200), "white")
     drawing().save(tmp_path / f"a.{kind}", save_all=True, append_images=[white], duration=100, lossless=True)
-    found = read_rgba(tmp_path / f"a.{kind}")
-    assert inside(mask_of(found.convert("RGB"))).mean() == pytest.approx(inside(mask_of(drawing())).mean(), abs=0.01)
-    assert cut_out(found).note == found.info[NOTE] == "image 1 of the 2 in this file is used"
+    image = read_rgba(tmp_path / f"a.{kind}")
+    assert inside(mask_of(image.convert("RGB"))).mean() == pytest.approx(inside(mask_of(drawing())).mean(), abs=0.01)
+    assert cut_out(image).note == image.info[NOTE] == "image 1 of the 2 in this file is used"
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-def test_grey_of_any_depth_in_a_file_of_16_bits_is_as_bright(bits: int, tmp_path: Path) -> None:
+def test_grey_of_any_depth_in_16_bits_has_the_same_brightness(bits: int, tmp_path: Path) -> None:
     expected = np.asarray(drawing().convert("L"))
     Image.fromarray(np.round(expected / 255 * (2**bits - 1)).astype(np.uint16)).save(tmp_path / "a.png")
     np.testing.assert_allclose(np.asarray(read_rgba(tmp_path / "a.png").convert("L")), expected, atol=1)

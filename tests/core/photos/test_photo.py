@@ -23,7 +23,8 @@ def drawing(size: tuple[int, int] = (300, 200), background: tuple[int, ...] = (2
     """A dark thing with a white spot inside, off the middle."""
     image = Image.new("RGB", size, background)
     pen = ImageDraw.Draw(image)
-    across, down = size[0] / 300, size[1] / 200
+    across = size[0] / 300
+    down = size[1] / 200
     pen.rectangle((40 * across, 60 * down, 140 * across, 160 * down), fill=(30, 40, 90))
     pen.ellipse((80 * across, 90 * down, 90 * across, 100 * down), fill=(250, 250, 250))
     return image
@@ -36,29 +37,30 @@ def saved(image: Image.Image, path: Path, **options: object) -> Path:
 
 def write_png(path: Path, header: bytes, pixels: bytes, *more: tuple[bytes, bytes]) -> None:
     """A PNG of which every chunk is given."""
-    parts = [(b"IHDR", header), *more, (b"IDAT", pixels), (b"IEND", b"")]
-    chunks = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts]
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+    chunks = [(b"IHDR", header), *more, (b"IDAT", pixels), (b"IEND", b"")]
+    encoded = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks]
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(encoded))
 
 
 def photo_from(pixels: np.ndarray, model: Model) -> Photo:
     return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model)
 
 
-def check_found(photo: Photo, model: Model) -> None:
+def check_drawing(photo: Photo, model: Model) -> None:
     """The drawing, in the middle and in the usual size, on white."""
     assert photo.pixels.shape == (SIDE, SIDE, 3)
     assert photo.cropped
     assert photo.camera is None
-    rows, columns = photo.mask.any(1).nonzero()[:, 0], photo.mask.any(0).nonzero()[:, 0]
+    rows = photo.mask.any(1).nonzero()[:, 0]
+    columns = photo.mask.any(0).nonzero()[:, 0]
     side = apparent_size(tiny_bank(), model).median * SIDE
     assert len(rows) == pytest.approx(side, abs=1.5)
     assert len(columns) == pytest.approx(side, abs=1.5)
     assert float(rows.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)
     assert float(columns.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)
     assert bool((photo.pixels[:5] == 1).all())
-    seen = photo.pixels[photo.mask].median(0).values
-    torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
+    colour = photo.pixels[photo.mask].median(0).values
+    torch.testing.assert_close(colour, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
 
 
 # Kinds of file
@@ -68,20 +70,20 @@ def check_found(photo: Photo, model: Model) -> None:
     "name, mode",
     [("a.png", "RGB"), ("a.png", "P"), ("a.jpg", "RGB"), ("a.jpg", "CMYK"), ("a.webp", "RGB"), ("a.tif", "RGB")],
 )
-def test_any_usual_file_is_cut_out_and_framed(tmp_path: Path, tiny: Model, name: str, mode: str):
-    check_found(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny), tiny)
+def test_common_formats_are_cut_out_and_centred(tmp_path: Path, tiny: Model, name: str, mode: str):
+    check_drawing(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny), tiny)
 
 
 @pytest.mark.parametrize("times, orientation", [(1, 1), (1, 6), (10, 6)])
-def test_a_focal_length_that_a_camera_wrote_is_kept(tmp_path: Path, tiny: Model, times: int, orientation: int):
+def test_the_focal_length_of_exif_is_kept(tmp_path: Path, tiny: Model, times: int, orientation: int):
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = orientation
     exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 52
     image = drawing((300 * times, 200 * times))
     photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny)
-    shown = 100 / (apparent_size(tiny_bank(), tiny).median * SIDE)  # px of the drawing in one of the crop
+    scale = 100 / (apparent_size(tiny_bank(), tiny).median * SIDE)  # px of the drawing in one of the crop
     assert photo.scaled
-    assert photo.focal == pytest.approx(52 / math.hypot(36, 24) * math.hypot(300, 200) / shown, rel=0.05)
+    assert photo.focal == pytest.approx(52 / math.hypot(36, 24) * math.hypot(300, 200) / scale, rel=0.05)
     written = load_photo(saved(image, tmp_path / "b.jpg"), tiny)
     assert written.focal is None
 
@@ -109,9 +111,9 @@ def test_images_are_turned_upright_as_pillow_turns_them(tmp_path: Path, orientat
         np.testing.assert_array_equal(np.asarray(read_rgba(path))[..., :3], np.asarray(ImageOps.exif_transpose(lying)))
 
 
-def test_palettes_may_be_transparent_and_images_huge(tmp_path: Path, tiny: Model):
+def test_transparent_palettes_and_huge_images_are_read(tmp_path: Path, tiny: Model):
     image = drawing(background=(0, 200, 60)).convert("P", palette=Image.Palette.ADAPTIVE)
-    check_found(load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny), tiny)
+    check_drawing(load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny), tiny)
     image = Image.new("L", (20_000, 1500), 255)
     image.paste(40, (9000, 300, 10_000, 1300))
     photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny)
@@ -133,7 +135,9 @@ def display_p3() -> bytes:
         b"gXYZ": xyz(0.29198, 0.69225, 0.04189),
         b"bXYZ": xyz(0.1571, 0.06657, 0.78407),
     } | dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), b"curv\x00\x00\x00\x00\x00\x00\x00\x01\x023\x00\x00")
-    place, table, body = 132 + 12 * len(tags), struct.pack(">I", len(tags)), b""
+    place = 132 + 12 * len(tags)
+    table = struct.pack(">I", len(tags))
+    body = b""
     for name, content in tags.items():
         content += bytes(-len(content) % 4)
         table += name + struct.pack(">II", place + len(body), len(content))
@@ -148,19 +152,20 @@ def test_colours_of_another_space_become_srgb(tmp_path: Path):
     profile = display_p3()
     for name, mode in (("a.png", "RGBA"), ("a.jpg", "RGB"), ("a.webp", "RGB")):
         image = Image.new(mode, (64, 64), (234, 51, 35, 255)[: len(mode)])
-        found = np.asarray(read_rgba(saved(image, tmp_path / name, icc_profile=profile, quality=100)))
-        np.testing.assert_allclose(found[32, 32], (255, 0, 0, 255), atol=12)
+        pixels = np.asarray(read_rgba(saved(image, tmp_path / name, icc_profile=profile, quality=100)))
+        np.testing.assert_allclose(pixels[32, 32], (255, 0, 0, 255), atol=12)
         broken = saved(image, tmp_path / name, icc_profile=profile[:300], quality=100)
         np.testing.assert_allclose(np.asarray(read_rgba(broken))[32, 32], (234, 51, 35, 255), atol=6)
 
 
-def test_a_large_or_broken_description_is_no_reason_to_refuse(tmp_path: Path, tiny: Model):
+def test_large_or_broken_metadata_is_ignored(tmp_path: Path, tiny: Model):
     pixels = zlib.compress(b"".join(b"\0" + row.tobytes() for row in np.asarray(drawing())))
-    header, large = struct.pack(">IIBBBBB", 300, 200, 8, 2, 0, 0, 0), zlib.compress(bytes(3_000_000))
+    header = struct.pack(">IIBBBBB", 300, 200, 8, 2, 0, 0, 0)
+    large = zlib.compress(bytes(3_000_000))
     for chunk in ((b"iCCP", b"a\0\0" + large), (b"iTXt", b"a\0\1\0\0\0" + large), (b"zTXt", b"a\0\0" + large)):
         write_png(tmp_path / "a.png", header, pixels, chunk)
-        check_found(load_photo(tmp_path / "a.png", tiny), tiny)
-    check_found(load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny), tiny)
+        check_drawing(load_photo(tmp_path / "a.png", tiny), tiny)
+    check_drawing(load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny), tiny)
 
 
 @pytest.mark.parametrize("kind", ["EPS", "DDS", "ICO", "PDF"])
@@ -179,7 +184,7 @@ def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
     return photo_from(np.asarray(drawing().crop(box)), tiny)
 
 
-def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
+def test_pixels_beyond_a_truncating_edge_are_unseen(tiny: Model):
     photo = cut_off((60, 0, 300, 200), tiny)
     first = int(photo.mask.any(0).nonzero()[0, 0])
     assert bool(photo.unseen[:, : first - 1].all())
@@ -190,7 +195,7 @@ def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
 
 
 @pytest.mark.parametrize("box", [(0, 0, 300, 200), (40, 60, 141, 161)])
-def test_all_is_known_around_a_whole_object_and_a_trimmed_one(tiny: Model, box: tuple[int, int, int, int]):
+def test_a_complete_or_trimmed_object_has_no_unseen_pixels(tiny: Model, box: tuple[int, int, int, int]):
     cutout = drawing().convert("RGBA")
     cutout.putalpha(Image.fromarray((np.asarray(drawing()).min(-1) < 255).astype(np.uint8) * 255))
     assert photo_from(np.asarray(cutout.crop(box)), tiny).unseen is None
@@ -200,18 +205,18 @@ def test_all_is_known_around_a_whole_object_and_a_trimmed_one(tiny: Model, box: 
 
 
 @pytest.mark.parametrize("background", [(255, 255, 255), (240, 240, 240), (0, 200, 60), (255, 120, 130), (0, 0, 0)])
-def test_a_plain_background_of_any_colour_is_taken_off(tiny: Model, background: tuple[int, ...]):
+def test_a_plain_background_of_any_colour_is_removed(tiny: Model, background: tuple[int, ...]):
     photo = photo_from(np.asarray(drawing(background=background)), tiny)
-    check_found(photo, tiny)
+    check_drawing(photo, tiny)
 
 
-def test_noise_shadow_and_specks_are_background_as_alpha_says(tiny: Model):
+def test_noise_and_uneven_light_are_background(tiny: Model):
     image = np.asarray(drawing(background=(180, 170, 160))).astype(float)
     light = np.linspace(0.85, 1.15, 300)[None, :, None]
     noise = np.random.default_rng(0).normal(0, 2, image.shape)
     plain = (image == [180, 170, 160]).all(-1, keepdims=True)
     lit = np.clip(np.where(plain, image * light, image) + noise, 0, 255).astype(np.uint8)
-    check_found(photo_from(lit, tiny), tiny)
+    check_drawing(photo_from(lit, tiny), tiny)
 
 
 def test_a_soft_shadow_is_background(tiny: Model):
@@ -219,10 +224,10 @@ def test_a_soft_shadow_is_background(tiny: Model):
     shade = 1 - 0.25 * np.exp(-(((x - 150) / 60.0) ** 2 + ((y - 165) / 25.0) ** 2))
     image = np.asarray(drawing()).astype(float)
     white = (image == 255).all(-1, keepdims=True)
-    check_found(photo_from(np.where(white, image * shade[..., None], image).astype(np.uint8), tiny), tiny)
+    check_drawing(photo_from(np.where(white, image * shade[..., None], image).astype(np.uint8), tiny), tiny)
 
 
-def test_a_white_part_inside_stays_with_the_object(tiny: Model):
+def test_enclosed_white_belongs_to_the_object_and_gaps_to_the_background(tiny: Model):
     photo = photo_from(np.asarray(drawing((900, 600))), tiny)
     bright = (photo.pixels > 0.8).all(-1)
     assert bool((bright & photo.mask).any())
@@ -233,17 +238,17 @@ def test_a_white_part_inside_stays_with_the_object(tiny: Model):
     assert bool((photo.pixels[SIDE // 2, SIDE // 2] == 1).all())
 
 
-def test_alpha_is_taken_at_its_word(tiny: Model):
+def test_an_alpha_channel_is_the_mask(tiny: Model):
     image = drawing(background=(200, 10, 10)).convert("RGBA")
     values = np.asarray(image).copy()
     values[(values[..., :3] == [200, 10, 10]).all(-1), 3] = 0
-    check_found(photo_from(values, tiny), tiny)
+    check_drawing(photo_from(values, tiny), tiny)
 
 
-def test_specks_are_left_out(tiny: Model):
+def test_specks_are_dropped(tiny: Model):
     image = drawing()
     ImageDraw.Draw(image).rectangle((280, 10, 283, 13), fill=(90, 90, 90))
-    check_found(photo_from(np.asarray(image), tiny), tiny)
+    check_drawing(photo_from(np.asarray(image), tiny), tiny)
 
 
 # Crop
@@ -251,16 +256,16 @@ def test_specks_are_left_out(tiny: Model):
 
 @pytest.mark.parametrize("azimuth, elevation", [(0.4, 0.3), (2.0, 1.2), (4.0, 0.0)])
 def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float, elevation: float):
-    seen = render_exact(tiny, tiny.codes[1], tiny.camera(azimuth, elevation), 48)
-    pixels = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+    frame = render_exact(tiny, tiny.codes[1], tiny.camera(azimuth, elevation), 48)
+    pixels = (frame.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
     photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny)
     assert not photo.cropped
-    inside = seen.opacity > 0.5
+    inside = frame.opacity > 0.5
     assert bool((photo.pixels[inside] == torch.from_numpy(pixels)[inside] / 255).all())
     assert bool(photo.mask[inside].all())
 
 
-def test_what_is_too_thin_for_the_models_size(tiny: Model):
+def test_an_object_too_thin_for_the_model_is_refused(tiny: Model):
     pixels = np.full((1024, 1024, 3), 255, np.uint8)
     pixels[300:720, 300:720] = 0
     pixels[302:718, 302:718] = 255
@@ -269,15 +274,15 @@ def test_what_is_too_thin_for_the_models_size(tiny: Model):
 
 
 @pytest.mark.parametrize("across, down", [(6, 0), (0, -6), (-4, 5)])
-def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Model, across: int, down: int):
-    seen = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
-    pixels = (seen.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
+def test_a_moved_object_is_recentred_at_its_size(tiny: Model, across: int, down: int):
+    frame = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
+    pixels = (frame.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
     photo = photo_from(np.roll(pixels, (down, across), (0, 1)), tiny)
     assert photo.cropped
     kept = photo_from(pixels, tiny)
     assert not kept.cropped
     for axis in (0, 1):
-        moved, before = (one.mask.any(axis).nonzero()[:, 0] for one in (photo, kept))
+        moved, before = (framed.mask.any(axis).nonzero()[:, 0] for framed in (photo, kept))
         assert abs(int(moved[0] + moved[-1]) + 1 - photo.mask.shape[axis]) <= 1
         assert abs(len(moved) - len(before)) <= 1
 
@@ -305,7 +310,7 @@ def refused(path: Path, model: Model, pose: Path | None = None) -> str:
     return text
 
 
-def test_what_is_no_image(tmp_path: Path, tiny: Model):
+def test_files_that_are_no_images_are_refused(tmp_path: Path, tiny: Model):
     text = tmp_path / "text.png"
     text.write_text("not an image")
     assert "not an image" in refused(text, tiny)
@@ -313,13 +318,13 @@ def test_what_is_no_image(tmp_path: Path, tiny: Model):
     assert "is a folder" in refused(tmp_path, tiny)
     (tmp_path / "empty.png").write_bytes(b"")
     assert "not an image" in refused(tmp_path / "empty.png", tiny)
-    whole = saved(drawing(), tmp_path / "whole.png").read_bytes()
-    (tmp_path / "half.png").write_bytes(whole[: len(whole) // 2])
+    content = saved(drawing(), tmp_path / "whole.png").read_bytes()
+    (tmp_path / "half.png").write_bytes(content[: len(content) // 2])
     assert "not an image that can be read" in refused(tmp_path / "half.png", tiny)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 300), (300, 3)])
-def test_what_is_too_small(tmp_path: Path, tiny: Model, size: tuple[int, int]):
+def test_images_that_are_too_small_are_refused(tmp_path: Path, tiny: Model, size: tuple[int, int]):
     assert "too small" in refused(saved(Image.new("RGB", size), tmp_path / "a.png"), tiny)
 
 
@@ -332,7 +337,7 @@ def test_clear_and_narrow_images_are_refused_and_noise_is_not(tmp_path: Path, ti
 
 
 @pytest.mark.parametrize(("side", "bits", "kind"), [(19_900, 16, 0), (13_000, 8, 2), (30_000, 1, 0)])
-def test_what_takes_a_gigabyte_is_refused_by_its_header(tmp_path: Path, tiny: Model, side: int, bits: int, kind: int):
+def test_an_image_of_a_gigabyte_is_refused_by_its_header(tmp_path: Path, tiny: Model, side: int, bits: int, kind: int):
     """An image of black rows, which compress to nearly nothing."""
     packer = zlib.compressobj(1)
     row = bytes(1 + side * bits * (3 if kind else 1) // 8)
@@ -342,11 +347,11 @@ def test_what_takes_a_gigabyte_is_refused_by_its_header(tmp_path: Path, tiny: Mo
 
 
 @pytest.mark.parametrize("colour", ["white", "black", (10, 200, 30)])
-def test_nothing_but_background(tmp_path: Path, tiny: Model, colour: str | tuple[int, ...]):
+def test_an_image_of_one_colour_is_refused(tmp_path: Path, tiny: Model, colour: str | tuple[int, ...]):
     assert "no object found" in refused(saved(Image.new("RGB", (90, 90), colour), tmp_path / "a.png"), tiny)
 
 
-def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
+def test_a_photo_with_inconsistent_fields_is_refused(tiny: Model):
     with pytest.raises((ValueError, TypeError)):
         Photo(torch.ones(8, 8, 3), torch.ones(8, 9, dtype=torch.bool))
     with pytest.raises(ValueError, match="finite"):
@@ -357,7 +362,7 @@ def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
         Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, unseen=torch.ones(8, 8) > 0)
 
 
-def test_the_shared_photographs(shared: Path, tiny: Model):
+def test_real_photographs_are_cropped(shared: Path, tiny: Model):
     for name in ("chair_comfort.jpg", "chair_wood.jpg", "chair_watermelon.png"):
         photo = load_photo(shared / "photos" / name, tiny)
         assert photo.cropped
@@ -365,7 +370,7 @@ def test_the_shared_photographs(shared: Path, tiny: Model):
     assert load_photo(shared / "photos" / "toyota.jpg", tiny).cropped
 
 
-def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_box_helps_on_a_busy_background(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("core.photos.candidates.predict_saliency", lambda _: None)
     noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
     noise[60:160, 40:140] = (30, 40, 90)
@@ -373,17 +378,18 @@ def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, m
     with pytest.raises(NoBackgroundError, match=r"a\.png"):
         load_photo(path, tiny, hints=Hints((0.0, 0.0, 1.0, 1.0)))
     photo = load_photo(path, tiny, hints=Hints((0.1, 0.25, 0.5, 0.85)))
-    seen = photo.pixels[photo.mask].median(0).values
-    torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
+    colour = photo.pixels[photo.mask].median(0).values
+    torch.testing.assert_close(colour, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
 
 
 @pytest.mark.parametrize("suffix", [".heic", ".avif"])
-def test_images_of_phones_are_read_whatever_they_are_called(tmp_path: Path, suffix: str):
-    image, path = Image.new("RGB", (64, 48), (200, 30, 30)), tmp_path / "a.jpg"
+def test_heic_and_avif_are_recognised_by_content(tmp_path: Path, suffix: str):
+    image = Image.new("RGB", (64, 48), (200, 30, 30))
+    path = tmp_path / "a.jpg"
     if suffix == ".heic":
         from_pillow(image).save(path, format="HEIF")
     else:
         image.save(path, "AVIF")
-    found = np.asarray(read_rgba(path))
-    assert found.shape == (48, 64, 4)
-    np.testing.assert_allclose(found[24, 32], (200, 30, 30, 255), atol=6)
+    pixels = np.asarray(read_rgba(path))
+    assert pixels.shape == (48, 64, 4)
+    np.testing.assert_allclose(pixels[24, 32], (200, 30, 30, 255), atol=6)

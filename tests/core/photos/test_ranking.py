@@ -14,15 +14,15 @@ VIEWS = [(0.3, 0.3), (1.4, 0.7), (2.5, 0.1), (3.7, 0.9), (4.6, 0.4), (5.6, 1.3)]
 SMALL = 16
 
 
-def image_of(seen: Rendered, focal: float) -> ObjectMask:
-    return ObjectMask(seen.opacity > 0.5, focal)
+def image_of(frame: Rendered, focal: float) -> ObjectMask:
+    return ObjectMask(frame.opacity > 0.5, focal)
 
 
 @pytest.mark.parametrize("azimuth, elevation", VIEWS)
-def test_a_true_camera_is_among_the_first_few(tiny: Model, azimuth: float, elevation: float):
+def test_the_true_camera_is_among_the_best_candidates(tiny: Model, azimuth: float, elevation: float):
     camera = tiny.camera(azimuth, elevation)
-    seen = render_exact(tiny, tiny.codes[1], camera, 48)  # wide, so that front and side differ in outline
-    candidates = rank_cameras(tiny_bank(), image_of(seen, camera.focal), 8)
+    frame = render_exact(tiny, tiny.codes[1], camera, 48)  # wide, so that front and side differ in outline
+    candidates = rank_cameras(tiny_bank(), image_of(frame, camera.focal), 8)
     errors = [
         rotation_error(tiny.camera(float(a), float(e)), camera)
         for a, e in zip(candidates.azimuth, candidates.elevation, strict=True)
@@ -31,33 +31,33 @@ def test_a_true_camera_is_among_the_first_few(tiny: Model, azimuth: float, eleva
 
 
 def test_every_candidate_comes_with_its_opposite_view(tiny: Model):
-    seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.5, 0.4), 32)
-    candidates = rank_cameras(tiny_bank(), image_of(seen, tiny.focal), 8)
+    frame = render_exact(tiny, tiny.codes[0], tiny.camera(0.5, 0.4), 32)
+    candidates = rank_cameras(tiny_bank(), image_of(frame, tiny.focal), 8)
     pairs = candidates.azimuth.reshape(4, 2)
     assert torch.allclose((pairs[:, 0] - pairs[:, 1]).cos(), torch.tensor(-1.0), atol=1e-5)
     assert torch.equal(candidates.elevation[::2], candidates.elevation[1::2])
     assert len({(round(float(a), 4), round(float(e), 4)) for a, e in zip(*candidates[:2], strict=True)}) == 8
 
 
-def test_a_prototype_looks_like_itself(tiny: Model):
+def test_a_prototype_is_most_similar_to_itself(tiny: Model):
     bank = tiny_bank()
     for index in range(len(bank.prototypes)):
         for azimuth, elevation in ((0.8, 0.2), (2.0, 1.35)):
             codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
-            seen = render_exact(tiny, codes, tiny.camera(azimuth, elevation), 32)
-            scores = shape_similarity(bank, image_of(seen, tiny.focal), azimuth, elevation)
+            frame = render_exact(tiny, codes, tiny.camera(azimuth, elevation), 32)
+            scores = shape_similarity(bank, image_of(frame, tiny.focal), azimuth, elevation)
             assert float(scores[index]) > float(scores.max()) - 0.05
 
 
 @pytest.mark.parametrize("factor", [0.75, 1.0, 1.4])
 def test_the_distance_follows_from_the_apparent_size(tiny: Model, factor: float):
     camera = tiny.camera(1.0, 0.5, factor * tiny.distance)
-    seen = render_exact(tiny, tiny.codes[0], camera, 48)
-    candidates = rank_cameras(tiny_bank(), image_of(seen, camera.focal), 4)
+    frame = render_exact(tiny, tiny.codes[0], camera, 48)
+    candidates = rank_cameras(tiny_bank(), image_of(frame, camera.focal), 4)
     assert float(candidates.distance[0]) == pytest.approx(camera.distance, rel=0.3)
 
 
-def test_how_large_an_object_is_compared_with_others_from_there(tiny: Model):
+def test_expected_scales_compare_sizes_from_every_direction(tiny: Model):
     bank = tiny_bank()
     usual, larger = (
         expected_scales(bank, image_of(render_exact(tiny, tiny.codes[2], tiny.camera(1.0, 0.5), 48), focal))
@@ -68,22 +68,23 @@ def test_how_large_an_object_is_compared_with_others_from_there(tiny: Model):
 
 
 @pytest.mark.parametrize(("side", "azimuth"), [(0, 2.2), (1, -1.2)])
-def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int, azimuth: float):
+def test_knowing_the_truncating_edge_improves_the_position(tiny: Model, side: int, azimuth: float):
     bank = tiny_bank()
-    seen = render_exact(tiny, replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[1]), tiny.camera(azimuth, 0.5), 48)
-    mask = seen.opacity > 0.5
+    codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[1])
+    frame = render_exact(tiny, codes, tiny.camera(azimuth, 0.5), 48)
+    mask = frame.opacity > 0.5
     first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
     unseen = torch.zeros_like(mask)
     unseen.movedim(side, 0)[: first + (last - first) // 3] = True
-    rest = mask & ~unseen
-    whole = rank_cameras(bank, image_of(seen, tiny.focal), 1, cropped=True)
-    images = (ObjectMask(rest, tiny.focal, edge) for edge in (None, unseen))
-    kept, guessed = (rank_cameras(bank, image, 1, cropped=True) for image in images)
-    lost, left = (float((candidates.shift - whole.shift).norm()) for candidates in (kept, guessed))
-    assert left < 0.6 * lost
+    visible = mask & ~unseen
+    complete = rank_cameras(bank, image_of(frame, tiny.focal), 1, cropped=True)
+    images = (ObjectMask(visible, tiny.focal, edge) for edge in (None, unseen))
+    shifts = (rank_cameras(bank, image, 1, cropped=True).shift for image in images)
+    error_without_edge, error_with_edge = (float((shift - complete.shift).norm()) for shift in shifts)
+    assert error_with_edge < 0.6 * error_without_edge
 
 
-def test_one_pixel_has_starts_that_a_probable_direction_ranks(tiny: Model):
+def test_a_mask_of_one_pixel_has_cameras_ranked_by_the_viewpoint(tiny: Model):
     mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
     mask[5, 7] = True
     candidates = rank_cameras(tiny_bank(), ObjectMask(mask, 30.0), 6)

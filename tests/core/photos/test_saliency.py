@@ -13,7 +13,7 @@ from core.photos.saliency import predict_saliency
 from core.runtime.networks import NETWORKS
 
 
-def test_without_its_file_everything_else_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog):
+def test_a_missing_or_damaged_network_gives_a_warning_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog):
     monkeypatch.setattr(saliency, "NETWORKS", tmp_path)
     assert predict_saliency(Image.new("RGB", (31, 17), "red")) is None
     (warning,) = caplog.messages
@@ -30,16 +30,16 @@ def test_the_map_is_the_stretched_output_for_standardised_colours():
     values = np.asarray(image) / np.asarray(image).max()
     colours = ((values - (0.485, 0.456, 0.406)) / (0.229, 0.224, 0.225)).transpose(2, 0, 1)[None]
     session = onnxruntime.InferenceSession(str(NETWORKS / "u2netp.onnx"), providers=["CPUExecutionProvider"])
-    (found, *_) = session.run(None, {session.get_inputs()[0].name: colours.astype(np.float32)})
-    expected = (found[0, 0] - found.min()) / np.ptp(found[0, 0])
+    (output, *_) = session.run(None, {session.get_inputs()[0].name: colours.astype(np.float32)})
+    expected = (output[0, 0] - output.min()) / np.ptp(output[0, 0])
     np.testing.assert_allclose(predict_saliency(image), expected, atol=1 / 255 + 1e-3)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (40, 7)])
 def test_opacity_has_the_size_of_the_image_and_lies_between_0_and_1(size):
-    found = predict_saliency(Image.effect_noise(size, 60).convert("RGB"))
-    assert found.shape == size[::-1]
-    assert 0 <= found.min() <= found.max() <= 1
+    opacity = predict_saliency(Image.effect_noise(size, 60).convert("RGB"))
+    assert opacity.shape == size[::-1]
+    assert 0 <= opacity.min() <= opacity.max() <= 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the memory of this process")

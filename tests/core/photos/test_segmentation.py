@@ -53,7 +53,7 @@ def test_a_box_and_strokes_find_the_object_on_busy_background():
     assert overlap(cut_out(Image.fromarray(values), Hints(BOX)), disc()) > 0.95
 
 
-def test_without_a_network_the_middle_is_taken_and_strokes_change_nothing_far_away(monkeypatch: pytest.MonkeyPatch):
+def test_without_a_network_the_middle_is_cut_out_and_strokes_act_locally(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(candidates, "predict_saliency", lambda _: None)
     cut = cut_out(busy())
     assert cut.mask[120, 120]
@@ -68,7 +68,7 @@ def test_without_a_network_the_middle_is_taken_and_strokes_change_nothing_far_aw
     np.testing.assert_array_equal(before[:140, :140], after[:140, :140])
 
 
-def test_strokes_alone_correct_what_is_found_by_itself():
+def test_strokes_correct_an_automatic_mask():
     image = Image.new("RGBA", (240, 240), "white")
     pen = ImageDraw.Draw(image)
     pen.rectangle((40, 40, 100, 200), fill=(20, 40, 230))
@@ -81,14 +81,14 @@ def test_strokes_alone_correct_what_is_found_by_itself():
 
 
 @pytest.mark.parametrize("size", [32, 60, 900])
-def test_images_of_any_size(size: int, monkeypatch: pytest.MonkeyPatch):
+def test_images_of_any_size_are_cut_out(size: int, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(candidates, "predict_saliency", lambda _: None)
     cut = cut_out(busy(size), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),)))
     assert cut.mask.shape == (size, size)
     assert overlap(cut, disc(size)) > 0.8
 
 
-def test_hints_of_no_use_are_refused():
+def test_unusable_hints_are_refused():
     with pytest.raises(ValueError, match="empty or outside"):
         Hints((0.5, 0.2, 0.5, 0.8))
     with pytest.raises(ValueError, match="empty or outside"):
@@ -102,12 +102,12 @@ def test_hints_of_no_use_are_refused():
 def network(monkeypatch: pytest.MonkeyPatch) -> Callable[[np.ndarray], None]:
     """Makes the saliency network see an object in a given place."""
 
-    def sees(mask: np.ndarray) -> None:
+    def predict(mask: np.ndarray) -> None:
         opacity = mask.astype(np.float32)
         monkeypatch.setattr(candidates, "predict_saliency", lambda _: opacity)
-        monkeypatch.setattr(candidates, "by_network", lambda *_: candidates.Candidate("network", opacity))
+        monkeypatch.setattr(candidates, "network_candidate", lambda *_: candidates.Candidate("network", opacity))
 
-    return sees
+    return predict
 
 
 def test_the_network_decides_on_busy_backgrounds_skies_frames_and_corners(network: Callable[[np.ndarray], None]):
@@ -124,7 +124,8 @@ def test_the_network_decides_on_busy_backgrounds_skies_frames_and_corners(networ
     image.paste(busy(), (30, 30))
     assert overlap(cut_out(image), np.pad(disc(), 30)) > 0.9
     network(disc())
-    image, corners = busy(), Image.new("L", (240, 240), 0)
+    image = busy()
+    corners = Image.new("L", (240, 240), 0)
     ImageDraw.Draw(corners).rounded_rectangle((0, 0, 239, 239), 20, fill=255)
     image.putalpha(corners)
     assert overlap(cut_out(image), disc()) > 0.9
@@ -133,39 +134,40 @@ def test_the_network_decides_on_busy_backgrounds_skies_frames_and_corners(networ
 def two_discs() -> tuple[Image.Image, np.ndarray, np.ndarray]:
     """Two blue discs before noise, and their masks."""
     y, x = np.mgrid[0:240, 0:240] / 240
-    one, other = np.hypot(x - 0.3, y - 0.5) < 0.15, np.hypot(x - 0.7, y - 0.5) < 0.15
+    left = np.hypot(x - 0.3, y - 0.5) < 0.15
+    right = np.hypot(x - 0.7, y - 0.5) < 0.15
     values = np.random.default_rng(0).integers(90, 160, (240, 240, 3)).astype(np.uint8)
-    values[one | other] = (20, 40, 230)
-    return Image.fromarray(values).convert("RGBA"), one, other
+    values[left | right] = (20, 40, 230)
+    return Image.fromarray(values).convert("RGBA"), left, right
 
 
-def test_what_is_not_sure_says_so_and_offers_another(network: Callable[[np.ndarray], None]):
+def test_an_uncertain_mask_has_an_alternative(network: Callable[[np.ndarray], None]):
     """Two objects, of which the network sees one: GrabCut's mask, which has both, is one click away."""
-    image, one, other = two_discs()
-    network(one)
+    image, left, right = two_discs()
+    network(left)
     cut = cut_out(image, Hints((0.1, 0.3, 0.9, 0.7)))
-    (second,) = cut.others
+    (second,) = cut.alternatives
     assert second.confidence <= cut.confidence < 0.9
-    found = sorted((cut, second), key=lambda each: each.mask.sum())
-    assert overlap(found[0], one) > 0.9
-    assert overlap(found[1], one | other) > 0.9
+    by_area = sorted((cut, second), key=lambda candidate: candidate.mask.sum())
+    assert overlap(by_area[0], left) > 0.9
+    assert overlap(by_area[1], left | right) > 0.9
     chosen = cut_out(image, Hints((0.1, 0.3, 0.9, 0.7), choice=1))
     np.testing.assert_array_equal(chosen.mask, second.mask)
 
 
-def test_a_point_says_which_of_two_objects(monkeypatch: pytest.MonkeyPatch):
+def test_points_choose_among_two_objects(monkeypatch: pytest.MonkeyPatch):
     def blue(image: Image.Image) -> np.ndarray:
         return (np.asarray(image.convert("RGB"))[..., 2] > 200).astype(np.float32)
 
     monkeypatch.setattr(candidates, "predict_saliency", blue)
-    image, one, other = two_discs()
-    for points, truth in (((0.3, 0.5),), one), (((0.7, 0.5),), other), (((0.3, 0.5), (0.7, 0.5)), one | other):
+    image, left, right = two_discs()
+    for points, truth in (((0.3, 0.5),), left), (((0.7, 0.5),), right), (((0.3, 0.5), (0.7, 0.5)), left | right):
         assert overlap(cut_out(image, Hints(points=points)), truth) > 0.8
     with pytest.raises(ValueError, match="outside"):
         Hints(points=((1.2, 0.5),))
 
 
-def test_specks_far_from_the_object_go_and_legs_stay(network: Callable[[np.ndarray], None]):
+def test_distant_specks_are_dropped_and_legs_are_kept(network: Callable[[np.ndarray], None]):
     mask = np.zeros((240, 240), bool)
     mask[60:120, 80:160] = mask[124:180, 84:90] = mask[20:40, 210:235] = True
     values = np.asarray(busy()).copy()
@@ -176,7 +178,7 @@ def test_specks_far_from_the_object_go_and_legs_stay(network: Callable[[np.ndarr
     assert not cut.mask[20:40, 210:235].any()
 
 
-def test_a_plain_background_beyond_doubt_runs_no_network(monkeypatch: pytest.MonkeyPatch):
+def test_a_plain_background_needs_no_saliency_network(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(candidates, "predict_saliency", lambda image: pytest.fail("the network was run"))
     image = np.where(disc()[..., None], (20, 40, 230), (200, 220, 200)).astype(np.uint8)
     assert overlap(cut_out(Image.fromarray(image).convert("RGBA")), disc()) > 0.98
@@ -217,7 +219,8 @@ def framed(colour: str, border: tuple[int, int, int, int], jpeg: bool = True) ->
 @pytest.mark.parametrize("jpeg", [False, True])
 def test_a_photo_in_a_frame_is_found_within_it(colour: str, jpeg: bool):
     cut = cut_out(framed(colour, (20, 30, 40, 10), jpeg).convert("RGBA"))
-    rows, columns = np.flatnonzero(cut.mask.any(1)), np.flatnonzero(cut.mask.any(0))
+    rows = np.flatnonzero(cut.mask.any(1))
+    columns = np.flatnonzero(cut.mask.any(0))
     np.testing.assert_allclose(columns[[0, -1]], (20 + 60, 20 + 130), atol=6)
     np.testing.assert_allclose(rows[[0, -1]], (30 + 48, 30 + 128), atol=6)
     assert not cut.white
@@ -238,14 +241,14 @@ def test_a_block_of_one_colour_is_an_object_and_may_fill_its_image():
 
 
 @pytest.mark.parametrize("name", ["police.jpg", "toyota.jpg", "street_suv_a.png", "chair_watermelon.png"])
-def test_photos_are_cut_out_by_themselves(shared: Path, name: str):
+def test_real_photographs_are_cut_out_without_hints(shared: Path, name: str):
     mask = cut_out(read_rgba(shared / "photos" / name)).mask
     assert 0.1 < mask.mean() < 0.65
     assert mask[[0, -1]].mean() < 0.05
 
 
 @pytest.mark.parametrize(
-    ("place", "inverted", "said"),
+    ("place", "inverted", "note"),
     [
         ((40, 30, 160, 110), False, ""),
         ((40, 30, 160, 110), True, "three edges"),
@@ -254,11 +257,11 @@ def test_photos_are_cut_out_by_themselves(shared: Path, name: str):
         ((0, 20, 200, 140), False, ""),  # a sofa that was trimmed
     ],
 )
-def test_an_inverted_mask_or_one_of_nearly_everything_is_doubtful(place, inverted, said) -> None:
+def test_an_inverted_mask_or_one_of_nearly_everything_is_doubtful(place, inverted, note) -> None:
     mask = Image.new("L", (200, 140), 255 * inverted)
     mask.paste(255 * (not inverted), place)
     image = Image.new("RGBA", mask.size, "brown")
     image.putalpha(mask)
     cut = cut_out(image)
-    assert (said in cut.note) if said else not cut.note
-    assert (cut.confidence < DOUBTFUL_MASK) == bool(said)
+    assert (note in cut.note) if note else not cut.note
+    assert (cut.confidence < DOUBTFUL_MASK) == bool(note)

@@ -18,32 +18,34 @@ from tests.core.tiny import photo_of, tiny_bank
 
 def test_apparent_sizes_in_training_images(tiny: Model):
     usual = apparent_size(tiny_bank(), tiny)
-    seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
-    size = max(int(seen.any(0).sum()), int(seen.any(1).sum())) / tiny.image_size
+    silhouette = render_exact(tiny, tiny.codes[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
+    size = max(int(silhouette.any(0).sum()), int(silhouette.any(1).sum())) / tiny.image_size
     assert usual.min < size < usual.max
 
 
-def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
-    bank, view, index = tiny_bank(), 2 * 24 + 3, 1
+def test_a_view_equals_a_plain_loop_over_the_points(tiny: Model):
+    bank = tiny_bank()
+    view = 2 * 24 + 3
+    index = 1
     codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
     points, _ = surface_points(tiny, codes)
-    right, up, backward = (camera_rotation(bank.azimuth[view], bank.elevation[view]) @ points.T).tolist()
-    seen = [(x / (tiny.distance - z), -y / (tiny.distance - z)) for x, y, z in zip(right, up, backward, strict=True)]
-    low, high = (tuple(map(end, zip(*seen, strict=True))) for end in (min, max))
+    turned = (points @ camera_rotation(bank.azimuth[view], bank.elevation[view]).T).tolist()
+    projected = [(x / (tiny.distance - z), -y / (tiny.distance - z)) for x, y, z in turned]
+    low, high = (tuple(map(end, zip(*projected, strict=True))) for end in (min, max))
     size = max(high[0] - low[0], high[1] - low[1])
     mask = torch.zeros(SIDE, SIDE)
-    for place in seen:
+    for place in projected:
         column, row = (
-            min(SIDE - 1, int((value - (one + two) / 2) / size * (SIDE - 2) + SIDE / 2))
-            for value, one, two in zip(place, low, high, strict=True)
+            min(SIDE - 1, int((value - (least + most) / 2) / size * (SIDE - 2) + SIDE / 2))
+            for value, least, most in zip(place, low, high, strict=True)
         )
         mask[row, column] = 1
     assert float(bank.sizes[index, view]) == pytest.approx(size, rel=1e-3)
     assert bank.offsets[index, view].tolist() == pytest.approx(
         [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2], abs=1e-4
     )
-    found = unpack_bits(bank.silhouettes[index, view : view + 1]).reshape(SIDE, SIDE)
-    assert float((found != mask).float().mean()) < 0.01  # a point between two pixels may be rounded either way
+    silhouette = unpack_bits(bank.silhouettes[index, view : view + 1]).reshape(SIDE, SIDE)
+    assert float((silhouette != mask).float().mean()) < 0.01  # a point between two pixels may be rounded either way
 
 
 def test_a_bank_is_built_once_with_progress_up_to_one(tiny: Model):
@@ -83,7 +85,7 @@ def test_a_fit_through_the_soft_field_uses_the_bank_of_the_model(tiny: Model):
     assert problem_of(sharp, photo).bank is view_bank(sharp)
 
 
-def test_an_empty_bank_is_told_where_it_is_used():
+def test_an_empty_bank_is_refused_where_it_is_used():
     empty = random_model()
     empty.field.density_layer.bias.fill_(-1e4)
     with pytest.raises(ValueError, match="no objects"):

@@ -33,7 +33,7 @@ def test_a_photo_that_is_cut_out_is_fitted_at_once(worker: Worker, tmp_path: Pat
     mask = np.zeros((160, 240), np.float32)
     mask[40:120, 60:120] = 1.0
     seen = candidates.Candidate("network", mask)
-    monkeypatch.setattr(candidates, "by_network", lambda *_: seen)
+    monkeypatch.setattr(candidates, "network_candidate", lambda *_: seen)
     tiny = tiny_model()
     backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)
