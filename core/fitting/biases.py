@@ -69,7 +69,8 @@ def bias_jacobians(model: Model, parameters: Parameters, origin: Latents | None 
     """Return the derivatives of :func:`hypothesis_biases` with respect to the parameters of shape and texture."""
     dtype = matmul_dtype(model.device.type)
     if origin is None:
-        shapes, textures = model.codes.shape_space, model.codes.texture_space
+        shapes = model.codes.shape_space
+        textures = model.codes.texture_space
         return BiasJacobians(
             model.field.shape_bias_jacobian(shapes.code(parameters.shape), shapes.basis).to(dtype),
             model.field.texture_bias_jacobian(textures.code(parameters.texture), textures.basis).to(dtype),

@@ -64,7 +64,7 @@ def describe_ambiguity(guess: Mapping[str, float]) -> str:
     return f"it may also be a {singular(second[0])}: --model {second[0]}" if unsure else ""
 
 
-def describe_difference(first: Mapping[str, float], other: Mapping[str, float]) -> str:
+def describe_difference(first: Mapping[str, float], second: Mapping[str, float]) -> str:
     """Return a warning if two images probably show different categories, or "".
 
     Example:
@@ -73,11 +73,11 @@ def describe_difference(first: Mapping[str, float], other: Mapping[str, float]) 
         >>> describe_difference({"cars": 0.9}, {"cars": 0.2})
         ''
     """
-    names = likeliest_category(other), likeliest_category(first)
-    if None in names or names[0] == names[1]:
+    first_name, name = (likeliest_category(guess) for guess in (first, second))
+    if first_name is None or name is None or first_name == name:
         return ""
-    here, there = map(singular, filter(None, names))
-    return f"this looks like a {here}, the first image like a {there}: the images of one fit show one object"
+    difference = f"this looks like a {singular(name)}, the first image like a {singular(first_name)}"
+    return f"{difference}: the images of one fit show one object"
 
 
 def describe_category(guess: Mapping[str, float], category: str) -> str:

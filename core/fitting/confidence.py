@@ -29,8 +29,9 @@ _WRONG_MASK_FACTOR = 0.5
 """Factor on the confidence if the mask is certainly not the object; a guess, not calibrated. With it, no wrong camera
 of 26 photographs has more than 0.79; without it, two had 0.87 and 0.97."""
 _WITNESS_DEGREES = 30.0  # azimuths that differ by less agree
-_AGREES, _MIRRORED, _CONTRADICTS = 0.7, -0.3, -1.2
-"""Change of a right camera's log-odds if a second witness agrees, gives the mirrored azimuth, or contradicts."""
+_AGREES = 0.7  # change of a right camera's log-odds if a second witness agrees
+_MIRRORED = -0.3  # if it gives the mirrored azimuth
+_CONTRADICTS = -1.2  # if it contradicts
 
 
 class Calibration(NamedTuple):
@@ -70,7 +71,7 @@ def witness_odds(direction: tuple[float, float] | None, azimuth: float) -> float
         direction: azimuth and elevation of the witness (rad), or None.
 
     Example:
-        >>> [witness_odds(seen and (seen, 0.3), 1.0) for seen in (1.2, -1.2, 2.5, None)]
+        >>> [witness_odds(azimuth and (azimuth, 0.3), 1.0) for azimuth in (1.2, -1.2, 2.5, None)]
         [0.7, -0.3, -1.2, 0.0]
     """
     if direction is None:
@@ -132,17 +133,18 @@ def fit_calibration(margins: Sequence[float], uncertainties: Sequence[float], ri
     """
     if len(set(right)) < 2:
         raise ValueError("a calibration needs fits that are right and fits that are wrong")
-    values = np.column_stack(([*map(_relative_margin, margins)], [*map(_log_uncertainty, uncertainties)])).astype(
-        np.float64
-    )
+    columns = [*map(_relative_margin, margins)], [*map(_log_uncertainty, uncertainties)]
+    values = np.column_stack(columns).astype(np.float64)
     truth = np.asarray(right, np.float64)
-    mean, scale = values.mean(0), values.std(0) + 1e-9
+    mean = values.mean(0)
+    scale = values.std(0) + 1e-9
     terms = np.column_stack((np.ones(len(values)), (values - mean) / scale))
-    ridge, weights = np.diag([1e-9, _RIDGE, _RIDGE]), np.zeros(3)
+    ridge = np.diag([1e-9, _RIDGE, _RIDGE])
+    weights = np.zeros(3)
     for _ in range(50):
-        share = 1 / (1 + np.exp(-np.clip(terms @ weights, -30, 30)))
-        hessian = terms.T @ (terms * (share * (1 - share))[:, None]) + ridge
-        weights += np.linalg.solve(hessian, terms.T @ (truth - share) - ridge @ weights)
+        probability = 1 / (1 + np.exp(-np.clip(terms @ weights, -30, 30)))
+        hessian = terms.T @ (terms * (probability * (1 - probability))[:, None]) + ridge
+        weights += np.linalg.solve(hessian, terms.T @ (truth - probability) - ridge @ weights)
     unscaled = weights[1:] / scale
     return Calibration(float(weights[0] - unscaled @ mean), *unscaled.tolist())
 
@@ -156,6 +158,7 @@ def auroc(scores: Sequence[float], right: Sequence[bool]) -> float:
         >>> auroc([0.9, 0.8, 0.3], [True, True, False])
         1.0
     """
-    values, truth = np.asarray(scores), np.asarray(right, bool)
-    above = values[truth][:, None] - values[~truth]
-    return float(((above > 0) + 0.5 * (above == 0)).mean()) if above.size else math.nan
+    values = np.asarray(scores)
+    truth = np.asarray(right, bool)
+    differences = values[truth][:, None] - values[~truth]
+    return float(((differences > 0) + 0.5 * (differences == 0)).mean()) if differences.size else math.nan

@@ -25,7 +25,7 @@ from core.fitting.free import free_biases
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_views import with_photo_detail
-from core.fitting.problem import FitJob, Problem, told_direction
+from core.fitting.problem import FitJob, Problem, witness_direction
 from core.fitting.schedule import Schedule, build_schedule
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
@@ -49,7 +49,8 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     settings = job.settings.for_box(model.extent)
     # Where the network paints the background, its colour would be free, too.
     job = replace(job, settings=replace(settings, free_steps=0) if model.white_from_network else settings)
-    began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
+    began = time.perf_counter()
+    generator = torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model, job, generator)
     unknown = int(problem.unknown.sum())
     schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
@@ -59,16 +60,16 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     masks = math.prod(photo.mask_confidence for photo in job.photos)
     for step, state in enumerate(_search(problem, schedule, job, generator), 1):
         steps = step + schedule.steps if state.restart_follows else steps
-        shown = state.to_step(step, steps, time.perf_counter() - began)
-        for view, camera in zip(state.views, shown.cameras, strict=True):
+        fit_step = state.to_step(step, steps, time.perf_counter() - began)
+        for view, camera in zip(state.views, fit_step.cameras, strict=True):
             cameras[view] = camera
         # A fit resumed from one hypothesis has no competitors, so the margin is meaningless.
-        margin = None if job.resume_from else shown.margin
-        told = zip(map(partial(told_direction, model), job.photos), cameras, strict=True)
-        witness = sum(witness_odds(direction, camera.azimuth) for direction, camera in told)
-        shown = replace(shown, cameras=tuple(cameras), margin=margin, witness=witness)
-        shown = replace(shown, category_likelihood=likelihood, mask_confidence=masks)
-        yield with_photo_detail(model, job.photos, shown) if state.finished else shown
+        margin = None if job.resume_from else fit_step.margin
+        pairs = zip(job.photos, cameras, strict=True)
+        witness = sum(witness_odds(witness_direction(model, photo), camera.azimuth) for photo, camera in pairs)
+        fit_step = replace(fit_step, cameras=tuple(cameras), margin=margin, witness=witness)
+        fit_step = replace(fit_step, category_likelihood=likelihood, mask_confidence=masks)
+        yield with_photo_detail(model, job.photos, fit_step) if state.finished else fit_step
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
@@ -99,9 +100,8 @@ def _search_codes(
             coarse = initial
             for coarse in optimise(problem, initial, schedule.coarse, generator):
                 yield state(coarse, result)
-            batch = local = (
-                local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
-            )
+            local = local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
+            batch = local
             for batch in optimise(problem, local, schedule.local, generator):
                 # The coarse winner is kept, so that stopping early returns the best of all.
                 yield state(concatenate(batch, coarse.best) if schedule.coarse else batch, result)
@@ -112,21 +112,21 @@ def _search_codes(
                 if number < schedule.final.steps:
                     yield state(refined, result or selected._replace(winner=refined))
             # 4. Runner-up, uncertainty, confidence.
-            found = assess(problem, selected, refined, schedule.final)
+            assessed = assess(problem, selected, refined, schedule.final)
         except DivergedError:
             if result is None:
                 raise
             break  # the result of the earlier searches has been yielded
         if result:
             first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the later search
-            result = better_of(problem, result._replace(winner=first), found)
+            result = better_of(problem, result._replace(winner=first), assessed)
         else:
-            result = found
+            result = assessed
         # 5. Restart while in doubt, with other pixels, assuming that an occluder may hide parts of the object.
-        again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
-        searched = state(result.winner, result, restart_follows=again, finished=again or schedule.free is None)
+        restarts = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
+        searched = state(result.winner, result, restart_follows=restarts, finished=restarts or schedule.free is None)
         yield searched
-        if not again:
+        if not restarts:
             break
     return searched
 
@@ -140,15 +140,18 @@ def _initial(
     """
     if job.resume_from:
         return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces)
-    count, unknown = schedule.stages[0].hypotheses, problem.unknown.nonzero()[:, 0].tolist()
+    count = schedule.stages[0].hypotheses
+    unknown = problem.unknown.nonzero()[:, 0].tolist()
     if len(unknown) < 2:
         return initial_hypotheses(problem, count, generator)
-    parts, known = [], [view for view, photo in enumerate(job.photos) if photo.camera]
+    fixed = (~problem.unknown).nonzero()[:, 0].tolist()
+    searches = []
     for view in unknown:
-        views, own = [*known, view], torch.Generator().manual_seed(job.seed)
-        part = Problem.of(problem.model, replace(job, photos=tuple(job.photos[other] for other in views)), own)
-        batch = first = initial_hypotheses(part, count, own)
-        for batch in optimise(part, first, schedule.coarse, own):
-            yield SearchState(part, views, batch)
-        parts.append((views, batch))
-    return combine_views(parts, len(job.photos), count)
+        views = [*fixed, view]
+        generator = torch.Generator().manual_seed(job.seed)
+        subproblem = Problem.of(problem.model, replace(job, photos=tuple(job.photos[i] for i in views)), generator)
+        batch = first = initial_hypotheses(subproblem, count, generator)
+        for batch in optimise(subproblem, first, schedule.coarse, generator):
+            yield SearchState(subproblem, views, batch)
+        searches.append((views, batch))
+    return combine_views(searches, len(job.photos), count)

@@ -84,7 +84,7 @@ def gauss_newton_step(
 
 def camera_uncertainty(
     model: Model,
-    one: HypothesisBatch,
+    hypothesis: HypothesisBatch,
     pixels: PixelBatch,
     stage: Stage,
     objective: Objective,
@@ -97,10 +97,10 @@ def camera_uncertainty(
     parameters. Other arguments are those of :func:`gauss_newton_step`.
 
     Args:
-        one: a single hypothesis.
+        hypothesis: a batch of one.
         view: the photo of the camera.
     """
-    equations = normal_equations(model, one.parameters, pixels, None, stage, objective)
+    equations = normal_equations(model, hypothesis.parameters, pixels, None, stage, objective)
     movable = _free_mask(equations, free).nonzero()[:, 0]
     hessian = equations.hessian[0][movable][:, movable].double()
     first = view * CAMERA_PARAMETERS  # azimuth, then elevation
@@ -140,20 +140,20 @@ def _add_term(
     hessian: Float[Tensor, "hypotheses parameters parameters"],
 ) -> Float[Tensor, "hypotheses"]:
     """Add half of a term's gradient and Gauss-Newton Hessian to ``gradient`` and ``hessian``; return its value."""
-    vector, channels = to_vector(parameters).requires_grad_(), rendered.channels.detach().requires_grad_()
-    residual = term.residual(from_vector(vector, parameters), RenderedPixels(channels))
+    inputs = to_vector(parameters).requires_grad_(), rendered.channels.detach().requires_grad_()
+    residual = term.residual(from_vector(inputs[0], parameters), RenderedPixels(inputs[1]))
     value = residual.detach()
     root = residual_weights(term, value).sqrt()
-    scaled, known = root * residual, root * value
-    of = vector, channels
-    parts = [torch.autograd.grad(part.sum(), of, retain_graph=True, allow_unused=True) for part in scaled.unbind(-1)]
-    by_vector, by_channels = zip(*parts, strict=True)
+    weighted = root * residual
+    weighted_value = root * value
+    grads = [torch.autograd.grad(c.sum(), inputs, retain_graph=True, allow_unused=True) for c in weighted.unbind(-1)]
+    by_vector, by_channels = zip(*grads, strict=True)
     if by_vector[0] is not None:  # each residual has its own parameter
-        gradient += torch.autograd.grad((known * scaled).sum(), vector, retain_graph=True)[0]
+        gradient += torch.autograd.grad((weighted_value * weighted).sum(), inputs[0], retain_graph=True)[0]
         hessian.diagonal(dim1=1, dim2=2).add_(torch.stack(by_vector).square().sum(0))
     if by_channels[0] is not None:  # each residual has its own pixel
         rows = (torch.stack(by_channels, -2) @ jacobian).flatten(1, -2)
-        gradient += (known.flatten(1)[:, None] @ rows)[:, 0]
+        gradient += (weighted_value.flatten(1)[:, None] @ rows)[:, 0]
         hessian.baddbmm_(rows.mT, rows)
     return term_value(term, value)
 
@@ -168,38 +168,46 @@ def _render(
     origin: Latents | None,
 ) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
     """Render the pixels; return them with the jacobian of their channels with respect to all parameters."""
-    entries, biases = bias_jacobians(model, parameters, origin), hypothesis_biases(model, parameters, origin)
-    kept, cells = max(2, stage.samples // _SAMPLES_PER_JACOBIAN), known_cells(model, cells)
-
+    bias_values = (*hypothesis_biases(model, parameters, origin), *bias_jacobians(model, parameters, origin))
+    differentiated = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
+    cells = known_cells(model, cells)
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
-    moves = camera_jacobian(parameters, rays)
+    ray_jacobian = camera_jacobian(parameters, rays)
 
     def render(piece: Piece) -> tuple[Tensor, Tensor]:
-        shape_bias, texture_bias, *along = (part[piece[0]] for part in (*biases, *entries))
-        of_codes, own = BiasJacobians(*along), cells_of(cells, piece[0])
-        seen = render_with_jacobian(model, rays[piece], stage.samples, kept, shape_bias, texture_bias, of_codes, own)
-        along_cameras = torch.cat((seen.origin, seen.direction), -1) @ moves[piece]
-        return seen.channels.cpu(), torch.cat((along_cameras, seen.codes), -1).cpu()
+        shape_bias, texture_bias, *by_parameters = (values[piece[0]] for values in bias_values)
+        jacobians = BiasJacobians(*by_parameters)
+        piece_cells = cells_of(cells, piece[0])
+        frame = render_with_jacobian(
+            model, rays[piece], stage.samples, differentiated, shape_bias, texture_bias, jacobians, piece_cells
+        )
+        by_camera = torch.cat((frame.origin, frame.direction), -1) @ ray_jacobian[piece]
+        return frame.channels.cpu(), torch.cat((by_camera, frame.codes), -1).cpu()
 
-    channels, along = map_rays(render, rays.near.shape, stage.samples)
-    views, codes = rays.near.shape[1], along.shape[-1] - CAMERA_PARAMETERS
-    jacobian = torch.zeros(*along.shape[:-1], views * CAMERA_PARAMETERS + codes)
-    for view in range(views):  # a ray moves with its own camera only
-        first = view * CAMERA_PARAMETERS
-        jacobian[:, view, ..., first : first + CAMERA_PARAMETERS] = along[:, view, ..., :CAMERA_PARAMETERS]
-    jacobian[..., views * CAMERA_PARAMETERS :] = along[..., CAMERA_PARAMETERS:]
+    channels, by_ray = map_rays(render, rays.near.shape, stage.samples)
+    cameras = rays.near.shape[1] * CAMERA_PARAMETERS
+    jacobian = torch.zeros(*by_ray.shape[:-1], cameras + by_ray.shape[-1] - CAMERA_PARAMETERS)
+    for view, first in enumerate(range(0, cameras, CAMERA_PARAMETERS)):  # a ray moves with its own camera only
+        jacobian[:, view, ..., first : first + CAMERA_PARAMETERS] = by_ray[:, view, ..., :CAMERA_PARAMETERS]
+    jacobian[..., cameras:] = by_ray[..., CAMERA_PARAMETERS:]
     return RenderedPixels(pixels.mean_of_rays(channels)), pixels.mean_of_rays(jacobian)
 
 
 def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypotheses views rays 6 8"]:
     """Return the derivative of each ray's origin and direction with respect to its camera's parameters."""
-    origins, directions = rays.origins, rays.directions
-    right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
-    vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
+    origins = rays.origins
+    directions = rays.directions
+    angles, zoom, crop = (
+        values.to(origins.device) for values in (parameters.angles, parameters.zoom, parameters.crop_transform)
+    )
+    right, up, backward = camera_rotation(*angles.unbind(-1))[:, :, None].unbind(-2)
+    vertical = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right)
+    zero = torch.zeros_like(origins)
     forward = -(directions * backward).sum(-1, keepdim=True)
-    crop_transform, zoom = parameters.crop_transform.to(origins.device), parameters.zoom.to(origins.device)
-    focal = (zoom + crop_transform[..., 0]).exp()[..., None, None]
-    cos, sin = crop_transform[..., 1].cos()[..., None, None], crop_transform[..., 1].sin()[..., None, None]
+    focal = (zoom + crop[..., 0]).exp()[..., None, None]
+    roll = crop[..., 1, None, None]
+    cos = roll.cos()
+    sin = roll.sin()
 
     def across(axis: Tensor) -> Tensor:
         """Return the derivative of a direction whose image point moves along an axis, per focal length."""
@@ -209,12 +217,12 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypoth
     pairs = (
         (torch.linalg.cross(vertical, origins), torch.linalg.cross(vertical, directions)),
         (torch.linalg.cross(origins, right), torch.linalg.cross(directions, right)),
-        (origins, still),
+        (origins, zero),
         (origins, closer),
-        (still, closer),
-        (still, torch.linalg.cross(backward.expand_as(directions), directions)),
-        (still, -across(cos * right + sin * up) / focal),
-        (still, across(cos * up - sin * right) / focal),
+        (zero, closer),
+        (zero, torch.linalg.cross(backward.expand_as(directions), directions)),
+        (zero, -across(cos * right + sin * up) / focal),
+        (zero, across(cos * up - sin * right) / focal),
     )
     return torch.stack([torch.cat(pair, -1) for pair in pairs], -1)
 

@@ -81,9 +81,9 @@ class HypothesisBatch:
     def __len__(self) -> int:
         return len(self.loss)
 
-    def __getitem__(self, index: Int[Tensor, "some"]) -> "HypothesisBatch":
+    def __getitem__(self, index: Int[Tensor, "selected"]) -> "HypothesisBatch":
         """Return the batch of some hypotheses, in the order of ``index``."""
-        parameters = Parameters(*(part[index] for part in self.parameters))
+        parameters = Parameters(*(values[index] for values in self.parameters))
         return HypothesisBatch(parameters, self.loss[index], self.squared_error[index], self.origin[index])
 
     @property
@@ -109,8 +109,8 @@ def concatenate(*batches: HypothesisBatch) -> HypothesisBatch:
 
 def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
     """Average the parameters of batches of equal size; loss, error and origin are those of the last batch."""
-    parameters = (torch.stack(parts).mean(0) for parts in zip(*(batch.parameters for batch in batches), strict=True))
-    return replace(batches[-1], parameters=Parameters(*parameters))
+    stacks = map(torch.stack, zip(*(batch.parameters for batch in batches), strict=True))
+    return replace(batches[-1], parameters=Parameters(*(stack.mean(0) for stack in stacks)))
 
 
 def to_vector(parameters: Parameters) -> Float[Tensor, "hypotheses parameters"]:
@@ -122,8 +122,8 @@ def to_vector(parameters: Parameters) -> Float[Tensor, "hypotheses parameters"]:
 
 def from_vector(vector: Float[Tensor, "any parameters"], sizes: Parameters) -> Parameters:
     """Invert :func:`to_vector` for parameters of the same sizes as ``sizes``."""
-    views, shape = sizes.distance.shape[1], sizes.shape.shape[1]
-    cameras, *codes = vector.split((views * CAMERA_PARAMETERS, shape, sizes.texture.shape[1]), 1)
+    views = sizes.distance.shape[1]
+    cameras, *codes = vector.split((views * CAMERA_PARAMETERS, sizes.shape.shape[1], sizes.texture.shape[1]), 1)
     angles, distance, zoom, crop_transform = cameras.unflatten(1, (views, -1)).split((2, 1, 1, 4), -1)
     return Parameters(angles, distance[..., 0], zoom[..., 0], crop_transform, *codes)
 
@@ -161,14 +161,13 @@ def hypothesis_rays(
     points = image_points(parameters, pixels.points).to(device)
     angles = parameters.angles.to(device)[..., None, :]
     rays = cast_rays(points, angles[..., 0], angles[..., 1], distance, 1.0, (0, 0), model.extent_tensor)
-    near, far = rays.near, rays.far
     if model.white_from_network:
-        near = (rays.origins.detach().norm(dim=-1) - 0.5).expand_as(near)
-        far = near + 1.0
+        near = (rays.origins.detach().norm(dim=-1) - 0.5).expand_as(rays.near)
+        rays = replace(rays, near=near, far=near + 1.0)
     if jitter is not None:
-        move = jitter.to(near.device) * (far - near) / samples
-        near, far = near + move, far + move
-    return replace(rays, near=near, far=far)
+        shift = jitter.to(device) * (rays.far - rays.near) / samples
+        rays = replace(rays, near=rays.near + shift, far=rays.far + shift)
+    return rays
 
 
 def image_points(
@@ -177,7 +176,8 @@ def image_points(
     """Map pixels to upright images aimed at the object; both in focal lengths from the middle, x right, y down."""
     scale, roll, shift = parameters.crop_transform[..., None, :].split((1, 1, 2), -1)
     x, y = (pixels - shift).unbind(-1)
-    cos, sin = roll[..., 0].cos(), roll[..., 0].sin()
+    cos = roll[..., 0].cos()
+    sin = roll[..., 0].sin()
     upright = torch.stack((cos * x + sin * y, cos * y - sin * x), -1)
     return upright / (scale + parameters.zoom[..., None, None]).exp()
 
@@ -209,15 +209,15 @@ def to_cameras(model: Model, parameters: Parameters, index: int, cameras: Sequen
     Args:
         cameras: one per view, with the photo's size and the given focal length.
     """
-    found = []
+    fitted = []
     for view, camera in enumerate(cameras):
         azimuth, elevation = (float(angle) for angle in parameters.angles[index, view])
-        log_distance, zoom = float(parameters.distance[index, view]), float(parameters.zoom[index, view])
-        scale = float(parameters.crop_transform[index, view, 0])
-        distance, focal = model.distance * math.exp(log_distance + zoom), camera.focal * math.exp(zoom + scale)
         azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
-        found.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance, focal=focal))
-    return tuple(found)
+        zoom = float(parameters.zoom[index, view])
+        distance = model.distance * math.exp(float(parameters.distance[index, view]) + zoom)
+        focal = camera.focal * math.exp(zoom + float(parameters.crop_transform[index, view, 0]))
+        fitted.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance, focal=focal))
+    return tuple(fitted)
 
 
 def to_hypotheses(
@@ -229,14 +229,14 @@ def to_hypotheses(
         cameras: see :func:`to_cameras`.
         codes: of all hypotheses (:func:`core.fitting.biases.hypothesis_codes`).
     """
-    parameters, losses = batch.parameters, batch.loss.tolist()
+    losses = batch.loss.tolist()
     return tuple(
         Hypothesis(
             int(batch.origin[index]),
             losses[index],
-            to_cameras(model, parameters, index, cameras),
+            to_cameras(model, batch.parameters, index, cameras),
             codes[index],
-            parameters.crop_transform[index],
+            batch.parameters.crop_transform[index],
         )
         for index in batch.loss.argsort(stable=True).tolist()
         if math.isfinite(losses[index])
@@ -252,14 +252,14 @@ def opposite_views(batch: HypothesisBatch, index: int, views: Bool[Tensor, "view
     return (turn.cos() < _OPPOSITE_COSINE).any(-1)
 
 
-def flip_azimuth(one: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
+def flip_azimuth(batch: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
     """Return the hypotheses with the marked views turned to the opposite side: the front/back ambiguity."""
-    angles = one.parameters.angles.clone()
+    angles = batch.parameters.angles.clone()
     angles[:, views, 0] += math.pi
-    return replace(one, parameters=one.parameters._replace(angles=angles))
+    return replace(batch, parameters=batch.parameters._replace(angles=angles))
 
 
-def by_loss(batch: HypothesisBatch) -> Int[Tensor, "some"]:
+def by_loss(batch: HypothesisBatch) -> Int[Tensor, "selected"]:
     """Return the indices of finite hypotheses by loss. Raises :class:`DivergedError` if there are none."""
     order = batch.loss.argsort(stable=True)
     order = order[batch.loss[order].isfinite()]
@@ -268,14 +268,15 @@ def by_loss(batch: HypothesisBatch) -> Int[Tensor, "some"]:
     return order
 
 
-def suppress_neighbours(batch: HypothesisBatch, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
+def suppress_neighbours(batch: HypothesisBatch, views: Bool[Tensor, "views"]) -> Int[Tensor, "selected"]:
     """Return the order of :func:`by_loss` with neighbours of better hypotheses last (non-maximum suppression).
 
     Neighbours share a basin in all these views and have similar focal lengths.
     """
     zooms = batch.parameters.zoom[:, views]
     near = _same_basin(batch, batch, views) & ((zooms[:, None] - zooms).abs() < _SIMILAR_FOCAL).all(-1)
-    best, suppressed = list[int](), list[int]()
+    best = list[int]()
+    suppressed = list[int]()
     for index in by_loss(batch).tolist():
         (suppressed if best and bool(near[index, best].any()) else best).append(index)
     return torch.tensor(best + suppressed)
@@ -283,17 +284,17 @@ def suppress_neighbours(batch: HypothesisBatch, views: Bool[Tensor, "views"]) ->
 
 def best_other_basin(best: HypothesisBatch, among: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
     """Return the best of ``among`` in another basin than ``best``; else its opposite view with infinite loss."""
-    others = ~_same_basin(best, among, views)[0] & among.loss.isfinite()
-    if not bool(others.any()):
-        unknown = flip_azimuth(best, views)
-        return replace(unknown, loss=torch.full_like(unknown.loss, math.inf))
-    return among[among.loss.where(others, torch.tensor(math.inf)).argmin()[None]]
+    rivals = ~_same_basin(best, among, views)[0] & among.loss.isfinite()
+    if not bool(rivals.any()):
+        opposite = flip_azimuth(best, views)
+        return replace(opposite, loss=torch.full_like(opposite.loss, math.inf))
+    return among[among.loss.where(rivals, torch.tensor(math.inf)).argmin()[None]]
 
 
 def _same_basin(
     first: HypothesisBatch, second: HypothesisBatch, views: Bool[Tensor, "views"]
 ) -> Bool[Tensor, "firsts seconds"]:
     """Mark pairs of hypotheses that share a basin in all these views."""
-    one, other = (camera_rotation(*batch.parameters.angles[:, views].unbind(-1)) for batch in (first, second))
-    cosines = (torch.einsum("avij,bvij->abv", one, other) - 1) / 2
+    rotations = [camera_rotation(*batch.parameters.angles[:, views].unbind(-1)) for batch in (first, second)]
+    cosines = (torch.einsum("avij,bvij->abv", *rotations) - 1) / 2
     return (cosines > math.cos(_BASIN)).all(-1)

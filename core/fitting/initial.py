@@ -44,11 +44,12 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
     Each has the mean texture and a shape between the mean and the prototypes that match the photos from there. Known
     cameras stay; if all are known, the hypotheses differ in shape only.
     """
-    model, space = problem.model, problem.model.codes.shape_space
+    model = problem.model
+    space = model.codes.shape_space
     candidates = {
         view: _candidates(problem, view, count, generator) for view in problem.unknown.nonzero()[:, 0].tolist()
     }
-    count = min([count, *(len(found.azimuth) for found in candidates.values())])
+    count = min([count, *(len(ranked.azimuth) for ranked in candidates.values())])
     shape = torch.zeros(count, len(space.std))
     if not candidates:
         shape = nearest_shapes(problem, problem.cameras, count)
@@ -58,55 +59,57 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
     if problem.settings.estimate_focal:
         zooms = torch.tensor(_INITIAL_ZOOMS).repeat_interleave(2).repeat(count)[:count]
         parameters.zoom[:, problem.unknown] = zooms[:, None]
-    for view, found in candidates.items():
-        _place(problem, view, parameters, found)
+    for view, ranked in candidates.items():
+        _place(problem, view, parameters, ranked)
         if problem.bank and problem.components.prototype_shapes:
-            prototypes = space.coordinates(problem.bank.shapes(model.codes))[found.prototype[:count]]
+            prototypes = space.coordinates(problem.bank.shapes(model.codes))[ranked.prototype[:count]]
             parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))
     return batch
 
 
-def _place(problem: Problem, view: int, parameters: Parameters, found: CandidateCameras) -> None:
+def _place(problem: Problem, view: int, parameters: Parameters, ranked: CandidateCameras) -> None:
     """Put the camera of one view of each hypothesis at a candidate, in place."""
-    count, photo = len(parameters.angles), problem.photos[view]
-    parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
-    further = (found.distance[:count] / problem.model.distance).log()
+    count = len(parameters.angles)
+    photo = problem.photos[view]
+    parameters.angles[:, view] = torch.stack((ranked.azimuth, ranked.elevation), -1)[:count]
+    log_distance = (ranked.distance[:count] / problem.model.distance).log()
     if not photo.scaled:
         # Objects differ in size too: the distance explains only what exceeds the tolerance.
-        further = further - further.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
+        log_distance = log_distance - log_distance.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
     if photo.cropped:
-        parameters.crop_transform[:, view, 2:] = found.shift[:count]
+        parameters.crop_transform[:, view, 2:] = ranked.shift[:count]
     if photo.focal is not None:
         parameters.zoom[:, view] = min(math.log(photo.focal / problem.cameras[view].focal), MAX_ZOOM)
     if photo.cropped and photo.focal is None:
-        parameters.crop_transform[:, view, 0] = -further
+        parameters.crop_transform[:, view, 0] = -log_distance
     else:
-        parameters.distance[:, view] = further
+        parameters.distance[:, view] = log_distance
 
 
 def random_angles(count: int, generator: torch.Generator) -> Float[Tensor, "count 2"]:
     """Return azimuths and elevations (rad) uniform on the upper half of the sphere."""
-    anywhere = torch.rand(count, 2, generator=generator)
-    return torch.stack((2 * math.pi * anywhere[:, 0], anywhere[:, 1].asin()), -1)
+    turn, height = torch.rand(count, 2, generator=generator).unbind(-1)
+    return torch.stack((2 * math.pi * turn, height.asin()), -1)
 
 
 def _candidates(problem: Problem, view: int, count: int, generator: torch.Generator) -> CandidateCameras:
-    model, photo = problem.model, problem.photos[view]
     if problem.bank is None:
         azimuth, elevation = random_angles(count, generator).unbind(-1)
-        distance, first = torch.full((count,), model.distance), torch.zeros(count, dtype=torch.long)
-        return CandidateCameras(azimuth, elevation, distance, torch.zeros(count, 2), first)
+        distance = torch.full((count,), problem.model.distance)
+        prototype = torch.zeros(count, dtype=torch.long)
+        return CandidateCameras(azimuth, elevation, distance, torch.zeros(count, 2), prototype)
+    photo = problem.photos[view]
     image = ObjectMask(photo.mask, problem.cameras[view].focal, photo.unseen)
     return rank_cameras(problem.bank, image, count, problem.viewpoints[view], photo.cropped)
 
 
 def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "count rank"]) -> Parameters:
     """Return parameters of shapes, each with the mean texture and the same cameras."""
-    count, views = len(shape), len(cameras)
+    count = len(shape)
     angles = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras]).repeat(count, 1, 1)
     distance = torch.tensor([math.log(camera.distance / model.distance) for camera in cameras]).repeat(count, 1)
     texture = torch.zeros(count, len(model.codes.texture_space.std))
-    return Parameters(angles, distance, torch.zeros_like(distance), torch.zeros(count, views, 4), shape, texture)
+    return Parameters(angles, distance, torch.zeros_like(distance), torch.zeros(count, len(cameras), 4), shape, texture)
 
 
 def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> Float[Tensor, "count rank"]:
@@ -129,8 +132,8 @@ def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> F
     for photo, camera in zip(problem.photos, cameras, strict=True):
         image = ObjectMask(photo.mask, camera.focal, photo.unseen)
         similarity += shape_similarity(bank, image, camera.azimuth, camera.elevation)
-    others = (shapes.abs().amax(1) > _MIN_DIFFERENCE).nonzero()[:, 0]
-    best = others[similarity[others].argsort(descending=True)[: count - 1]]
+    distinct = (shapes.abs().amax(1) > _MIN_DIFFERENCE).nonzero()[:, 0]
+    best = distinct[similarity[distinct].argsort(descending=True)[: count - 1]]
     return torch.cat((mean, _SHAPE_BLEND * shapes[best]))
 
 
@@ -142,21 +145,21 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
     """
     if not problem.components.fresh_codes:
         return batch
-    placed = []
+    starts = []
     for index, offsets in zip(ordered(problem, batch).tolist(), LOCAL_OFFSETS, strict=False):
         cameras = to_cameras(problem.model, batch.parameters, index, problem.cameras)
-        shapes = nearest_shapes(problem, cameras, max(most for *_, most in offsets))
-        placed += [(rank, index, move, shape) for *move, most in offsets for rank, shape in enumerate(shapes[:most])]
-    placed.sort(key=lambda one: one[0])  # if there are too many, every place keeps its best matching shapes
-    _, indices, moves, shapes_there = zip(*placed[:count], strict=True)
-    begin, unknown = batch[torch.tensor(indices)], problem.unknown
-    angles = begin.parameters.angles + torch.tensor(moves).deg2rad()[:, None] * unknown[:, None]
-    texture = torch.zeros_like(begin.parameters.texture)
-    parameters = begin.parameters._replace(angles=angles, shape=torch.stack(shapes_there), texture=texture)
-    return replace(begin, parameters=clamp_parameters(parameters, unknown))
+        nearest = nearest_shapes(problem, cameras, max(most for *_, most in offsets))
+        starts += [(rank, index, move, shape) for *move, most in offsets for rank, shape in enumerate(nearest[:most])]
+    starts.sort(key=lambda start: start[0])  # if there are too many, every camera keeps its best matching shapes
+    _, indices, moves, shapes = zip(*starts[:count], strict=True)
+    copies = batch[torch.tensor(indices)]
+    angles = copies.parameters.angles + torch.tensor(moves).deg2rad()[:, None] * problem.unknown[:, None]
+    texture = torch.zeros_like(copies.parameters.texture)
+    parameters = copies.parameters._replace(angles=angles, shape=torch.stack(shapes), texture=texture)
+    return replace(copies, parameters=clamp_parameters(parameters, problem.unknown))
 
 
-def ordered(problem: Problem, batch: HypothesisBatch) -> Int[Tensor, "some"]:
+def ordered(problem: Problem, batch: HypothesisBatch) -> Int[Tensor, "selected"]:
     """Return the indices of finite hypotheses by loss: the best of each basin, then the others."""
     if problem.components.distinct_basins:
         return suppress_neighbours(batch, problem.unknown)
@@ -167,49 +170,50 @@ def resume_from(
     model: Model,
     photos: Sequence[Photo],
     cameras: Sequence[Camera],
-    found: Hypothesis,
+    hypothesis: Hypothesis,
     spaces: tuple[CodeSpace, CodeSpace],
 ) -> HypothesisBatch:
     """Return a single hypothesis in the state of an earlier fit, with the photos' own cameras where these are known.
 
     Args:
         cameras: see :func:`core.fitting.hypotheses.to_cameras`.
-        found: result of the earlier fit.
+        hypothesis: result of the earlier fit.
         spaces: code spaces of shape and texture in which the fit searches.
     """
-    at = [photo.camera or camera for photo, camera in zip(photos, found.cameras, strict=True)]
-    angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
-    zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, cameras, strict=True)]])
-    zoom -= found.crop_transform[None, :, 0]
-    distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
-    shape, texture = spaces[0].coordinates(found.codes.shape), spaces[1].coordinates(found.codes.texture)
-    parameters = Parameters(angles, distance, zoom, found.crop_transform[None], shape[None], texture[None])
-    return replace(HypothesisBatch.of(parameters), origin=torch.tensor([found.origin]))
+    starts = [photo.camera or camera for photo, camera in zip(photos, hypothesis.cameras, strict=True)]
+    angles = torch.tensor([[(start.azimuth, start.elevation) for start in starts]])
+    pairs = zip(starts, cameras, strict=True)
+    zoom = torch.tensor([[math.log(start.focal / camera.focal) for start, camera in pairs]])
+    zoom -= hypothesis.crop_transform[None, :, 0]
+    distance = torch.tensor([[math.log(start.distance / model.distance) for start in starts]]) - zoom
+    shape = spaces[0].coordinates(hypothesis.codes.shape)
+    texture = spaces[1].coordinates(hypothesis.codes.texture)
+    parameters = Parameters(angles, distance, zoom, hypothesis.crop_transform[None], shape[None], texture[None])
+    return replace(HypothesisBatch.of(parameters), origin=torch.tensor([hypothesis.origin]))
 
 
-def combine_views(parts: Sequence[tuple[list[int], HypothesisBatch]], views: int, count: int) -> HypothesisBatch:
+def combine_views(searches: Sequence[tuple[list[int], HypothesisBatch]], views: int, count: int) -> HypothesisBatch:
     """Combine one hypothesis of every search; return the ``count`` combinations of least total loss.
 
     Args:
-        parts: the photos of each search, and its remaining hypotheses.
+        searches: the photos of each search, and its remaining hypotheses.
         views: number of photos in all.
     """
     combinations: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
-    for _, batch in parts:
+    for _, batch in searches:
         losses = enumerate(batch.loss.tolist())
-        longer = [(loss + more, (*taken, index)) for index, more in losses for loss, taken in combinations]
+        longer = [(total + loss, (*taken, index)) for index, loss in losses for total, taken in combinations]
         combinations = sorted(longer)[:count]
-    taken = torch.tensor([indices for _, indices in combinations])
-    pairs = list(zip(parts, taken.unbind(1), strict=True))
-    chosen = [Parameters(*(part[index] for part in batch.parameters)) for (_, batch), index in pairs]
-    return HypothesisBatch.of(_merge_views([some for some, _ in parts], chosen, views))
+    taken = torch.tensor([indices for _, indices in combinations]).unbind(1)
+    chosen = [batch[index].parameters for (_, batch), index in zip(searches, taken, strict=True)]
+    return HypothesisBatch.of(_merge_views([photos for photos, _ in searches], chosen, views))
 
 
 def _merge_views(views_of: Sequence[list[int]], chosen: Sequence[Parameters], views: int) -> Parameters:
-    """Return the cameras of all parts with the mean of their codes."""
-    cameras = [part.new_zeros(len(part), views, *part.shape[2:]) for part in chosen[0][:4]]
-    for some, parameters in zip(views_of, chosen, strict=True):
-        for whole, part in zip(cameras, parameters[:4], strict=True):
-            whole[:, some] = part
-    means = [torch.stack(parts).mean(0) for parts in zip(*(parameters[4:] for parameters in chosen), strict=True)]
-    return Parameters(*cameras, *means)
+    """Return the cameras of all searches with the mean of their codes."""
+    cameras = [values.new_zeros(len(values), views, *values.shape[2:]) for values in chosen[0][:4]]
+    for photos, parameters in zip(views_of, chosen, strict=True):
+        for merged, values in zip(cameras, parameters[:4], strict=True):
+            merged[:, photos] = values
+    stacks = map(torch.stack, zip(*(parameters[4:] for parameters in chosen), strict=True))
+    return Parameters(*cameras, *(stack.mean(0) for stack in stacks))

@@ -27,8 +27,8 @@ CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
 """Scales of :func:`camera_residuals`: elevation (rad), log distance, log focal length, log scale of the crop, roll
 (rad), shift right and down (focal lengths). The distance is tight, as all training images have the same."""
 OCCLUDER_SCALE = 0.2  # :attr:`Objective.occluder_scale` if the object may be occluded
-MOVED_SCALE = 0.05  # scale of the log scale of the crop, for a photo that was recentred
-SCALED_SCALE = 0.15  # likewise for a photo that was scaled, relative to the mean scale of objects seen from there
+MOVED_SCALE = 0.05  # standard deviation of a recentred photo's log zoom
+SCALED_SCALE = 0.15  # standard deviation of a scaled photo's log zoom around the mean of objects from that direction
 CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)  # relative to a pixel's squared error
 _VIEWPOINT_LOSS_WEIGHT = 0.15
 """Weight of a camera's negative log-likelihood relative to the log objective; chosen on 15 held-out chairs."""
@@ -87,8 +87,8 @@ def cauchy(scale: Float[Tensor, "views rays"]) -> Kernel:
 
 def photometric_term(pixels: PixelBatch, objective: "Objective") -> Term:
     """Return the term of colour errors, averaged over pixels and views."""
-    beside = min(objective.robust_scale, objective.occluder_scale)
-    kernel = cauchy(_scales(pixels, objective.robust_scale, beside))
+    outside = min(objective.robust_scale, objective.occluder_scale)
+    kernel = cauchy(_scales(pixels, objective.robust_scale, outside))
     weight = pixels.certainty / pixels.certainty.numel()
     return Term(lambda _, rendered: rendered.colour - pixels.colours, weight, kernel)
 
@@ -112,7 +112,7 @@ def camera_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
 
 def code_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
     """Return the code prior: squared lengths of both codes, in standard deviations."""
-    return Term(lambda at, _: torch.cat((at.shape, at.texture), 1)[..., None], objective.code_prior)
+    return Term(lambda codes, _: torch.cat((codes.shape, codes.texture), 1)[..., None], objective.code_prior)
 
 
 TERMS = (photometric_term, mask_term, camera_prior_term, code_prior_term)
@@ -208,8 +208,8 @@ def image_squared_error(
         occluder_scale: see :class:`Objective`.
     """
     kernel = cauchy(_scales(pixels, math.inf, occluder_scale))
-    seen = _derivative(kernel, (rendered.opacity - pixels.target_opacity).square())
-    squared = seen * (rendered.colour - pixels.colours).square().mean(-1)
+    visibility = _derivative(kernel, (rendered.opacity - pixels.target_opacity).square())
+    squared = visibility * (rendered.colour - pixels.colours).square().mean(-1)
     return (squared * pixels.weights).sum((1, 2)) / squared.shape[1]
 
 
@@ -221,7 +221,8 @@ def camera_residuals(
     Elevation below the ground (rad, at most 0), log distance over the model's, log focal length over the given one, and
     the crop transform, its log scale relative to the expected one.
     """
-    (azimuth, elevation), scale = parameters.angles.unbind(-1), parameters.crop_transform[..., 0]
+    azimuth, elevation = parameters.angles.unbind(-1)
+    scale = parameters.crop_transform[..., 0]
     if expected_scale is not None:  # constant during a step
         scale = scale - (direction_weights(azimuth, elevation) * expected_scale).sum(-1).detach()
     first = elevation.clamp_max(0), parameters.distance, parameters.zoom, scale
@@ -245,14 +246,14 @@ def viewpoint_weights(
 
 def _derivative(kernel: Kernel, squared: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
     with torch.enable_grad():
-        at = squared.detach().requires_grad_()
-        return torch.autograd.grad(kernel(at).sum(), at)[0]
+        variable = squared.detach().requires_grad_()
+        return torch.autograd.grad(kernel(variable).sum(), variable)[0]
 
 
-def _scales(pixels: PixelBatch, on_object: float, beside: float) -> Float[Tensor, "views rays"]:
-    """Return a scale for each pixel: ``on_object`` inside the mask, ``beside`` outside it."""
+def _scales(pixels: PixelBatch, on_object: float, outside: float) -> Float[Tensor, "views rays"]:
+    """Return a scale for each pixel: ``on_object`` inside the mask, ``outside`` elsewhere."""
     scale = torch.full_like(pixels.target_opacity, on_object)
-    return scale.masked_fill(pixels.target_opacity < 0.5, beside)
+    return scale.masked_fill(pixels.target_opacity < 0.5, outside)
 
 
 def _render(
@@ -265,12 +266,14 @@ def _render(
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> RenderedPixels:
     rays = hypothesis_rays(model, parameters, pixels, samples, jitter)
-    kept, cells = max(2, samples // 6), known_cells(model, cells)
+    kept = max(2, samples // 6)
+    cells = known_cells(model, cells)
 
     def render(piece: Piece) -> tuple[Tensor]:
-        (shape, texture), own = (bias[piece[0]] for bias in biases), cells_of(cells, piece[0])
+        shape, texture = (bias[piece[0]] for bias in biases)
+        piece_cells = cells_of(cells, piece[0])
         with autocast(model.device):
-            return (render_top_samples(model, rays[piece], samples, kept, shape, texture, own).cpu(),)
+            return (render_top_samples(model, rays[piece], samples, kept, shape, texture, piece_cells).cpu(),)
 
     everything = (slice(None),) * 3
     (channels,) = render(everything) if torch.is_grad_enabled() else map_rays(render, rays.near.shape, samples)

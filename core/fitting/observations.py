@@ -43,8 +43,8 @@ class PixelBatch(NamedTuple):
 
     def mean_of_rays(self, values: Float[Tensor, "hypotheses views all_rays ..."]) -> Tensor:
         """Average the rays of each pixel: (hypotheses, views, all_rays, ...) to (hypotheses, views, rays, ...)."""
-        each = self.footprints.shape[2]
-        return values if each == 1 else values.unflatten(2, (-1, each)).mean(3)
+        rays = self.footprints.shape[2]
+        return values if rays == 1 else values.unflatten(2, (-1, rays)).mean(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +71,8 @@ class Observation:
         focal = photo.camera.focal if photo.camera is not None else model.focal * height / model.image_size
         middle = torch.tensor([width / 2 + model.pixel_offset, height / 2 + model.pixel_offset])
         pixels = (pixel_centres(width, height) - middle) / focal
-        seen = np.ones_like(mask) if photo.unseen is None else ~photo.unseen.cpu().numpy()
-        strata, fractions = _strata(mask, seen)
+        in_view = np.ones_like(mask) if photo.unseen is None else ~photo.unseen.cpu().numpy()
+        strata, fractions = _strata(mask, in_view)
         enclosed = binary_fill_holes(mask) & ~mask
         return cls(
             pixels.reshape(-1, 2),
@@ -102,11 +102,13 @@ class Observation:
         ends = np.rint(np.cumsum(self.fractions) * count).astype(int)
         counts = [max(1, int(n)) for n in np.diff(ends, prepend=0)]
         counts[0] = max(1, counts[0] + count - sum(counts))
-        indices, weights, whole = [], [], sum(map(len, self.strata))
+        indices = []
+        weights = []
+        population = sum(map(len, self.strata))
         for stratum, number in zip(self.strata, counts, strict=True):
             slots = (torch.arange(number) + torch.rand(number, generator=generator)) / number
             indices.append(stratum[(slots * len(stratum)).long().clamp_max(len(stratum) - 1)])
-            weights.append(torch.full((number,), len(stratum) / (number * whole)))
+            weights.append(torch.full((number,), len(stratum) / (number * population)))
         return torch.cat(indices), torch.cat(weights)
 
 
@@ -117,13 +119,14 @@ def sample_pixels(observations: Sequence[Observation], count: int, generator: to
     """
     blurred = any(observation.blur for observation in observations)
     count = max(count // (2 if blurred else 1), len(_STRATA_FRACTIONS))
-    parts = []
-    for one in observations:
-        index, weights = one.sample(count, generator)
-        values = (one.pixels, one.colours, one.target_opacity, one.mask_valid, one.certainty)
-        around = _footprints(one.blur, count, generator) if blurred else torch.zeros(count, 1, 2)
-        parts.append((*(value[index] for value in values), around, weights))
-    return PixelBatch(*(torch.stack(part) for part in zip(*parts, strict=True)))
+    batches = []
+    for observation in observations:
+        index, weights = observation.sample(count, generator)
+        batch = observation.batch(index)._replace(weights=weights[None])
+        if blurred:
+            batch = batch._replace(footprints=_footprints(observation.blur, count, generator)[None])
+        batches.append(batch)
+    return PixelBatch(*map(torch.cat, zip(*batches, strict=True)))
 
 
 def _footprints(blur: float, count: int, generator: torch.Generator) -> Float[Tensor, "count rays_each 2"]:
@@ -144,12 +147,13 @@ def _certainty(mask: np.ndarray, edge_error: float) -> np.ndarray:
     return np.maximum(1 - np.exp(-((distance / edge_error) ** 2) / 2), _LEAST_CERTAINTY)
 
 
-def _strata(mask: np.ndarray, seen: np.ndarray) -> tuple[tuple[Tensor, ...], tuple[float, ...]]:
-    """Return :attr:`Observation.strata` and :attr:`Observation.fractions`; ``seen`` marks known background."""
+def _strata(mask: np.ndarray, in_view: np.ndarray) -> tuple[tuple[Tensor, ...], tuple[float, ...]]:
+    """Return :attr:`Observation.strata` and :attr:`Observation.fractions`; ``in_view`` marks known background."""
     left, top, right, bottom = bounding_box(mask)
     size = max(right - left, bottom - top)
     near = distance_transform_edt(~mask) <= max(2.0, _NEAR_MARGIN * size)
-    parts = [np.flatnonzero(part.ravel()) for part in (mask, near & ~mask & seen, ~near & seen)]
-    there = [(torch.from_numpy(part), share) for part, share in zip(parts, _STRATA_FRACTIONS, strict=True) if len(part)]
-    whole = sum(share for _, share in there)
-    return tuple(part for part, _ in there), tuple(share / whole for _, share in there)
+    masks = (mask, near & ~mask & in_view, ~near & in_view)
+    strata = [(stratum, fraction) for stratum, fraction in zip(masks, _STRATA_FRACTIONS, strict=True) if stratum.any()]
+    total = sum(fraction for _, fraction in strata)
+    indices = tuple(torch.from_numpy(np.flatnonzero(stratum.ravel())) for stratum, _ in strata)
+    return indices, tuple(fraction / total for _, fraction in strata)

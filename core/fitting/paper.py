@@ -35,7 +35,9 @@ def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Fit by the paper's recipe; yield steps like :func:`core.fitting.fit.fit`, without margin and photo detail."""
-    began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
+    began = time.perf_counter()
+    generator = torch.Generator().manual_seed(job.seed)
+    settings = job.settings
     observations = tuple(Observation.of(replace(photo, blur=0.0), model) for photo in job.photos)
     cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in job.photos)
     unknown = torch.tensor([photo.camera is None for photo in job.photos])
@@ -45,25 +47,25 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         initial = resume_from(model, job.photos, cameras, job.resume_from, spaces)
     else:
         initial = initialise(model, cameras, unknown, generator)
-    best, settings = replace(initial, loss=torch.full_like(initial.loss, math.inf)), job.settings
-    for step, one in enumerate(optimise(model, initial, observations, settings, unknown, generator), 1):
+    best = replace(initial, loss=torch.full_like(initial.loss, math.inf))
+    for step, batch in enumerate(optimise(model, initial, observations, settings, unknown, generator), 1):
         if step % _SCORE_EVERY == 0 or step == settings.steps:
             with torch.no_grad():
-                found = paper_objective(model, one.parameters, scoring, settings.samples, settings.code_prior, None)
-            best = min(best, _with_loss(one, found), key=lambda one: float(one.loss))
-        shown = one if step < settings.steps and bool(one.loss.isfinite().all()) else best
-        codes = hypothesis_codes(model, shown.best.parameters, spaces)
-        (first,) = to_hypotheses(model, shown.best, cameras, codes)
+                value = paper_objective(model, batch.parameters, scoring, settings.samples, settings.code_prior, None)
+            best = min(best, _with_loss(batch, value), key=lambda candidate: float(candidate.loss))
+        leading = batch if step < settings.steps and bool(batch.loss.isfinite().all()) else best
+        codes = hypothesis_codes(model, leading.best.parameters, spaces)
+        (hypothesis,) = to_hypotheses(model, leading.best, cameras, codes)
         yield FitStep(
             step,
             settings.steps,
-            first.origin,
-            first.loss,
-            psnr_from_mse(float(shown.squared_error)),
+            hypothesis.origin,
+            hypothesis.loss,
+            psnr_from_mse(float(leading.squared_error)),
             time.perf_counter() - began,
-            first.cameras,
-            first.codes,
-            hypotheses=(first,),
+            hypothesis.cameras,
+            hypothesis.codes,
+            hypotheses=(hypothesis,),
         )
 
 
@@ -71,16 +73,17 @@ def initialise(
     model: Model, cameras: Sequence[Camera], unknown: Bool[Tensor, "views"], generator: torch.Generator
 ) -> HypothesisBatch:
     """Return one hypothesis: mean codes, and for unknown cameras random angles on the upper half of the sphere."""
-    known = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
-    angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), known)[None]
+    angles = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
+    angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), angles)[None]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in cameras]])
-    mean, zoom, crop_transform = model.codes.mean, torch.zeros_like(distance), torch.zeros(1, len(cameras), 4)
-    return HypothesisBatch.of(Parameters(angles, distance, zoom, crop_transform, mean.shape[None], mean.texture[None]))
+    crop_transform = torch.zeros(1, len(cameras), 4)
+    codes = (code[None] for code in (model.codes.mean.shape, model.codes.mean.texture))
+    return HypothesisBatch.of(Parameters(angles, distance, torch.zeros_like(distance), crop_transform, *codes))
 
 
 def optimise(
     model: Model,
-    one: HypothesisBatch,
+    hypothesis: HypothesisBatch,
     observations: Sequence[Observation],
     settings: FitSettings,
     unknown: Bool[Tensor, "views"],
@@ -90,7 +93,7 @@ def optimise(
 
     Every step samples new pixels.
     """
-    searched = Parameters(*(part.clone().requires_grad_() for part in one.parameters))
+    searched = Parameters(*(values.clone().requires_grad_() for values in hypothesis.parameters))
     rates = {
         "angles": _RATES["angles"],
         "distance": _RATES["distance"] / model.distance,
@@ -103,21 +106,21 @@ def optimise(
         pixels = sample_pixels(observations, settings.rays, generator)
         jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
         optimizer.zero_grad()
-        found = paper_objective(model, searched, pixels, settings.samples, settings.code_prior, jitter)
-        found.objective.sum().backward()
+        value = paper_objective(model, searched, pixels, settings.samples, settings.code_prior, jitter)
+        value.objective.sum().backward()
         optimizer.step()
         halving.step()
         with torch.no_grad():
-            _restore_known(searched, one.parameters, unknown)
-        parameters = Parameters(*(part.detach().clone() for part in searched))
-        yield _with_loss(replace(one, parameters=parameters), found)
+            _restore_known(searched, hypothesis.parameters, unknown)
+        parameters = Parameters(*(values.detach().clone() for values in searched))
+        yield _with_loss(replace(hypothesis, parameters=parameters), value)
 
 
-def _with_loss(one: HypothesisBatch, found: ObjectiveValue) -> HypothesisBatch:
-    loss = found.objective.detach()
-    if not all(bool(part.isfinite().all()) for part in (loss, *one.parameters)):
+def _with_loss(hypothesis: HypothesisBatch, value: ObjectiveValue) -> HypothesisBatch:
+    loss = value.objective.detach()
+    if not all(bool(values.isfinite().all()) for values in (loss, *hypothesis.parameters)):
         loss = torch.full_like(loss, math.inf)
-    return replace(one, loss=loss, squared_error=found.squared_error)
+    return replace(hypothesis, loss=loss, squared_error=value.squared_error)
 
 
 def _restore_known(searched: Parameters, before: Parameters, unknown: Bool[Tensor, "views"]) -> None:

@@ -33,8 +33,8 @@ def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> F
         for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
     ]
     codes = replace(step.codes, detail=None)
-    some = zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False)
-    views = tuple(photo_view(model, *one, codes) for one in some)
+    fitted = zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False)
+    views = tuple(photo_view(model, photo, camera, transform, codes) for photo, camera, transform in fitted)
     return replace(step, codes=replace(codes, detail=PhotoDetail.of(views, codes)))
 
 
@@ -65,8 +65,8 @@ def photo_view(
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
     if codes:
         small = camera.resized(max(1, round(_RENDER_HEIGHT * width / height)), _RENDER_HEIGHT)
-        seen = run_to_end(render_steps(model, codes, small, _RENDER_HEIGHT))
-        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBTFUL_OPACITY * _doubtful(rgba, seen.opacity.cpu().numpy()))
+        opacity = run_to_end(render_steps(model, codes, small, _RENDER_HEIGHT)).opacity.cpu().numpy()
+        rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBTFUL_OPACITY * _doubtful(rgba, opacity))
     view = PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
     return replace(view, outline_margin=_outline_margin(photo, camera))
 
@@ -89,13 +89,14 @@ def _doubtful(
     import cv2  # loaded only if there is a photo
     from scipy.ndimage import distance_transform_edt
 
-    (height, width), (rows, columns) = rgba.shape[:2], opacity.shape
+    height, width = rgba.shape[:2]
+    rows, columns = opacity.shape
     background = cv2.resize(rgba[..., 3], (columns, rows), interpolation=cv2.INTER_AREA) < 128
     deep = (opacity > _SOLID) & (distance_transform_edt(background) > _DEEP_BACKGROUND * rows)
     if not deep.any():
         return np.zeros((height, width), bool)
-    found = (opacity > _SOLID) & (distance_transform_edt(~deep) < 2 * _DEEP_BACKGROUND * rows)  # up to the mask
-    return cv2.resize(found.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+    doubtful = (opacity > _SOLID) & (distance_transform_edt(~deep) < 2 * _DEEP_BACKGROUND * rows)  # up to the mask
+    return cv2.resize(doubtful.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
 
 
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
@@ -115,8 +116,8 @@ def _around_object(
     if not opaque.any():
         return rgba, camera
     left, top, right, bottom = bounding_box(opaque)
-    reach = 1.04 * max(width / 2 - left, right - width / 2), 1.04 * max(height / 2 - top, bottom - height / 2)
-    x, y = max(0, math.floor(width / 2 - max(reach))), max(0, math.floor(height / 2 - max(reach)))
+    reach = 1.04 * max(width / 2 - left, right - width / 2, height / 2 - top, bottom - height / 2)
+    x, y = (max(0, math.floor(size / 2 - reach)) for size in (width, height))
     return rgba[y : height - y, x : width - x], replace(camera, width=width - 2 * x, height=height - 2 * y)
 
 
@@ -127,7 +128,8 @@ def _upright(
     import cv2  # loaded only if there is a photo
 
     height, width = rgba.shape[:2]
-    cos, sin = math.cos(roll), math.sin(roll)
+    cos = math.cos(roll)
+    sin = math.sin(roll)
     back = np.array([[cos, -sin], [sin, cos]])  # from the upright image to the photo
     middle = np.array([width, height]) / 2 - 0.5  # of pixels whose first is at 0
     matrix = np.column_stack((back, middle + shift - back @ middle))

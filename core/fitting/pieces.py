@@ -10,8 +10,8 @@ from torch import Tensor
 
 from core.runtime.pool import map_pieces
 
-_PIECE_SAMPLES, _MAX_PIECES = 16384, 16
-"""Samples of a piece, and the most pieces: with smaller pieces, threads wait longer for Python's lock."""
+_PIECE_SAMPLES = 16384  # of a piece; with smaller pieces, threads wait longer for Python's lock
+_MAX_PIECES = 16
 
 Piece = tuple[slice, slice, slice]  # index of some hypotheses, views and rays
 
@@ -25,17 +25,20 @@ def map_rays(function: Callable[[Piece], tuple[Tensor, ...]], shape: torch.Size,
         samples: intervals of each ray, for the size of pieces.
     """
     count = min(_MAX_PIECES, max(2, round(math.prod(shape) * samples / _PIECE_SAMPLES)))
-    pieces, whole = list(_split(shape[0], shape[2], count)), list[Tensor]()
-    for piece, values in zip(pieces, map_pieces(function, pieces), strict=True):
-        whole = whole or [value.new_empty(*shape, *value.shape[3:]) for value in values]
-        for all_values, some in zip(whole, values, strict=True):
-            all_values[piece] = some
-    return tuple(whole)
+    pieces = list(_split(shape[0], shape[2], count))
+    results = list[Tensor]()
+    for piece, piece_values in zip(pieces, map_pieces(function, pieces), strict=True):
+        results = results or [values.new_empty(*shape, *values.shape[3:]) for values in piece_values]
+        for result, values in zip(results, piece_values, strict=True):
+            result[piece] = values
+    return tuple(results)
 
 
-def cells_of(cells: Bool[Tensor, "hypotheses_or_one x y z"] | None, some: slice) -> Bool[Tensor, "some x y z"] | None:
-    """Return the cells of some hypotheses; a single grid is that of every hypothesis."""
-    return cells if cells is None or len(cells) == 1 else cells[some]
+def cells_of(
+    cells: Bool[Tensor, "hypotheses_or_one x y z"] | None, hypotheses: slice
+) -> Bool[Tensor, "selected x y z"] | None:
+    """Return the cells of a slice of hypotheses; a single grid is that of every hypothesis."""
+    return cells if cells is None or len(cells) == 1 else cells[hypotheses]
 
 
 def _split(hypotheses: int, rays: int, count: int) -> Iterator[Piece]:

@@ -72,8 +72,9 @@ class Problem:
     @classmethod
     def of(cls, model: Model, job: FitJob, generator: torch.Generator) -> "Problem":
         """Build from a job. Raises ``ValueError`` if a photo shows no object."""
-        photos, settings, components = job.photos, job.settings, job.components
-        if settings.estimate_focal:
+        components = job.components
+        photos = job.photos
+        if job.settings.estimate_focal:
             photos = tuple(replace(photo, focal=None) for photo in photos)
         observations = tuple(Observation.of(photo, model) for photo in photos)
         cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in photos)
@@ -83,7 +84,7 @@ class Problem:
         )
         bank = view_bank(model) if components.view_bank else None
         return cls(
-            model.soft, bank, settings, components, photos, observations, cameras, viewpoints, scoring, validation
+            model.soft, bank, job.settings, components, photos, observations, cameras, viewpoints, scoring, validation
         )
 
     @property
@@ -99,7 +100,8 @@ class Problem:
         """
         cropped = self.unknown & torch.tensor([photo.cropped for photo in self.photos])
         scaled = cropped & torch.tensor([photo.focal is None for photo in self.photos])
-        pose, focal = self.unknown[:, None].expand(-1, 2), self.unknown & self.settings.estimate_focal
+        pose = self.unknown[:, None].expand(-1, 2)
+        focal = self.unknown & self.settings.estimate_focal
         size = torch.stack((self.unknown & ~scaled, focal & (scaled | ~cropped), scaled), 1)
         return torch.cat((pose, size, cropped[:, None].expand(-1, 3)), 1)
 
@@ -148,11 +150,11 @@ def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None
     if model.viewpoint_classifier is None or photo.camera:
         return None
     probability = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
-    told = told_direction(model, photo)
-    return probability if told is None else with_witness(probability, *told)
+    direction = witness_direction(model, photo)
+    return probability if direction is None else with_witness(probability, *direction)
 
 
-def told_direction(model: Model, photo: Photo) -> tuple[float, float] | None:
+def witness_direction(model: Model, photo: Photo) -> tuple[float, float] | None:
     """Return azimuth and elevation (rad) from a chair's 3D box; None for other categories or a known camera."""
     return photo.direction if model.category == "chairs" and photo.camera is None else None
 

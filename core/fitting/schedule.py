@@ -103,12 +103,12 @@ def build_schedule(settings: FitSettings, components: Components, unknown: bool,
 
 
 def _stages(rows: Sequence[_Row], count: int, settings: FitSettings, components: Components) -> tuple[Stage, ...]:
-    stages, before, done = list[Stage](), 0, 0
+    stages = list[Stage]()
+    row_steps = 0
     for row in rows:
-        before += row.steps
+        row_steps += row.steps
         count = int(min(math.ceil(count * row.keep), row.limit))
-        steps = max(1, round(settings.steps * before / _ALL_STEPS) - done)
-        done += steps
+        steps = max(1, round(settings.steps * row_steps / _ALL_STEPS) - sum(stage.steps for stage in stages))
         rays = min(settings.rays, max(32, round(settings.rays * row.rays)))
         samples = max(2, round(settings.samples * row.samples))
         robust_scale = row.robust_scale if components.robust_loss else math.inf

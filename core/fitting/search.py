@@ -32,8 +32,8 @@ from core.fitting.schedule import Stage
 _LOSS_FLOOR = 1e-6  # floor of the loss before the logarithm of ratios
 _EMA = 0.4  # weight of a step's loss in the running mean for pruning
 _WINDOW = 4  # steps of the refinement averaged for a score, as single steps overfit their pixels
-_MIN_SAMPLES_FOR_CELLS, _SAMPLES_BETWEEN_UPDATES = 60_000, 100_000
-"""Compute a shape's cells only if it will be sampled this often; recompute them after so many samples."""
+_MIN_SAMPLES_FOR_CELLS = 60_000  # samples of a stage from which a shape's cells are computed
+_SAMPLES_BETWEEN_UPDATES = 100_000  # samples after which the cells are recomputed
 RESTART_BELOW = 0.92  # confidence of a camera below which the search restarts; belongs to CALIBRATION
 
 
@@ -51,8 +51,10 @@ def optimise(
 ) -> Iterator[HypothesisBatch]:
     """Yield all hypotheses after each step of some stages, pruned before each stage; losses are running means."""
     for stage in stages:
-        batch, objective = prune(problem, batch, stage.hypotheses), problem.objective(stage.robust_scale)
-        samples_per_step, cells = len(problem.photos) * stage.rays * stage.samples, None
+        batch = prune(problem, batch, stage.hypotheses)
+        objective = problem.objective(stage.robust_scale)
+        cells = None
+        samples_per_step = len(problem.photos) * stage.rays * stage.samples
         update_every = max(_WINDOW, _SAMPLES_BETWEEN_UPDATES // samples_per_step)
         use_cells = stage.steps * samples_per_step > _MIN_SAMPLES_FOR_CELLS
         for step in range(stage.steps):
@@ -60,12 +62,12 @@ def optimise(
                 cells = hypothesis_cells(problem.model, batch.parameters, problem.origin)
             pixels = sample_pixels(problem.observations, stage.rays, generator)
             jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
-            after = gauss_newton_step(
+            moved = gauss_newton_step(
                 problem.model, batch, pixels, jitter, stage, objective, problem.free, cells, problem.origin
             )
-            loss = after.loss * viewpoint_weights(after.parameters, problem.viewpoints)
+            loss = moved.loss * viewpoint_weights(moved.parameters, problem.viewpoints)
             loss = torch.lerp(batch.loss, loss, _EMA if step else 1.0).nan_to_num(math.inf, math.inf)
-            batch = replace(after, loss=loss)
+            batch = replace(moved, loss=loss)
             yield batch
 
 
@@ -73,11 +75,11 @@ def prune(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBat
     """Keep the ``count`` best, one from each basin first; of three or more, one is the opposite view of the leader."""
     if len(batch) <= count:
         return batch
-    kept, unknown = ordered(problem, batch)[:count], problem.unknown
-    opposite = opposite_views(batch, batch.leader, unknown)
-    if not bool(unknown.any()) or count < 3 or bool(opposite[kept].any()):
+    kept = ordered(problem, batch)[:count]
+    opposite = opposite_views(batch, batch.leader, problem.unknown)
+    if not bool(problem.unknown.any()) or count < 3 or bool(opposite[kept].any()):
         return batch[kept]
-    return concatenate(batch[kept[: count - 1]], flip_azimuth(batch.best, unknown))
+    return concatenate(batch[kept[: count - 1]], flip_azimuth(batch.best, problem.unknown))
 
 
 def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> HypothesisBatch:
@@ -85,7 +87,7 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
     objective = problem.objective(robust_scale)
     with torch.no_grad():
         cells = hypothesis_cells(problem.model, batch.parameters, problem.origin)
-        found = evaluate_objective(
+        value = evaluate_objective(
             problem.model,
             batch.parameters,
             problem.scoring,
@@ -94,8 +96,8 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
             cells=cells,
             origin=problem.origin,
         )
-    loss = found.objective.nan_to_num(math.inf, math.inf) * viewpoint_weights(batch.parameters, problem.viewpoints)
-    return replace(batch, loss=loss, squared_error=found.squared_error)
+    loss = value.objective.nan_to_num(math.inf, math.inf) * viewpoint_weights(batch.parameters, problem.viewpoints)
+    return replace(batch, loss=loss, squared_error=value.squared_error)
 
 
 def select(
@@ -106,20 +108,20 @@ def select(
     Candidates are the batch, its coarse ancestors, the coarse winner, and the opposite view of the leader. If
     ``resumed``, all but the batch can only be runner-up.
     """
-    again = torch.isin(coarse.origin, batch.origin)
-    again[coarse.leader] = True
-    among = concatenate(batch, coarse[again.nonzero()[:, 0]])
+    ancestors = torch.isin(coarse.origin, batch.origin)
+    ancestors[coarse.leader] = True
+    candidates = concatenate(batch, coarse[ancestors.nonzero()[:, 0]])
     if not bool(problem.unknown.any()):
-        return SearchResult(score(problem, among, final.robust_scale).best)
-    among = concatenate(among, flip_azimuth(batch.best, problem.unknown))
-    among = score(problem, among, final.robust_scale)
-    winner = among[torch.arange(len(batch))].best if resumed else among.best
-    return with_runner_up(problem, winner, among)
+        return SearchResult(score(problem, candidates, final.robust_scale).best)
+    candidates = concatenate(candidates, flip_azimuth(batch.best, problem.unknown))
+    candidates = score(problem, candidates, final.robust_scale)
+    winner = candidates[torch.arange(len(batch))].best if resumed else candidates.best
+    return with_runner_up(problem, winner, candidates)
 
 
-def with_runner_up(problem: Problem, winner: HypothesisBatch, among: HypothesisBatch) -> SearchResult:
+def with_runner_up(problem: Problem, winner: HypothesisBatch, candidates: HypothesisBatch) -> SearchResult:
     """Pair the winner with the best hypothesis of another basin; the margin is infinite if there is none."""
-    runner_up = best_other_basin(winner, among, problem.unknown)
+    runner_up = best_other_basin(winner, candidates, problem.unknown)
     margin = math.log(max(float(runner_up.loss), _LOSS_FLOOR) / max(float(winner.loss), _LOSS_FLOOR))
     return SearchResult(winner, runner_up, margin)
 
@@ -128,9 +130,10 @@ def refine(
     problem: Problem, winner: HypothesisBatch, final: Stage, generator: torch.Generator
 ) -> Iterator[HypothesisBatch]:
     """Yield after each step the best so far: the winner or a mean over recent steps."""
-    best, recent = winner, list[HypothesisBatch]()
-    for step, after in enumerate(optimise(problem, winner, (final,), generator), 1):
-        recent = [*recent, after][-_WINDOW:]
+    best = winner
+    recent = list[HypothesisBatch]()
+    for step, moved in enumerate(optimise(problem, winner, (final,), generator), 1):
+        recent = [*recent, moved][-_WINDOW:]
         if step % _WINDOW == 0 or step == final.steps:
             best = concatenate(best, score(problem, mean_parameters(recent), final.robust_scale)).best
         yield best
@@ -140,7 +143,8 @@ def assess(problem: Problem, selected: SearchResult, refined: HypothesisBatch, f
     """Add the uncertainty of a single unknown camera to the refined winner, from pixels that were not fitted."""
     if int(problem.unknown.sum()) != 1:
         return selected._replace(winner=refined)
-    view, objective = int(problem.unknown.nonzero()[0, 0]), problem.objective(final.robust_scale)
+    view = int(problem.unknown.nonzero()[0, 0])
+    objective = problem.objective(final.robust_scale)
     radians = camera_uncertainty(problem.model, refined, problem.validation, final, objective, problem.free, view)
     return selected._replace(winner=refined, uncertainty=math.degrees(radians))
 
@@ -156,6 +160,6 @@ def better_of(problem: Problem, first: SearchResult, second: SearchResult) -> Se
     If they agree on the camera, the margin is the smaller of the two; else it is at most the margin over the worse one.
     """
     best, worse = sorted((first, second), key=lambda result: float(result.winner.loss))
-    other = with_runner_up(problem, best.winner, worse.winner)
-    closest = min(best, other if math.isfinite(other.margin) else worse, key=lambda result: result.margin)
+    compared = with_runner_up(problem, best.winner, worse.winner)
+    closest = min(best, compared if math.isfinite(compared.margin) else worse, key=lambda result: result.margin)
     return best._replace(runner_up=closest.runner_up, margin=closest.margin)

@@ -65,8 +65,8 @@ class FitStep:
         if self.margin is None or self.uncertainty is None:
             return None
         psnr = self.psnr if self.search_psnr is None else self.search_psnr
-        at_all = plausible(self.category_likelihood, self.mask_confidence, psnr)
-        return at_all * confidence(self.margin, self.uncertainty, witness=self.witness)
+        plausibility = plausible(self.category_likelihood, self.mask_confidence, psnr)
+        return plausibility * confidence(self.margin, self.uncertainty, witness=self.witness)
 
 
 class SearchState(NamedTuple):
@@ -91,41 +91,43 @@ class SearchState(NamedTuple):
         searched = self.result.winner if self.result else self.batch.best
         leading = searched if self.freed is None else self.freed
         hypotheses = self._ranked()
-        first, runner_up = hypotheses[0], self.result and self.result.runner_up
-        shown = FitStep(
+        leader = hypotheses[0]
+        runner_up = self.result and self.result.runner_up
+        fit_step = FitStep(
             step,
             steps,
-            first.origin,
-            first.loss,
+            leader.origin,
+            leader.loss,
             psnr_from_mse(float(leading.squared_error)),
             seconds,
-            first.cameras,
-            first.codes,
+            leader.cameras,
+            leader.codes,
             len(self.batch),
             self.restart,
             hypotheses=hypotheses,
         )
         if self.freed is not None:
-            shown = replace(shown, search_psnr=psnr_from_mse(float(searched.squared_error)))
+            fit_step = replace(fit_step, search_psnr=psnr_from_mse(float(searched.squared_error)))
         if not (self.result and runner_up and math.isfinite(self.result.margin) and self.problem.unknown.sum() == 1):
-            return shown
+            return fit_step
         cameras = to_cameras(self.problem.model, runner_up.parameters, 0, self.problem.cameras)
-        other = RunnerUp(cameras, float(runner_up.loss))
-        return replace(shown, runner_up=other, margin=self.result.margin, uncertainty=self.result.uncertainty)
+        rival = RunnerUp(cameras, float(runner_up.loss))
+        return replace(fit_step, runner_up=rival, margin=self.result.margin, uncertainty=self.result.uncertainty)
 
     def _ranked(self) -> tuple[Hypothesis, ...]:
         """Return the leader, then the others, as :attr:`FitStep.hypotheses`."""
-        result, batch, problem = self.result, self.batch, self.problem
+        problem = self.problem
+        result = self.result
 
-        def to_all(ranked: HypothesisBatch, origin: Latents | None = None) -> tuple[Hypothesis, ...]:
-            codes = hypothesis_codes(problem.model, ranked.parameters, problem.spaces, origin)
-            return to_hypotheses(problem.model, ranked, problem.cameras, codes)
+        def to_all(batch: HypothesisBatch, origin: Latents | None = None) -> tuple[Hypothesis, ...]:
+            codes = hypothesis_codes(problem.model, batch.parameters, problem.spaces, origin)
+            return to_hypotheses(problem.model, batch, problem.cameras, codes)
 
         freed = () if self.freed is None else to_all(self.freed, self.origin)
-        batches = [batch]
-        if result and batch is result.winner:
-            batches = [] if freed else [batch]
+        batches = [self.batch]
+        if result and self.batch is result.winner:
+            batches = [] if freed else [self.batch]
             batches += [] if result.runner_up is None else [result.runner_up]
         elif result:
-            batches = [result.winner, batch]
-        return *freed, *(hypothesis for ranked in batches for hypothesis in to_all(ranked))
+            batches = [result.winner, self.batch]
+        return *freed, *(hypothesis for batch in batches for hypothesis in to_all(batch))
