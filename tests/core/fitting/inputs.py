@@ -1,4 +1,4 @@
-"""What the tests of fits begin with: quick settings, hypotheses, pixels of a photo, problems."""
+"""Inputs of the tests of fits: quick settings, hypotheses, pixels of a photo, problems."""
 
 import torch
 
@@ -22,7 +22,8 @@ def random_parameters(count: int = 3, elevation: float = 0.5) -> Parameters:
     """Cameras near each other, and codes anywhere."""
     generator = seeded()
     angles = torch.tensor([0.5, elevation]) + 0.2 * torch.rand(count, 1, 2, generator=generator)
-    distance, zoom = 0.1 * torch.randn(count, 1, generator=generator), torch.full((count, 1), 0.1)
+    distance = 0.1 * torch.randn(count, 1, generator=generator)
+    zoom = torch.full((count, 1), 0.1)
     shape, texture = (torch.randn(count, 2, generator=generator) for _ in range(2))
     return Parameters(angles, distance, zoom, torch.zeros(count, 1, 4), shape, texture)
 
@@ -30,8 +31,8 @@ def random_parameters(count: int = 3, elevation: float = 0.5) -> Parameters:
 def standing(distance: float, elevation: float = 0.5, views: int = 1, zoom: float = 0.0) -> Parameters:
     """One hypothesis of the mean codes, the same for every view."""
     angles = torch.tensor([0.0, elevation]).expand(1, views, 2)
-    away, lens = (torch.full((1, views), value) for value in (distance, zoom))
-    return Parameters(angles, away, lens, torch.zeros(1, views, 4), torch.zeros(1, 2), torch.zeros(1, 2))
+    log_distance, log_focal = (torch.full((1, views), value) for value in (distance, zoom))
+    return Parameters(angles, log_distance, log_focal, torch.zeros(1, views, 4), torch.zeros(1, 2), torch.zeros(1, 2))
 
 
 def pixels_of(model: Model, rays: int = 96) -> PixelBatch:

@@ -21,7 +21,7 @@ def test_samples_are_recognised(category: str):
         assert describe_category(guess, category) == ""
 
 
-def test_a_car_is_no_chair_and_neither_is_said_to_be_neither():
+def test_other_categories_and_unknown_objects_are_described():
     guess = cut_out(read_rgba(sample_images("cars")[0])).categories
     assert category_likelihood("chairs", (photo_of(guess), photo_of(guess))) < 0.1
     assert describe_category(guess, "chairs") == "this looks like a car, not a chair: try the cars model"

@@ -20,114 +20,119 @@ from tests.core.tiny import photo_of
 
 IMPOSSIBLE = ({"hypotheses": 0}, {"steps": 0}, {"max_restarts": -1}, {"samples": 1}, {"code_prior": -1.0})
 unchecked = pytest.mark.usefixtures("unchecked")
-"""Of tests that run what others of this file run with checks."""
+"""For tests that repeat calls which other tests of this file check."""
 
 
-def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, resume_from: Hypothesis | None = None) -> FitStep:
+def fit_to_end(
+    model: Model, *photos: Photo, settings: FitSettings = QUICK, resume_from: Hypothesis | None = None
+) -> FitStep:
     *_, step = fit(model, FitJob(photos, settings, resume_from=resume_from))
     return step
 
 
-def bare(found: FitStep) -> Codes:
+def without_detail(step: FitStep) -> Codes:
     """The codes alone, without the photo's outline, which cuts off the haze of a tiny model."""
-    return replace(found.codes, detail=None)
+    return replace(step.codes, detail=None)
 
 
 @pytest.fixture(scope="module")
-def whole_fit(tiny: Model) -> list[FitStep]:
-    """A whole fit, step by step."""
+def complete_fit(tiny: Model) -> list[FitStep]:
+    """The steps of a complete fit."""
     return list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
 
 
-# What is found
+# Results
 
 
 @unchecked
 @pytest.mark.parametrize("index, azimuth, elevation", [(1, 2.9, 0.6), (3, 6.0, 1.35)])
-def test_an_unknown_camera_and_the_codes_are_found(tiny: Model, index: int, azimuth: float, elevation: float):
+def test_an_unknown_camera_and_the_codes_are_recovered(tiny: Model, index: int, azimuth: float, elevation: float):
     truth = tiny.camera(azimuth, elevation)
     photo = photo_of(tiny, tiny.codes[index], truth)
-    found = last(tiny, photo)
-    assert rotation_error(found.cameras[0], truth) < 10
-    assert abs(found.cameras[0].distance / truth.distance - 1) < 0.03
-    assert psnr(render_exact(tiny, bare(found), found.cameras[0], 48).colour, photo.pixels) > 30
+    result = fit_to_end(tiny, photo)
+    assert rotation_error(result.cameras[0], truth) < 10
+    assert abs(result.cameras[0].distance / truth.distance - 1) < 0.03
+    assert psnr(render_exact(tiny, without_detail(result), result.cameras[0], 48).colour, photo.pixels) > 30
 
 
 @unchecked
-def test_another_focal_length_is_found_where_it_is_searched_for(tiny: Model):
+def test_a_searched_focal_length_is_recovered(tiny: Model):
     usual = tiny.camera(3.2, 0.4)
     truth = replace(usual, focal=0.7 * usual.focal, distance=0.7 * usual.distance)
     photo = photo_of(tiny, tiny.codes[2], truth)
     settings = replace(QUICK, rays=256, free_steps=0)  # free biases explain part of what a wrong focal length cannot
-    usual_focal = last(tiny, photo, settings=settings)
-    searched_focal = last(tiny, photo, settings=replace(settings, estimate_focal=True))
+    usual_focal = fit_to_end(tiny, photo, settings=settings)
+    searched_focal = fit_to_end(tiny, photo, settings=replace(settings, estimate_focal=True))
     assert usual_focal.cameras[0].focal == usual.focal
     assert searched_focal.cameras[0].focal == pytest.approx(truth.focal, rel=0.15)
     assert abs(searched_focal.cameras[0].distance / truth.distance - 1) < 0.15
     assert searched_focal.psnr > usual_focal.psnr + 3
-    again = last(tiny, photo, settings=replace(QUICK, steps=4), resume_from=searched_focal.hypotheses[0])
+    again = fit_to_end(tiny, photo, settings=replace(QUICK, steps=4), resume_from=searched_focal.hypotheses[0])
     assert again.cameras[0].focal == pytest.approx(searched_focal.cameras[0].focal)  # kept, not searched for
 
 
 def test_every_unknown_camera_has_a_focal_length_of_its_own(tiny: Model):
     cameras = [tiny.camera(1.2, 0.3), tiny.camera(2.6, 0.5), tiny.camera(4.0, 0.4)]
-    known, *others = (photo_of(tiny, tiny.codes[1], camera) for camera in cameras)
-    photos = replace(known, camera=cameras[0]), *others
-    found = last(tiny, *photos, settings=replace(SHORT, estimate_focal=True))
-    assert found.cameras[0].focal == cameras[0].focal
-    assert found.cameras[1].focal != found.cameras[2].focal
+    first, *further = (photo_of(tiny, tiny.codes[1], camera) for camera in cameras)
+    photos = replace(first, camera=cameras[0]), *further
+    result = fit_to_end(tiny, *photos, settings=replace(SHORT, estimate_focal=True))
+    assert result.cameras[0].focal == cameras[0].focal
+    assert result.cameras[1].focal != result.cameras[2].focal
 
 
-def test_with_a_known_camera_the_codes_are_found_and_nothing_is_in_doubt(tiny: Model):
-    truth, codes = tiny.camera(0.9, 0.5), tiny.codes[2]
-    found = last(tiny, replace(photo_of(tiny, codes, truth), camera=truth))
-    assert rotation_error(found.cameras[0], truth) < 1e-3
-    other = tiny.camera(3.9, 0.6)
-    expected = render_exact(tiny, codes, other, 48).colour
-    assert psnr(render_exact(tiny, bare(found), other, 48).colour, expected) > 25
-    assert found.runner_up is found.confidence is None
+def test_a_known_camera_leaves_the_codes_to_search_and_has_no_confidence(tiny: Model):
+    truth = tiny.camera(0.9, 0.5)
+    codes = tiny.codes[2]
+    result = fit_to_end(tiny, replace(photo_of(tiny, codes, truth), camera=truth))
+    assert rotation_error(result.cameras[0], truth) < 1e-3
+    novel_camera = tiny.camera(3.9, 0.6)
+    expected = render_exact(tiny, codes, novel_camera, 48).colour
+    assert psnr(render_exact(tiny, without_detail(result), novel_camera, 48).colour, expected) > 25
+    assert result.runner_up is result.confidence is None
 
 
 @unchecked
 @pytest.mark.parametrize("first_is_known", [False, True])
-def test_the_cameras_of_two_views_are_found_and_a_known_one_stays(tiny: Model, first_is_known: bool):
+def test_cameras_of_two_views_are_recovered_and_a_known_one_is_kept(tiny: Model, first_is_known: bool):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
     first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
-    found = last(tiny, replace(first, camera=truths[0]) if first_is_known else first, second)
-    assert rotation_error(found.cameras[0], truths[0]) < (1e-3 if first_is_known else 5)
-    assert rotation_error(found.cameras[1], truths[1]) < 5
-    assert found.codes.shape.shape == tiny.codes[1].shape.shape
+    result = fit_to_end(tiny, replace(first, camera=truths[0]) if first_is_known else first, second)
+    assert rotation_error(result.cameras[0], truths[0]) < (1e-3 if first_is_known else 5)
+    assert rotation_error(result.cameras[1], truths[1]) < 5
+    assert result.codes.shape.shape == tiny.codes[1].shape.shape
 
 
 @unchecked
-def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
+def test_the_optical_axis_of_a_moved_crop_is_recovered(tiny: Model):
     truth = tiny.camera(1.2, 0.4)
     photo = photo_of(tiny, tiny.codes[0], truth)
     moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), cropped=True)
-    assert rotation_error(last(tiny, moved).cameras[0], truth) < 5
+    assert rotation_error(fit_to_end(tiny, moved).cameras[0], truth) < 5
 
 
-# The search, and resuming
+# Search and resuming
 
 
-def test_the_leader_comes_first_and_the_local_search_begins_around_it(whole_fit: list[FitStep]):
-    for step in whole_fit:
-        assert [one.loss for one in step.hypotheses] == sorted(one.loss for one in step.hypotheses)
+def test_hypotheses_are_ranked_and_the_local_search_starts_around_the_leader(complete_fit: list[FitStep]):
+    for step in complete_fit:
+        losses = [hypothesis.loss for hypothesis in step.hypotheses]
+        assert losses == sorted(losses)
         assert (step.hypotheses[0].origin, step.hypotheses[0].cameras) == (step.origin, step.cameras)
         assert torch.equal(step.hypotheses[0].codes.shape, step.codes.shape)
-    assert len(whole_fit[0].hypotheses) == QUICK.hypotheses
-    assert whole_fit[-1].runner_up is not None
-    assert whole_fit[-1].hypotheses[1].cameras == whole_fit[-1].runner_up.cameras
+    assert len(complete_fit[0].hypotheses) == QUICK.hypotheses
+    assert complete_fit[-1].runner_up is not None
+    assert complete_fit[-1].hypotheses[1].cameras == complete_fit[-1].runner_up.cameras
     first = sum(stage.steps for stage in build_schedule(QUICK, ALL_COMPONENTS, unknown=True).coarse)
-    before, after = whole_fit[first - 1 : first + 1]
+    before, after = complete_fit[first - 1 : first + 1]
     assert after.active == min(QUICK.hypotheses, LOCAL_HYPOTHESES) + 1
-    assert {one.origin for one in after.hypotheses} <= {one.origin for one in before.hypotheses}
+    origins, later_origins = ({hypothesis.origin for hypothesis in step.hypotheses} for step in (before, after))
+    assert later_origins <= origins
     assert after.loss <= before.loss  # the winner of the coarse search waits until it is beaten
-    assert before.hypotheses[0].cameras in [one.cameras for one in after.hypotheses]
+    assert before.hypotheses[0].cameras in [hypothesis.cameras for hypothesis in after.hypotheses]
 
 
 @unchecked
-def test_a_fit_resumes_where_another_ended(tiny: Model):
+def test_a_fit_resumes_from_a_hypothesis(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
     photo = replace(photo_of(tiny, tiny.codes[0], truth), cropped=True)
     early = next(fit(tiny, FitJob((photo,), QUICK)))
@@ -137,8 +142,8 @@ def test_a_fit_resumes_where_another_ended(tiny: Model):
     assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 10
     assert steps[0].origin == begin.origin
     before, after = (
-        psnr(render_exact(tiny, one.codes, one.cameras[0], 48).colour, photo.pixels)
-        for one in (begin, steps[-1].hypotheses[0])
+        psnr(render_exact(tiny, hypothesis.codes, hypothesis.cameras[0], 48).colour, photo.pixels)
+        for hypothesis in (begin, steps[-1].hypotheses[0])
     )
     assert after > before + 3
     assert steps[-1].runner_up is not None
@@ -146,11 +151,12 @@ def test_a_fit_resumes_where_another_ended(tiny: Model):
 
 
 @unchecked
-def test_a_resumed_fit_stays_with_its_viewpoint_even_where_the_opposite_is_better(tiny: Model):
+def test_a_resumed_fit_keeps_its_viewpoint_even_if_the_opposite_is_better(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
-    found = last(tiny, photo, settings=SHORT).hypotheses[0]
-    wrong = replace(found, cameras=(replace(found.cameras[0], azimuth=found.cameras[0].azimuth + math.pi),))
-    resumed = last(tiny, photo, settings=replace(QUICK, steps=2), resume_from=wrong)
+    hypothesis = fit_to_end(tiny, photo, settings=SHORT).hypotheses[0]
+    camera = hypothesis.cameras[0]
+    wrong = replace(hypothesis, cameras=(replace(camera, azimuth=camera.azimuth + math.pi),))
+    resumed = fit_to_end(tiny, photo, settings=replace(QUICK, steps=2), resume_from=wrong)
     assert rotation_error(resumed.cameras[0], wrong.cameras[0]) < 60
 
 
@@ -166,27 +172,27 @@ def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model)
         replace(job, photos=job.photos[:1], resume_from=first.hypotheses[0])
 
 
-# What else it could be
+# Runner-up
 
 
-def test_the_runner_up_is_another_camera_that_is_scored_too(tiny: Model, whole_fit: list[FitStep]):
-    found = whole_fit[-1]
-    assert rotation_error(found.cameras[0], tiny.camera(1.2, 0.3)) < 10
-    assert found.margin is not None
-    assert found.confidence is not None
-    assert rotation_error(found.runner_up.cameras[0], found.cameras[0]) > 20
-    assert 0 <= found.margin <= math.log(found.runner_up.loss / found.loss) + 1e-4
-    assert found.margin > 0
-    assert found.uncertainty is not None
-    assert 0 < found.uncertainty < 30
-    assert 0 <= found.confidence <= 1
-    assert whole_fit[0].runner_up is whole_fit[0].confidence is whole_fit[0].uncertainty is None
+def test_the_runner_up_is_a_distant_camera_of_higher_loss(tiny: Model, complete_fit: list[FitStep]):
+    result = complete_fit[-1]
+    assert rotation_error(result.cameras[0], tiny.camera(1.2, 0.3)) < 10
+    assert result.margin is not None
+    assert result.confidence is not None
+    assert rotation_error(result.runner_up.cameras[0], result.cameras[0]) > 20
+    assert 0 <= result.margin <= math.log(result.runner_up.loss / result.loss) + 1e-4
+    assert result.margin > 0
+    assert result.uncertainty is not None
+    assert 0 < result.uncertainty < 30
+    assert 0 <= result.confidence <= 1
+    assert complete_fit[0].runner_up is complete_fit[0].confidence is complete_fit[0].uncertainty is None
 
 
 # The stream
 
 
-def test_steps_are_numbered_timed_finite_and_at_the_size_of_the_picture(tiny: Model):
+def test_steps_are_numbered_timed_finite_and_at_the_size_of_the_photo(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2).resized(24, 24))
     steps = list(fit(tiny, FitJob((photo,), SHORT)))
     assert [step.step for step in steps] == list(range(1, len(steps) + 1))
@@ -198,7 +204,7 @@ def test_steps_are_numbered_timed_finite_and_at_the_size_of_the_picture(tiny: Mo
 
 
 @unchecked
-def test_the_same_seed_gives_the_same_stream_another_seed_another_and_the_model_stays(tiny: Model):
+def test_a_seed_determines_the_stream_and_the_model_is_unchanged(tiny: Model):
     photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
 
     def stream(seed: int) -> list[tuple]:
@@ -217,27 +223,27 @@ def test_the_same_seed_gives_the_same_stream_another_seed_another_and_the_model_
 
 @unchecked
 @pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
-def test_any_number_of_hypotheses_and_steps_ends_and_has_a_runner_up(tiny: Model, hypotheses: int, steps: int):
+def test_any_number_of_hypotheses_and_steps_gives_a_runner_up(tiny: Model, hypotheses: int, steps: int):
     photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
-    found = list(fit(tiny, FitJob((photo,), FitSettings(hypotheses, steps, rays=8, samples=4))))
-    assert found[-1].step == found[-1].steps == len(found)
-    assert found[-1].runner_up is not None
+    steps_of_fit = list(fit(tiny, FitJob((photo,), FitSettings(hypotheses, steps, rays=8, samples=4))))
+    assert steps_of_fit[-1].step == steps_of_fit[-1].steps == len(steps_of_fit)
+    assert steps_of_fit[-1].runner_up is not None
 
 
-def test_a_model_that_paints_its_ground_is_fitted():
+def test_a_model_that_paints_the_background_is_fitted():
     model = random_model(1, white_from_network=True)
     mask = torch.zeros(32, 32, dtype=torch.bool)
     mask[10:22, 8:20] = True
     pixels = torch.where(mask[..., None], torch.rand(32, 32, 3, generator=seeded()), torch.ones(3))
-    found = last(model, Photo(pixels, mask, model.camera(0.4, 0.3)), settings=SHORT)
-    assert math.isfinite(found.psnr)
+    result = fit_to_end(model, Photo(pixels, mask, model.camera(0.4, 0.3)), settings=SHORT)
+    assert math.isfinite(result.psnr)
 
 
-# Pictures that show nothing the model knows
+# Extreme input
 
 
 @unchecked
-def test_odd_pictures_stay_finite(tiny: Model):
+def test_extreme_photos_have_finite_results(tiny: Model):
     everything = torch.ones(40, 40, dtype=torch.bool)
     dot = torch.zeros(40, 40, dtype=torch.bool)
     dot[0, 39] = True
@@ -247,13 +253,13 @@ def test_odd_pictures_stay_finite(tiny: Model):
         Photo(torch.rand(9, 31, 3, generator=seeded()), torch.ones(9, 31, dtype=torch.bool)),
     ]
     for photo in odd:
-        found = last(tiny, photo, settings=SHORT)
-        assert math.isfinite(found.loss)
-        assert math.isfinite(found.cameras[0].distance)
+        result = fit_to_end(tiny, photo, settings=SHORT)
+        assert math.isfinite(result.loss)
+        assert math.isfinite(result.cameras[0].distance)
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         (lambda: FitJob(()), "no photo"),
         *((lambda field=field: FitSettings(**field), "settings") for field in IMPOSSIBLE),
@@ -261,20 +267,20 @@ def test_odd_pictures_stay_finite(tiny: Model):
         (lambda: replace(PRESETS["paper"], estimate_focal=True), "focal length"),
     ],
 )
-def test_impossible_jobs_are_refused(wrong: Callable[[], object], said: str):
-    with pytest.raises(ValueError, match=said):
+def test_impossible_jobs_are_refused(wrong: Callable[[], object], message: str):
+    with pytest.raises(ValueError, match=message):
         wrong()
 
 
-def test_a_picture_without_an_object_is_refused(tiny: Model):
+def test_a_photo_without_an_object_is_refused(tiny: Model):
     with pytest.raises(ValueError, match="shows no object"):
-        last(tiny, Photo(torch.ones(40, 40, 3), torch.zeros(40, 40, dtype=torch.bool)))
+        fit_to_end(tiny, Photo(torch.ones(40, 40, 3), torch.zeros(40, 40, dtype=torch.bool)))
 
 
-def test_a_model_gone_wrong_ends_in_one_clear_error():
+def test_a_model_of_nan_raises_one_clear_error():
     model = random_model()
     photo = photo_of(model, model.codes[0], model.camera(0.3, 0.3))
-    known = replace(photo, mask=torch.ones_like(photo.mask), camera=model.camera(0.3, 0.3))
+    posed = replace(photo, mask=torch.ones_like(photo.mask), camera=model.camera(0.3, 0.3))
     model.field.density_layer.bias.fill_(math.nan)
     with pytest.raises(ValueError, match="diverged from every start"):
-        last(model, known, settings=replace(SHORT, hypotheses=1))
+        fit_to_end(model, posed, settings=replace(SHORT, hypotheses=1))

@@ -1,4 +1,4 @@
-"""The free stage: an object that no code can say comes nearer to its photo, and nothing about its camera changes."""
+"""The free stage explains objects that no code reaches, and keeps the camera's confidence."""
 
 from dataclasses import replace
 
@@ -17,14 +17,14 @@ from tests.core.tiny import photo_of
 FREE = replace(SHORT, steps=20, rays=192, samples=24, free_steps=12)
 
 
-def unlike(model: Model) -> Codes:
+def unreachable(model: Model) -> Codes:
     """An object off the surface that codes reach."""
     return freed(model, 0, scale=0.6)
 
 
-def test_an_object_that_no_code_can_say_is_explained_better(tiny: Model):
+def test_offsets_explain_an_object_that_no_code_reaches(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
-    photo = replace(photo_of(tiny, unlike(tiny), camera), camera=camera)
+    photo = replace(photo_of(tiny, unreachable(tiny), camera), camera=camera)
     *_, codes = fit(tiny, FitJob((photo,), replace(FREE, free_steps=0)))
     *_, free = fit(tiny, FitJob((photo,), FREE))
     assert codes.codes.shape_offsets is None
@@ -36,13 +36,14 @@ def test_an_object_that_no_code_can_say_is_explained_better(tiny: Model):
     assert better > plain + 1.0
 
 
-def test_the_stage_ends_a_search_and_leaves_its_confidence(tiny: Model):
-    photo = photo_of(tiny, unlike(tiny), tiny.camera(0.5, 0.4))
+def test_the_free_stage_ends_a_search_and_keeps_its_confidence(tiny: Model):
+    photo = photo_of(tiny, unreachable(tiny), tiny.camera(0.5, 0.4))
     steps = list(fit(tiny, FitJob((photo,), FREE)))
     searched = [step for step in steps if not step.is_free]
     assert [step.is_free for step in steps] == [False] * len(searched) + [True] * FREE.free_steps
     assert steps[-1].step == steps[-1].steps
-    before, after = searched[-1], steps[-1]
+    before = searched[-1]
+    after = steps[-1]
     assert before.codes.detail is None and after.codes.detail is not None
     assert (after.confidence, after.margin, after.uncertainty) == (before.confidence, before.margin, before.uncertainty)
     assert after.runner_up is not None and before.runner_up is not None
@@ -52,7 +53,7 @@ def test_the_stage_ends_a_search_and_leaves_its_confidence(tiny: Model):
     assert after.codes.detail.fitted.shape_key == after.codes.shape_key
 
 
-def test_offsets_are_left_out_where_they_are_not_wanted_or_mean_nothing(tiny: Model):
+def test_no_offsets_without_free_steps_or_with_a_painted_background(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.4))
     job = FitJob((photo,), FREE)
     white = replace(tiny, white_from_network=True)
@@ -61,23 +62,23 @@ def test_offsets_are_left_out_where_they_are_not_wanted_or_mean_nothing(tiny: Mo
         assert last.codes.shape_offsets is None and not last.is_free
 
 
-def test_an_object_like_the_training_objects_stays_as_it_is(tiny: Model):
+def test_offsets_of_a_training_object_are_small(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
     photo = replace(photo_of(tiny, tiny.codes[0], camera), camera=camera)
     *_, last = fit(tiny, FitJob((photo,), QUICK))
     assert last.codes.shape_offsets is not None
     assert float(last.codes.shape_offsets.float().square().mean().sqrt()) < 0.3
     behind = tiny.camera(2.6, 0.4)
-    seen, truth = (
+    rendered, truth = (
         render_image(tiny, codes, behind).colour for codes in (replace(last.codes, detail=None), tiny.codes[0])
     )
-    assert psnr(seen, truth) > 25
+    assert psnr(rendered, truth) > 25
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_the_same_seed_gives_the_same_offsets(tiny: Model, known: bool):
+@pytest.mark.parametrize("posed", [True, False])
+def test_the_same_seed_gives_the_same_offsets(tiny: Model, posed: bool):
     camera = tiny.camera(0.5, 0.4)
-    photo = replace(photo_of(tiny, unlike(tiny), camera), camera=camera if known else None)
+    photo = replace(photo_of(tiny, unreachable(tiny), camera), camera=camera if posed else None)
     (*_, first), (*_, second) = (fit(tiny, FitJob((photo,), FREE)) for _ in range(2))
     assert torch.equal(first.codes.shape_offsets, second.codes.shape_offsets)
 
@@ -86,13 +87,14 @@ def test_a_doubtful_mask_adds_to_the_object_and_carves_nothing(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
     photo = replace(photo_of(tiny, tiny.codes[0], camera), camera=camera)
     rows, columns = photo.mask.nonzero().float().mean(0).long().tolist()
-    mask, pixels = photo.mask.clone(), photo.pixels.clone()
+    mask = photo.mask.clone()
+    pixels = photo.pixels.clone()
     mask[rows - 3 : rows + 4, columns:] = False  # a gap open to the right
     pixels[~mask] = 1.0
-    seen = dict[float, torch.Tensor]()
+    gap_opacity = dict[float, torch.Tensor]()
     for confidence in (1.0, 0.9):
         torn = replace(photo, mask=mask, pixels=pixels, mask_confidence=confidence)
         *_, last = fit(tiny, FitJob((torn,), replace(FREE, free_steps=20)))
         rendered = render_image(tiny, replace(last.codes, detail=None), camera)
-        seen[confidence] = rendered.opacity[photo.mask & ~mask]
-    assert float(seen[0.9].mean()) > float(seen[1.0].mean()) + 0.05
+        gap_opacity[confidence] = rendered.opacity[photo.mask & ~mask]
+    assert float(gap_opacity[0.9].mean()) > float(gap_opacity[1.0].mean()) + 0.05

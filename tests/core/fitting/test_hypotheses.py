@@ -17,16 +17,17 @@ from tests.core.fitting.inputs import random_parameters, standing
 from tests.core.tiny import tiny_model
 
 
-def test_another_focal_length_keeps_the_object_as_large_as_it_is():
-    given = Camera(0.0, 0.0, 1.3, 131.25, 128, 128)
+def test_a_longer_focal_length_keeps_the_apparent_size():
+    camera = Camera(0.0, 0.0, 1.3, 131.25, 128, 128)
     model = replace(tiny_model(), distance=1.3)
-    near, far = (to_cameras(model, standing(0.1, zoom=zoom), 0, [given])[0] for zoom in (0.0, 0.4))
+    near, far = (to_cameras(model, standing(0.1, zoom=zoom), 0, [camera])[0] for zoom in (0.0, 0.4))
     assert far.focal == pytest.approx(near.focal * math.exp(0.4))
     assert far.focal / far.distance == pytest.approx(near.focal / near.distance)
 
 
 def test_a_runner_up_is_the_best_of_another_basin_or_the_opposite_view():
-    batch, views = HypothesisBatch.of(random_parameters(3)), torch.tensor([True])
+    batch = HypothesisBatch.of(random_parameters(3))
+    views = torch.tensor([True])
     batch.parameters.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2]])
     batch = replace(batch, loss=torch.tensor([1.0, 2.0, 3.0]))
     assert best_other_basin(batch.best, batch, views).origin.tolist() == [2]
@@ -37,14 +38,15 @@ def test_a_runner_up_is_the_best_of_another_basin_or_the_opposite_view():
     assert best_other_basin(lost.best, concatenate(lost, lost), views).origin.tolist() == [0]
 
 
-def test_what_diverged_does_not_lead_and_what_is_near_a_better_one_comes_last():
+def test_diverged_hypotheses_do_not_lead_and_neighbours_are_suppressed():
     batch = HypothesisBatch.of(random_parameters(3))
     assert batch[torch.tensor([2, 0])].origin.tolist() == [2, 0]
     costs = replace(batch, loss=torch.tensor([3.0, math.inf, 2.0]))
     assert costs.leader == 2
     with pytest.raises(ValueError, match="diverged"):
         _ = replace(batch, loss=torch.full((3,), math.inf)).leader
-    batch, views = HypothesisBatch.of(random_parameters(4)), torch.tensor([True])
+    batch = HypothesisBatch.of(random_parameters(4))
+    views = torch.tensor([True])
     batch.parameters.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2], [0.05, 0.2]])
     batch = replace(batch, loss=torch.tensor([1.0, 2.0, 3.0, math.inf]))
     assert suppress_neighbours(batch, views).tolist() == [0, 2, 1]
@@ -52,7 +54,7 @@ def test_what_diverged_does_not_lead_and_what_is_near_a_better_one_comes_last():
     assert suppress_neighbours(batch, views).tolist() == [0, 1, 2]
 
 
-def test_a_mean_is_of_the_parameters_and_keeps_the_rest():
+def test_mean_parameters_keep_the_last_loss():
     first, second = (HypothesisBatch.of(random_parameters(2)) for _ in range(2))
     moved = replace(
         second, parameters=second.parameters._replace(shape=second.parameters.shape + 1), loss=torch.ones(2)

@@ -20,14 +20,14 @@ WITH_FOCAL = FitSettings(estimate_focal=True)
 
 
 @pytest.fixture(scope="module")
-def given(tiny: Model) -> list[Camera]:
+def cameras(tiny: Model) -> list[Camera]:
     return [tiny.camera(0.9, 0.5), tiny.camera(2.9, 0.3)]
 
 
-def photos_of(model: Model, given: list[Camera], known: tuple[bool, ...]) -> list[Photo]:
+def photos_of(model: Model, cameras: list[Camera], posed: tuple[bool, ...]) -> list[Photo]:
     return [
-        replace(photo_of(model, model.codes[2], camera), camera=camera if told else None)
-        for camera, told in zip(given, known, strict=True)
+        replace(photo_of(model, model.codes[2], camera), camera=camera if is_posed else None)
+        for camera, is_posed in zip(cameras, posed, strict=True)
     ]
 
 
@@ -35,22 +35,22 @@ def initial(problem: Problem, count: int) -> HypothesisBatch:
     return initial_hypotheses(problem, count, seeded())
 
 
-def test_known_cameras_stay_with_the_mean_shape_and_several_others(tiny: Model, given: list[Camera]):
-    batch = initial(problem_of(tiny, *photos_of(tiny, given, (True, True))), 8)
-    angles = torch.tensor([[camera.azimuth, camera.elevation] for camera in given])
+def test_known_cameras_are_kept_with_the_mean_shape_and_prototypes(tiny: Model, cameras: list[Camera]):
+    batch = initial(problem_of(tiny, *photos_of(tiny, cameras, (True, True))), 8)
+    angles = torch.tensor([[camera.azimuth, camera.elevation] for camera in cameras])
     assert torch.equal(batch.parameters.angles, angles.expand(len(batch), 2, 2))
     assert len(batch) == len(batch.parameters.shape.unique(dim=0)) > 2
     assert not batch.parameters.shape[0].any()
     assert not batch.parameters.texture.any()
-    problem = problem_of(tiny, *photos_of(tiny, given, (True, False)))
+    problem = problem_of(tiny, *photos_of(tiny, cameras, (True, False)))
     batch = initial(problem, 8)
     angles = local_hypotheses(problem, batch, LOCAL_HYPOTHESES).parameters.angles
     assert torch.equal(angles[:, 0], batch.parameters.angles[:1, 0].expand(len(angles), 2))
     assert len(angles[:, 1].unique(dim=0)) > 2
 
 
-def test_a_local_search_keeps_cameras_and_forgets_codes(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, *photos_of(tiny, given[:1], (False,)))
+def test_a_local_search_keeps_cameras_and_resets_codes(tiny: Model, cameras: list[Camera]):
+    problem = problem_of(tiny, *photos_of(tiny, cameras[:1], (False,)))
     first = initial(problem, 8)
     moved = first.parameters._replace(shape=first.parameters.shape + 3, texture=first.parameters.texture + 3)
     batch = replace(first, parameters=moved, loss=torch.arange(8.0))
@@ -63,21 +63,22 @@ def test_a_local_search_keeps_cameras_and_forgets_codes(tiny: Model, given: list
     assert {tuple(move) for move in around.round(decimals=3).tolist()} == moves
     assert again.origin[0] == 0
     assert len(again.origin.unique()) == len(LOCAL_OFFSETS)
-    places = sum(len(part) for part in LOCAL_OFFSETS)
+    places = sum(len(offsets) for offsets in LOCAL_OFFSETS)
     few = local_hypotheses(problem, batch, places)
     kept = torch.cat((few.origin[:, None], few.parameters.angles[:, 0]), 1).unique(dim=0)
     assert len(few) == len(kept) == places  # every place is kept, with fewer shapes
 
 
-def test_there_are_no_more_cameras_and_shapes_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
-    unknown = problem_of(tiny, *photos_of(tiny, given, (True, False)), settings=WITH_FOCAL)
-    few, all_there_are = (len(initial(unknown, count)) for count in (5, 1000))
+def test_hypotheses_are_limited_by_the_bank(tiny: Model, cameras: list[Camera]):
+    unknown = problem_of(tiny, *photos_of(tiny, cameras, (True, False)), settings=WITH_FOCAL)
+    few, most = (len(initial(unknown, count)) for count in (5, 1000))
     assert few == 5
-    assert 20 < all_there_are < 168
-    known, shapes = problem_of(tiny, *photos_of(tiny, given, (True, True))), len(tiny_bank().prototypes)
-    few, all_there_are = (len(initial(known, count)) for count in (3, 1000))
+    assert 20 < most < 168
+    posed = problem_of(tiny, *photos_of(tiny, cameras, (True, True)))
+    shapes = len(tiny_bank().prototypes)
+    few, most = (len(initial(posed, count)) for count in (3, 1000))
     assert few == 3
-    assert all_there_are in (shapes, shapes + 1)
+    assert most in (shapes, shapes + 1)
 
 
 def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
@@ -90,58 +91,58 @@ def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
     assert not batch.parameters.shape.any()
 
 
-def test_an_unknown_camera_comes_from_the_bank_with_focal_lengths_in_turn(tiny: Model, given: list[Camera]):
-    batch = initial(problem_of(tiny, *photos_of(tiny, given, (True, False))), 6)
+def test_unknown_cameras_come_from_the_bank_with_alternating_focal_lengths(tiny: Model, cameras: list[Camera]):
+    batch = initial(problem_of(tiny, *photos_of(tiny, cameras, (True, False))), 6)
     first, second = batch.parameters.angles.unbind(1)
     assert len(batch) == len(second.unique(dim=0)) == 6
     assert len(first.unique(dim=0)) == 1
     assert not batch.parameters.zoom.any()
     assert not batch.parameters.crop_transform.any()
-    zoom = initial(problem_of(tiny, *photos_of(tiny, given, (True, False)), settings=WITH_FOCAL), 8).parameters.zoom
+    zoom = initial(problem_of(tiny, *photos_of(tiny, cameras, (True, False)), settings=WITH_FOCAL), 8).parameters.zoom
     assert not zoom[:, 0].any()
     assert torch.equal(zoom[::2, 1], zoom[1::2, 1])
     assert len(zoom[:6, 1].unique()) == 3
 
 
-def test_one_hypothesis_resumes_where_another_fit_ended(tiny: Model, given: list[Camera]):
-    photos = photos_of(tiny, given, (True, False))
-    found = [tiny.camera(5.0, 0.1), replace(tiny.camera(2.5, 0.2, 1.3 * tiny.distance), focal=1.3 * tiny.focal)]
+def test_resume_from_restores_the_hypothesis_and_keeps_known_cameras(tiny: Model, cameras: list[Camera]):
+    photos = photos_of(tiny, cameras, (True, False))
+    fitted = [tiny.camera(5.0, 0.1), replace(tiny.camera(2.5, 0.2, 1.3 * tiny.distance), focal=1.3 * tiny.focal)]
     spaces = tiny.codes.shape_space, tiny.codes.texture_space
     hypothesis = Hypothesis(
-        3, 1.0, tuple(found), tiny.codes[1], torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.01, -0.02]])
+        3, 1.0, tuple(fitted), tiny.codes[1], torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.01, -0.02]])
     )
-    batch = resume_from(tiny, photos, given, hypothesis, spaces)
-    back = to_cameras(tiny, batch.parameters, 0, given)
+    batch = resume_from(tiny, photos, cameras, hypothesis, spaces)
+    back = to_cameras(tiny, batch.parameters, 0, cameras)
     assert batch.origin.tolist() == [3]
-    assert back[0].azimuth == pytest.approx(given[0].azimuth)  # given, whatever the earlier fit had
+    assert back[0].azimuth == pytest.approx(cameras[0].azimuth)  # given, whatever the earlier fit had
     assert (back[1].azimuth, back[1].distance, back[1].focal) == pytest.approx(
-        (found[1].azimuth, found[1].distance, found[1].focal)
+        (fitted[1].azimuth, fitted[1].distance, fitted[1].focal)
     )
     torch.testing.assert_close(spaces[0].code(batch.parameters.shape[0]), tiny.codes[1].shape, atol=1e-4, rtol=1e-4)
 
 
-def test_the_best_combinations_of_single_searches_meet(tiny: Model, given: list[Camera]):
-    batches = [initial(problem_of(tiny, *photos_of(tiny, [camera], (False,))), 4) for camera in given]
+def test_the_best_combinations_of_single_searches_are_kept(tiny: Model, cameras: list[Camera]):
+    batches = [initial(problem_of(tiny, *photos_of(tiny, [camera], (False,))), 4) for camera in cameras]
     losses = [0.1, 0.5, 9.0, 9.0], [0.3, math.inf, 0.2, 9.0]
-    one, two = (replace(batch, loss=torch.tensor(loss)) for batch, loss in zip(batches, losses, strict=True))
-    batch = combine_views([([0], one), ([1], two)], 2, 3)
+    first, second = (replace(batch, loss=torch.tensor(loss)) for batch, loss in zip(batches, losses, strict=True))
+    batch = combine_views([([0], first), ([1], second)], 2, 3)
     chosen = [(0, 2), (0, 0), (1, 2)]
-    expected = torch.stack([torch.cat((one.parameters.angles[i], two.parameters.angles[j])) for i, j in chosen])
+    expected = torch.stack([torch.cat((first.parameters.angles[i], second.parameters.angles[j])) for i, j in chosen])
     assert torch.equal(batch.parameters.angles, expected)
-    mean = (one.parameters.shape[0] + two.parameters.shape[2]) / 2
+    mean = (first.parameters.shape[0] + second.parameters.shape[2]) / 2
     torch.testing.assert_close(batch.parameters.shape[0], mean)
 
 
-def test_components_that_are_off_leave_the_start(tiny: Model, given: list[Camera]):
+def test_disabled_components_do_not_affect_initial_hypotheses(tiny: Model, cameras: list[Camera]):
     components = Components(view_bank=False)
-    batch = initial(problem_of(tiny, *photos_of(tiny, given[:1], (False,)), components=components), 12)
+    batch = initial(problem_of(tiny, *photos_of(tiny, cameras[:1], (False,)), components=components), 12)
     assert len(batch.parameters.angles[:, 0].unique(dim=0)) == 12
     assert float(batch.parameters.angles[..., 1].min()) >= 0
     assert not batch.parameters.shape.any() and not batch.parameters.distance.any()
-    for known in (True, False):
-        photos = photos_of(tiny, given[:1], (known,))
+    for posed in (True, False):
+        photos = photos_of(tiny, cameras[:1], (posed,))
         batch = initial(problem_of(tiny, *photos, components=Components(prototype_shapes=False)), 6)
         assert not batch.parameters.shape.any()
-    problem = problem_of(tiny, *photos_of(tiny, given[:1], (False,)), components=Components(fresh_codes=False))
+    problem = problem_of(tiny, *photos_of(tiny, cameras[:1], (False,)), components=Components(fresh_codes=False))
     batch = initial(problem, 8)
     assert local_hypotheses(problem, batch, 18) is batch

@@ -8,7 +8,7 @@ from core.photos.photo import Photo
 from tests.core.tiny import photo_of
 
 
-def seen(tiny: Model) -> Photo:
+def truncated_photo(tiny: Model) -> Photo:
     """A picture whose right third was not seen."""
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
     beyond = torch.zeros_like(photo.mask)
@@ -17,13 +17,13 @@ def seen(tiny: Model) -> Photo:
     return replace(photo, mask=mask, pixels=photo.pixels.where(mask[..., None], torch.ones(())), unseen=beyond)
 
 
-def test_pixels_stand_for_all_that_was_seen_of_the_photo(tiny: Model):
+def test_sampled_pixels_represent_the_visible_photo(tiny: Model):
     observation = Observation.of(photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), tiny)
     pixels = sample_pixels([observation], 4096, torch.Generator().manual_seed(0))
     assert abs(float(pixels.weights.sum()) - 1) < 1e-5
     on = float((pixels.target_opacity * pixels.weights).sum())
     assert abs(on - float(observation.target_opacity.mean())) < 1e-5
-    photo = seen(tiny)
+    photo = truncated_photo(tiny)
     observation = Observation.of(photo, tiny)
     pixels = sample_pixels([observation], 4096, torch.Generator().manual_seed(0))
     edge = observation.pixels.reshape(*photo.mask.shape, 2)[0, 2 * photo.mask.shape[1] // 3, 0]
@@ -31,7 +31,7 @@ def test_pixels_stand_for_all_that_was_seen_of_the_photo(tiny: Model):
     assert abs(float(pixels.weights.sum()) - 1) < 1e-5
 
 
-def test_opacity_is_fitted_where_it_is_known_and_less_beside_edges(tiny: Model):
+def test_certainty_is_lower_near_uncertain_edges(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
     sure, unsure = (Observation.of(replace(photo, edge_error=error), tiny).certainty for error in (0.0, 2.0))
     assert bool((sure == 1).all())
@@ -42,11 +42,11 @@ def test_opacity_is_fitted_where_it_is_known_and_less_beside_edges(tiny: Model):
     assert soft.target_opacity.unique().tolist() == [0, 0.5]
 
 
-def test_a_pixel_of_a_blurred_photo_is_the_mean_of_rays_that_spread_as_its_blur_does(tiny: Model):
+def test_footprints_of_a_blurred_photo_have_the_variance_of_its_blur(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
     sharp, blurred = (Observation.of(replace(photo, blur=blur), tiny) for blur in (0.0, 3.0))
-    one = sample_pixels([sharp], 400, torch.Generator().manual_seed(0))
-    assert torch.equal(one.points, one.pixels)
+    single = sample_pixels([sharp], 400, torch.Generator().manual_seed(0))
+    assert torch.equal(single.points, single.pixels)
     both = sample_pixels([sharp, blurred], 400, torch.Generator().manual_seed(0))
     assert both.points.shape == (2, 800, 2)
     assert not bool(both.footprints[0].any())

@@ -26,7 +26,7 @@ def last(model: Model, *photos: Photo, settings=PAPER) -> FitStep:
     return step
 
 
-def test_the_paper_starts_once_anywhere_or_from_a_given_camera(tiny: Model):
+def test_the_paper_starts_from_one_random_or_resumed_camera(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
     starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
     assert {step.active for step in starts} == {1}
@@ -42,9 +42,10 @@ def test_the_paper_starts_once_anywhere_or_from_a_given_camera(tiny: Model):
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_the_paper_turns_a_camera_that_is_off_towards_the_true_one(tiny: Model):
+def test_the_paper_recipe_moves_the_camera_towards_the_truth(tiny: Model):
     """From a start that is given: where a random one leads is a matter of chance."""
-    truth, start = tiny.camera(1.2, 0.3), tiny.camera(1.45, 0.4)
+    truth = tiny.camera(1.2, 0.3)
+    start = tiny.camera(1.45, 0.4)
     begin = Hypothesis(0, 0.0, (start,), tiny.codes.mean, torch.zeros(1, 4))
     job = FitJob((photo_of(tiny, tiny.codes[0], truth),), replace(PAPER, steps=60), resume_from=begin)
     steps = list(fit(tiny, job))
@@ -52,23 +53,24 @@ def test_the_paper_turns_a_camera_that_is_off_towards_the_true_one(tiny: Model):
     assert rotation_error(steps[-1].cameras[0], truth) < 0.6 * rotation_error(start, truth)
 
 
-def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
+def test_the_paper_recipe_keeps_known_cameras(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
     first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
-    found = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
-    assert found.confidence is None
-    assert rotation_error(found.cameras[0], truths[0]) < 1e-3
+    step = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
+    assert step.confidence is None
+    assert rotation_error(step.cameras[0], truths[0]) < 1e-3
     with unchecked_shapes():
-        known = last(tiny, replace(first, camera=truths[0]), settings=PAPER)
-    assert known.psnr > 25
+        fitted = last(tiny, replace(first, camera=truths[0]), settings=PAPER)
+    assert fitted.psnr > 25
 
 
-def test_steps_that_diverge_leave_the_best_before_them(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    calls, plain = count(), paper.paper_objective
+def test_the_best_step_before_divergence_is_kept(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    calls = count()
+    evaluate = paper.paper_objective
 
     def diverging(*arguments: object) -> ObjectiveValue:
-        found = plain(*arguments)
-        return found._replace(objective=found.objective * math.nan) if next(calls) > 13 else found
+        value = evaluate(*arguments)
+        return value._replace(objective=value.objective * math.nan) if next(calls) > 13 else value
 
     monkeypatch.setattr(paper, "paper_objective", diverging)
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))

@@ -23,9 +23,10 @@ def dot_at(x: float, y: float, size: int) -> Photo:
 
 
 @pytest.mark.parametrize("roll, shift", [(0.0, (0.1, -0.05)), (0.3, (0.0, 0.0)), (-0.2, (0.07, 0.04))])
-def test_a_crop_is_turned_and_moved_to_where_the_camera_sees_it(model: Model, roll: float, shift: tuple[float, float]):
+def test_a_crop_is_turned_and_moved_into_the_camera(model: Model, roll: float, shift: tuple[float, float]):
     size = 2 * model.image_size
-    x, y = 0.6 * size, 0.35 * size
+    x = 0.6 * size
+    y = 0.35 * size
     transform = torch.tensor([0.0, roll, *shift])
     camera = model.camera(0.3, 0.2).resized(size, size)
     detail = photo_view(model, dot_at(x, y, size), camera, transform)
@@ -39,11 +40,11 @@ def test_a_crop_is_turned_and_moved_to_where_the_camera_sees_it(model: Model, ro
     redness[redness < 60] = 0
     offset = (size - detail.camera.width) / 2
     rows, columns = np.mgrid[: rgba.shape[0], : rgba.shape[1]] + 0.5
-    found = [(part * redness).sum() / redness.sum() + offset for part in (columns, rows)]
-    np.testing.assert_allclose(found, expected, atol=0.3)
+    centroid = [(coordinates * redness).sum() / redness.sum() + offset for coordinates in (columns, rows)]
+    np.testing.assert_allclose(centroid, expected, atol=0.3)
 
 
-def test_the_image_is_cut_to_the_object_around_the_axis(model: Model) -> None:
+def test_the_image_is_cropped_to_the_object_around_the_axis(model: Model) -> None:
     size = 64
     mask = torch.zeros(size, size, dtype=torch.bool)
     mask[28:36, 20:50] = True
@@ -54,7 +55,7 @@ def test_the_image_is_cut_to_the_object_around_the_axis(model: Model) -> None:
     assert math.isclose(detail.pixels()[..., 3].sum() / 255, int(mask.sum()), rel_tol=0.01)
 
 
-def test_the_finer_pixels_are_taken_and_a_doubtful_mask_bounds_nothing(model: Model) -> None:
+def test_fine_pixels_are_used_and_a_doubtful_mask_has_no_margin(model: Model) -> None:
     size = model.image_size
     fine = compressed(np.full((3 * size, 3 * size, 4), 255, np.uint8))
     photo = Photo(torch.ones(size, size, 3), torch.ones(size, size, dtype=torch.bool), fine=fine)
@@ -66,22 +67,23 @@ def test_the_finer_pixels_are_taken_and_a_doubtful_mask_bounds_nothing(model: Mo
     assert photo_view(model, photo, model.camera(0.0, 0.0)).outline_margin is None
 
 
-def test_what_a_solid_object_has_deep_in_the_background_may_be_hidden(tiny: Model) -> None:
-    camera, codes = tiny.camera(1.1, 0.3), tiny.codes[0]
+def test_background_deep_in_a_solid_object_is_doubtful(tiny: Model) -> None:
+    camera = tiny.camera(1.1, 0.3)
+    codes = tiny.codes[0]
     photo = photo_of(tiny, codes, camera)
     hidden = torch.zeros_like(photo.mask)
     rows = photo.mask.any(1).nonzero()[:, 0]
     hidden[int(rows.float().median()) :] = True
     half = replace(photo, mask=photo.mask & ~hidden)
-    shown = photo_view(tiny, half, camera, codes=codes).pixels()[..., 3] / 255
+    truncated = photo_view(tiny, half, camera, codes=codes).pixels()[..., 3] / 255
     plain = photo_view(tiny, half, camera).pixels()[..., 3] / 255
-    whole = photo_view(tiny, photo, camera, codes=codes).pixels()[..., 3] / 255
-    assert set(np.unique(plain)) == set(np.unique(whole)) == {0, 1}
-    doubtful = (shown > BACKGROUND) & (shown < 0.5)
+    complete = photo_view(tiny, photo, camera, codes=codes).pixels()[..., 3] / 255
+    assert set(np.unique(plain)) == set(np.unique(complete)) == {0, 1}
+    doubtful = (truncated > BACKGROUND) & (truncated < 0.5)
     assert 0.5 * int((photo.mask & hidden).sum()) < doubtful.sum() < 1.2 * int((photo.mask & hidden).sum())
 
 
-def test_beyond_an_edge_that_truncates_the_object_nothing_is_certain(model: Model) -> None:
+def test_pixels_beyond_a_truncating_edge_are_doubtful(model: Model) -> None:
     size = model.image_size
     mask, unseen = torch.zeros(2, size, size, dtype=torch.bool)
     mask[size // 4 : size // 2, : size // 2], unseen[:, size // 2 :] = True, True

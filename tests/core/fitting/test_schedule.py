@@ -6,7 +6,7 @@ from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
 from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
 
 
-def test_hypotheses_become_fewer_and_one_is_refined():
+def test_hypotheses_are_pruned_to_one_for_refinement():
     settings = PRESETS["normal"]
     coarse, local, final, free = build_schedule(settings, ALL_COMPONENTS, unknown=True)
     for stages in (coarse, (*local, final)):
@@ -38,8 +38,8 @@ def test_any_settings_make_a_schedule(hypotheses: int, steps: int):
 
 def test_settings_change_the_schedule():
     counts = [
-        build_schedule(FitSettings(28, estimate_focal=one), ALL_COMPONENTS, unknown=True).stages[0].hypotheses
-        for one in (False, True)
+        build_schedule(FitSettings(28, estimate_focal=estimated), ALL_COMPONENTS, unknown=True).stages[0].hypotheses
+        for estimated in (False, True)
     ]
     assert counts == [28, 42]
     stages = build_schedule(PRESETS["normal"], Components(robust_loss=False), True).stages

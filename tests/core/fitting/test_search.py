@@ -1,4 +1,4 @@
-"""What a search does between the first hypotheses and its result."""
+"""A search between its initial hypotheses and its result."""
 
 import math
 from collections.abc import Iterator
@@ -24,17 +24,19 @@ from tests.core.tiny import photo_of
 pytestmark = pytest.mark.usefixtures("unchecked")  # test_fit runs fits with checks
 
 
-def stool(model: Model, known: bool = False) -> Photo:
+def stool(model: Model, posed: bool = False) -> Photo:
     camera = model.camera(0.9, 0.3)
     photo = photo_of(model, model.codes[0], camera)
-    return replace(photo, camera=camera) if known else photo
+    return replace(photo, camera=camera) if posed else photo
 
 
-def test_a_crop_is_a_zoom_and_its_scale_is_free_where_its_size_says_nothing(tiny: Model):
-    whole = stool(tiny)
-    moved, scaled = replace(whole, cropped=True), replace(whole, cropped=True, scaled=True)
-    problem = problem_of(tiny, whole, moved, scaled, replace(scaled, camera=tiny.camera(0.9, 0.3)))
-    distance, scale = problem.free[:, 2].tolist(), problem.free[:, 4].tolist()
+def test_a_crop_has_its_scale_searched_instead_of_the_distance(tiny: Model):
+    photo = stool(tiny)
+    moved = replace(photo, cropped=True)
+    scaled = replace(photo, cropped=True, scaled=True)
+    problem = problem_of(tiny, photo, moved, scaled, replace(scaled, camera=tiny.camera(0.9, 0.3)))
+    distance = problem.free[:, 2].tolist()
+    scale = problem.free[:, 4].tolist()
     assert (distance, scale) == ([True, False, False, False], [False, True, True, False])
     prior = problem.objective(math.inf).camera_scale
     torch.testing.assert_close(prior[:, 3], torch.tensor([CAMERA_PRIOR_SCALE[3], MOVED_SCALE, SCALED_SCALE, math.inf]))
@@ -43,7 +45,7 @@ def test_a_crop_is_a_zoom_and_its_scale_is_free_where_its_size_says_nothing(tiny
     assert expected.any(1).tolist() == [False, False, True, False]
 
 
-def test_where_the_focal_length_is_known_the_distance_is_searched_for(tiny: Model):
+def test_a_known_focal_length_has_the_distance_searched(tiny: Model):
     photo = replace(stool(tiny), cropped=True, scaled=True, focal=2 * tiny.focal)
     problem = problem_of(tiny, photo)
     assert problem.free[0, 2:5].tolist() == [True, False, False]
@@ -53,7 +55,7 @@ def test_where_the_focal_length_is_known_the_distance_is_searched_for(tiny: Mode
     assert cameras[0].distance == pytest.approx(2 * tiny.distance, rel=0.3)
 
 
-def test_components_that_are_off_leave_the_objective(tiny: Model):
+def test_disabled_components_are_left_out_of_the_objective(tiny: Model):
     off = Components(camera_prior=False, mask_loss=False, viewpoint_classifier=False)
     problem = problem_of(tiny, stool(tiny), components=off)
     objective = problem.objective(0.2)
@@ -65,12 +67,12 @@ def test_components_that_are_off_leave_the_objective(tiny: Model):
 # Pruning
 
 
-def test_where_cameras_are_known_the_best_shapes_are_kept(tiny: Model):
-    problem = problem_of(tiny, stool(tiny, known=True))
+def test_known_cameras_keep_the_best_shapes(tiny: Model):
+    problem = problem_of(tiny, stool(tiny, posed=True))
     batch = initial_hypotheses(problem, 6, seeded())
     ranked = replace(batch, loss=torch.arange(len(batch), dtype=torch.float32))
     assert prune(problem, ranked, 2).origin.tolist() == [0, 1]
-    first, *_, end = fit(tiny, FitJob((stool(tiny, known=True),), QUICK))
+    first, *_, end = fit(tiny, FitJob((stool(tiny, posed=True),), QUICK))
     assert (first.active, end.active) == (len(batch), 1)
 
 
@@ -93,7 +95,7 @@ def test_the_leader_and_its_opposite_view_are_kept(tiny: Model):
 # Restarts
 
 
-def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+def test_a_doubtful_camera_restarts_the_search(tiny: Model, monkeypatch: pytest.MonkeyPatch):
     job = FitJob((stool(tiny),), SHORT)
     once = list(fit(tiny, job))
     twice = replace(job, settings=replace(SHORT, max_restarts=1))
@@ -101,12 +103,13 @@ def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: p
     assert [step.loss for step in fit(tiny, twice)] == [step.loss for step in once]
     monkeypatch.setattr(search, "RESTART_BELOW", 1.1)
     steps = list(fit(tiny, twice))
-    first, second = steps[: len(once)], steps[len(once) :]
+    first = steps[: len(once)]
+    second = steps[len(once) :]
     assert [step.loss for step in first] == [step.loss for step in once]
     assert first[-1].steps > first[-1].step
     for step in [first[-1], *second[:-1]]:  # a fit that is stopped has the first result, and all that is known of it
-        found = (step.loss, step.cameras, step.runner_up and step.runner_up.loss, step.margin, step.uncertainty)
-        assert found == (
+        state = (step.loss, step.cameras, step.runner_up and step.runner_up.loss, step.margin, step.uncertainty)
+        assert state == (
             *(once[-1].loss, once[-1].cameras, once[-1].runner_up and once[-1].runner_up.loss),
             *(once[-1].margin, once[-1].uncertainty),
         )
@@ -121,16 +124,16 @@ def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: p
     assert len(list(fit(tiny, replace(twice, resume_from=steps[-1].hypotheses[0])))) <= SHORT.steps
 
 
-@pytest.mark.parametrize("kind", ["known", "several"])
-def test_one_search_is_enough_where_not_one_camera_is_in_doubt(tiny: Model, monkeypatch: pytest.MonkeyPatch, kind: str):
-    photos = {"known": (stool(tiny, known=True),), "several": (stool(tiny), stool(tiny))}[kind]
+@pytest.mark.parametrize("kind", ["posed", "several"])
+def test_known_or_several_cameras_are_never_restarted(tiny: Model, monkeypatch: pytest.MonkeyPatch, kind: str):
+    photos = {"posed": (stool(tiny, posed=True),), "several": (stool(tiny), stool(tiny))}[kind]
     monkeypatch.setattr(search, "RESTART_BELOW", 1.1)
     once, twice = (list(fit(tiny, FitJob(photos, replace(SHORT, max_restarts=most)))) for most in (0, 1))
     assert [step.loss for step in once] == [step.loss for step in twice]
     assert not any(step.restart for step in twice)
 
 
-def test_a_restart_that_diverges_leaves_the_first_result_as_it_was(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+def test_a_diverged_restart_keeps_the_first_result(tiny: Model, monkeypatch: pytest.MonkeyPatch):
     job = FitJob((stool(tiny),), SHORT)
     *_, once = fit(tiny, job)
     searches = 0
@@ -144,22 +147,24 @@ def test_a_restart_that_diverges_leaves_the_first_result_as_it_was(tiny: Model, 
 
     monkeypatch.setattr(search, "RESTART_BELOW", 1.1)
     monkeypatch.setattr(fits, "refine", diverging)
-    *_, last_one = fit(tiny, replace(job, settings=replace(SHORT, max_restarts=1)))
+    *_, final_step = fit(tiny, replace(job, settings=replace(SHORT, max_restarts=1)))
     assert searches == 2
-    assert last_one.restart
-    assert (last_one.loss, last_one.margin) == (once.loss, once.margin)
+    assert final_step.restart
+    assert (final_step.loss, final_step.margin) == (once.loss, once.margin)
 
 
-def test_the_better_of_two_searches_is_judged_by_the_smaller_margin(tiny: Model):
+def test_the_better_of_two_searches_gets_the_smaller_margin(tiny: Model):
     problem = problem_of(tiny, stool(tiny), settings=SHORT)
-    one = initial_hypotheses(problem, 1, seeded())
+    start = initial_hypotheses(problem, 1, seeded())
 
     def result(azimuth: float, loss: float, margin: float) -> SearchResult:
-        parameters = one.parameters._replace(angles=torch.tensor([[[azimuth, 0.3]]]))
-        winner = replace(one, parameters=parameters, loss=torch.tensor([loss]))
+        parameters = start.parameters._replace(angles=torch.tensor([[[azimuth, 0.3]]]))
+        winner = replace(start, parameters=parameters, loss=torch.tensor([loss]))
         return SearchResult(winner, winner, margin, loss)
 
-    clear, doubtful, behind = result(0.9, 1.0, 2.0), result(0.9, 2.0, 0.1), result(-2.0, 1.5, 2.0)
+    clear = result(0.9, 1.0, 2.0)
+    doubtful = result(0.9, 2.0, 0.1)
+    behind = result(-2.0, 1.5, 2.0)
     better = better_of(problem, doubtful, clear)  # they agree
     assert (better.winner, better.runner_up, better.margin) == (clear.winner, doubtful.runner_up, doubtful.margin)
     better = better_of(problem, behind, clear)
@@ -168,31 +173,31 @@ def test_the_better_of_two_searches_is_judged_by_the_smaller_margin(tiny: Model)
     assert better.margin == pytest.approx(math.log(1.5))
 
 
-# The refinement, and the whole
+# Refinement and complete searches
 
 
 @pytest.mark.parametrize("steps", [1, 8, 30])
-def test_the_refinement_tells_the_best_that_was_scored(tiny: Model, steps: int):
+def test_refinement_yields_the_best_score_so_far(tiny: Model, steps: int):
     settings = replace(SHORT, steps=steps)
     final = build_schedule(settings, ALL_COMPONENTS, unknown=False).final
-    found = list(fit(tiny, FitJob((stool(tiny, known=True),), settings)))
-    ending = [step.loss for step in found if step.step > found[0].steps - final.steps]
+    steps_of_fit = list(fit(tiny, FitJob((stool(tiny, posed=True),), settings)))
+    ending = [step.loss for step in steps_of_fit if step.step > steps_of_fit[0].steps - final.steps]
     assert ending == sorted(ending, reverse=True)
-    assert found[-1].step == found[-1].steps
+    assert steps_of_fit[-1].step == steps_of_fit[-1].steps
 
 
-def test_no_start_and_no_photo_ends_worse_than_it_began(tiny: Model):
+def test_random_starts_end_no_worse_than_they_began(tiny: Model):
     for seed in range(4):
-        ends_well(tiny, seed)
+        assert_search_ends_well(tiny, seed)
 
 
 @pytest.mark.slow
-def test_a_thousand_starts_and_photos_end_no_worse_than_they_began(tiny: Model):
+def test_a_thousand_random_starts_end_no_worse_than_they_began(tiny: Model):
     for seed in range(1000):
-        ends_well(tiny, seed)
+        assert_search_ends_well(tiny, seed)
 
 
-def ends_well(model: Model, seed: int) -> None:
+def assert_search_ends_well(model: Model, seed: int) -> None:
     """A photo of anything from starts anywhere: each step finite, the end no worse than the start it came from."""
     generator = seeded(seed)
 
@@ -205,7 +210,8 @@ def ends_well(model: Model, seed: int) -> None:
     pixels = torch.where(mask[..., None], random(height, width, 3), torch.ones(3))
     photo = Photo(pixels, mask, cropped=seed % 2 == 0)
     settings = FitSettings(hypotheses=4, steps=9, rays=48, samples=12)
-    problem, dice = problem_of(model, photo, settings=settings, seed=seed), seeded(seed)
+    problem = problem_of(model, photo, settings=settings, seed=seed)
+    generator_of_search = seeded(seed)
     coarse, local, final, _ = build_schedule(settings, ALL_COMPONENTS, unknown=True)
     batch = first = HypothesisBatch.of(
         Parameters(
@@ -217,10 +223,10 @@ def ends_well(model: Model, seed: int) -> None:
             8 * random(4, 2) - 4,
         )
     )
-    for batch in optimise(problem, first, (*coarse, *local), dice):
+    for batch in optimise(problem, first, (*coarse, *local), generator_of_search):
         assert_finite(batch)
     selected = select(problem, batch, first, final)
-    for end in refine(problem, selected.winner, final, dice):
+    for end in refine(problem, selected.winner, final, generator_of_search):
         assert_finite(end.best)
     began = score(problem, first[end.best.origin], final.robust_scale)
     assert float(end.best.loss) <= float(began.loss) + 1e-6
@@ -229,4 +235,4 @@ def ends_well(model: Model, seed: int) -> None:
 def assert_finite(batch: HypothesisBatch) -> None:
     best = batch.best
     assert math.isfinite(float(best.loss)) and math.isfinite(float(best.squared_error))
-    assert all(bool(part.isfinite().all()) for part in batch.parameters)
+    assert all(bool(values.isfinite().all()) for values in batch.parameters)

@@ -36,7 +36,7 @@ def saved(image: Image.Image, path: Path, **options: object) -> Path:
 
 
 def write_png(path: Path, header: bytes, pixels: bytes, *more: tuple[bytes, bytes]) -> None:
-    """A PNG of which every chunk is given."""
+    """Write a PNG chunk by chunk."""
     chunks = [(b"IHDR", header), *more, (b"IDAT", pixels), (b"IEND", b"")]
     encoded = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks]
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(encoded))
@@ -170,7 +170,7 @@ def test_large_or_broken_metadata_is_ignored(tmp_path: Path, tiny: Model):
 
 @pytest.mark.parametrize("kind", ["EPS", "DDS", "ICO", "PDF"])
 def test_only_formats_of_photographs_are_opened(tmp_path: Path, tiny: Model, kind: str):
-    """Whatever the name says: of an EPS the PostScript would be run."""
+    """Also under another name: an EPS would run PostScript."""
     path = tmp_path / "a.jpg"
     drawing().save(path, kind)
     assert "not an image (PNG" in refused(path, tiny)
@@ -180,7 +180,7 @@ def test_only_formats_of_photographs_are_opened(tmp_path: Path, tiny: Model, kin
 
 
 def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
-    """The drawing, of which only a box is there."""
+    """The drawing, cropped to a box."""
     return photo_from(np.asarray(drawing().crop(box)), tiny)
 
 
@@ -298,7 +298,7 @@ def test_with_a_pose_an_image_is_only_resized(tmp_path: Path, tiny: Model):
     assert float(photo.mask.any(0).nonzero()[0]) == pytest.approx(40 / 300 * SIDE, abs=1)
 
 
-# What is refused
+# Refused files
 
 
 def refused(path: Path, model: Model, pose: Path | None = None) -> str:

@@ -1,4 +1,4 @@
-"""How sharp images are, where their blur is known."""
+"""Sharpness of images of known blur."""
 
 import numpy as np
 import pytest
