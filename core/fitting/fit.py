@@ -68,7 +68,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         witness = sum(witness_odds(direction, camera.azimuth) for direction, camera in told)
         shown = replace(shown, cameras=tuple(cameras), margin=margin, witness=witness)
         shown = replace(shown, category_likelihood=likelihood, mask_confidence=masks)
-        yield with_photo_detail(model, job.photos, shown) if state.finished else shown
+        yield with_photo_detail(job.photos, shown) if state.finished else shown
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
@@ -146,7 +146,7 @@ def _initial(
     parts, known = [], [view for view, photo in enumerate(job.photos) if photo.camera]
     for view in unknown:
         views, own = [*known, view], torch.Generator().manual_seed(job.seed)
-        part = Problem.of(problem.model, replace(job, photos=tuple(job.photos[other] for other in views)), own)
+        part = Problem.of(problem.shown_model, replace(job, photos=tuple(job.photos[other] for other in views)), own)
         batch = first = initial_hypotheses(part, count, own)
         for batch in optimise(part, first, schedule.coarse, own):
             yield SearchState(part, views, batch)

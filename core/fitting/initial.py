@@ -182,7 +182,9 @@ def resume_from(
     zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, cameras, strict=True)]])
     zoom -= found.crop_transform[None, :, 0]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
-    shape, texture = spaces[0].coordinates(found.codes.shape), spaces[1].coordinates(found.codes.texture)
+    codes = found.instance.codes
+    shape = spaces[0].coordinates(codes.shape)
+    texture = spaces[1].coordinates(codes.texture)
     parameters = Parameters(angles, distance, zoom, found.crop_transform[None], shape[None], texture[None])
     return replace(HypothesisBatch.of(parameters), origin=torch.tensor([found.origin]))
 

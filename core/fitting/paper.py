@@ -62,7 +62,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             psnr_from_mse(float(shown.squared_error)),
             time.perf_counter() - began,
             first.cameras,
-            first.codes,
+            first.instance,
             hypotheses=(first,),
         )
 

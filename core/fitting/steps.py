@@ -12,8 +12,8 @@ from core.fitting.problem import Problem
 from core.fitting.search import SearchResult
 from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
-from core.models.codes import Codes
 from core.models.latents import Latents
+from core.models.model import Instance
 
 
 class RunnerUp(NamedTuple):
@@ -35,7 +35,7 @@ class FitStep:
     """dB over whole photos, estimated from the step's rays; the restart down-weights possibly occluded pixels"""
     seconds: float  # since the job began
     cameras: tuple[Camera, ...]  # one per photo, at the photo's size
-    codes: Codes
+    instance: Instance
     active: int = 1  # number of optimised hypotheses
     restart: bool = False  # part of a later search, after an earlier one left its camera in doubt
     search_psnr: float | None = None
@@ -100,7 +100,7 @@ class SearchState(NamedTuple):
             psnr_from_mse(float(leading.squared_error)),
             seconds,
             first.cameras,
-            first.codes,
+            first.instance,
             len(self.batch),
             self.restart,
             hypotheses=hypotheses,
@@ -119,7 +119,7 @@ class SearchState(NamedTuple):
 
         def to_all(ranked: HypothesisBatch, origin: Latents | None = None) -> tuple[Hypothesis, ...]:
             codes = hypothesis_codes(problem.model, ranked.parameters, problem.spaces, origin)
-            return to_hypotheses(problem.model, ranked, problem.cameras, codes)
+            return to_hypotheses(problem.shown_model, ranked, problem.cameras, codes)
 
         freed = () if self.freed is None else to_all(self.freed, self.origin)
         batches = [batch]

@@ -43,7 +43,7 @@ def on_card(model: Model) -> Model:
 def test_exact_renders_are_the_same():
     """Sums in another order: the last digits of float32, larger where a density is."""
     model = tiny_model()
-    here, there = (render_exact(one, one.codes[1], one.camera(0.7, 0.4)) for one in (model, on_card(model)))
+    here, there = (render_exact(one[1], one.camera(0.7, 0.4)) for one in (model, on_card(model)))
     torch.testing.assert_close(there.colour.cpu(), here.colour, rtol=0, atol=2e-3)
     torch.testing.assert_close(there.opacity.cpu(), here.opacity, rtol=0, atol=2e-3)
 
@@ -52,16 +52,14 @@ def test_exact_renders_are_the_same():
 @pytest.mark.parametrize(("dtype", "least"), [(torch.float32, 45.0), (torch.bfloat16, 35.0)])
 def test_shipped_objects_look_the_same(name: str, dtype: torch.dtype, least: float):
     with use_dtype(dtype):
-        here, there = (
-            render(one, one.codes[3], one.camera(0.7, 0.4), 96) for one in (load_model(name), load_model(name, "cuda"))
-        )
+        here, there = (render(one[3], one.camera(0.7, 0.4), 96) for one in (load_model(name), load_model(name, "cuda")))
     assert psnr(there.colour.cpu().clamp(0, 1), here.colour.clamp(0, 1)) > least
 
 
 def test_a_fit_finds_the_same_camera_and_explains_the_photo_as_well():
     model = tiny_model()
     truth = model.camera(1.2, 0.3)
-    photo = photo_of(model, model.codes[0], truth)
+    photo = photo_of(model[0], truth)
     settings = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
     here, there = (list(fit(one, FitJob((photo,), settings)))[-1] for one in (model, on_card(model)))
     assert rotation_error(here.cameras[0], truth) < 10
@@ -72,7 +70,7 @@ def test_a_fit_finds_the_same_camera_and_explains_the_photo_as_well():
 
 def test_what_is_baked_differs_by_a_step_of_its_bytes():
     def baked(model: Model) -> BakedField:
-        return next(one for one in bake(model, model.codes[0]) if one is not None)
+        return next(one for one in bake(model[0]) if one is not None)
 
     here, there = baked(tiny_model()), baked(on_card(tiny_model()))
     occupied = (here.distance == 0) == (there.distance == 0)

@@ -10,8 +10,7 @@ from core.fitting.hypotheses import Hypothesis
 from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
 from core.fitting.settings import ALL_COMPONENTS
 from core.metrics import psnr, rotation_error
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.photos.photo import Photo
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
@@ -28,15 +27,15 @@ def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, resume_fro
     return step
 
 
-def bare(found: FitStep) -> Codes:
+def bare(found: FitStep) -> Instance:
     """The codes alone, without the photo's outline, which cuts off the haze of a tiny model."""
-    return replace(found.codes, detail=None)
+    return found.instance.with_detail(None)
 
 
 @pytest.fixture(scope="module")
 def whole_fit(tiny: Model) -> list[FitStep]:
     """A whole fit, step by step."""
-    return list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
+    return list(fit(tiny, FitJob((photo_of(tiny[0], tiny.camera(1.2, 0.3)),), QUICK)))
 
 
 # What is found
@@ -46,18 +45,18 @@ def whole_fit(tiny: Model) -> list[FitStep]:
 @pytest.mark.parametrize("index, azimuth, elevation", [(1, 2.9, 0.6), (3, 6.0, 1.35)])
 def test_an_unknown_camera_and_the_codes_are_found(tiny: Model, index: int, azimuth: float, elevation: float):
     truth = tiny.camera(azimuth, elevation)
-    photo = photo_of(tiny, tiny.codes[index], truth)
+    photo = photo_of(tiny[index], truth)
     found = last(tiny, photo)
     assert rotation_error(found.cameras[0], truth) < 10
     assert abs(found.cameras[0].distance / truth.distance - 1) < 0.03
-    assert psnr(render_exact(tiny, bare(found), found.cameras[0], 48).colour, photo.pixels) > 30
+    assert psnr(render_exact(bare(found), found.cameras[0], 48).colour, photo.pixels) > 30
 
 
 @unchecked
 def test_another_focal_length_is_found_where_it_is_searched_for(tiny: Model):
     usual = tiny.camera(3.2, 0.4)
     truth = replace(usual, focal=0.7 * usual.focal, distance=0.7 * usual.distance)
-    photo = photo_of(tiny, tiny.codes[2], truth)
+    photo = photo_of(tiny[2], truth)
     settings = replace(QUICK, rays=256, free_steps=0)  # free biases explain part of what a wrong focal length cannot
     usual_focal = last(tiny, photo, settings=settings)
     searched_focal = last(tiny, photo, settings=replace(settings, estimate_focal=True))
@@ -71,7 +70,7 @@ def test_another_focal_length_is_found_where_it_is_searched_for(tiny: Model):
 
 def test_every_unknown_camera_has_a_focal_length_of_its_own(tiny: Model):
     cameras = [tiny.camera(1.2, 0.3), tiny.camera(2.6, 0.5), tiny.camera(4.0, 0.4)]
-    known, *others = (photo_of(tiny, tiny.codes[1], camera) for camera in cameras)
+    known, *others = (photo_of(tiny[1], camera) for camera in cameras)
     photos = replace(known, camera=cameras[0]), *others
     found = last(tiny, *photos, settings=replace(SHORT, estimate_focal=True))
     assert found.cameras[0].focal == cameras[0].focal
@@ -79,12 +78,12 @@ def test_every_unknown_camera_has_a_focal_length_of_its_own(tiny: Model):
 
 
 def test_with_a_known_camera_the_codes_are_found_and_nothing_is_in_doubt(tiny: Model):
-    truth, codes = tiny.camera(0.9, 0.5), tiny.codes[2]
-    found = last(tiny, replace(photo_of(tiny, codes, truth), camera=truth))
+    truth, instance = tiny.camera(0.9, 0.5), tiny[2]
+    found = last(tiny, replace(photo_of(instance, truth), camera=truth))
     assert rotation_error(found.cameras[0], truth) < 1e-3
     other = tiny.camera(3.9, 0.6)
-    expected = render_exact(tiny, codes, other, 48).colour
-    assert psnr(render_exact(tiny, bare(found), other, 48).colour, expected) > 25
+    expected = render_exact(instance, other, 48).colour
+    assert psnr(render_exact(bare(found), other, 48).colour, expected) > 25
     assert found.runner_up is found.confidence is None
 
 
@@ -92,17 +91,17 @@ def test_with_a_known_camera_the_codes_are_found_and_nothing_is_in_doubt(tiny: M
 @pytest.mark.parametrize("first_is_known", [False, True])
 def test_the_cameras_of_two_views_are_found_and_a_known_one_stays(tiny: Model, first_is_known: bool):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
-    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    first, second = (photo_of(tiny[1], truth) for truth in truths)
     found = last(tiny, replace(first, camera=truths[0]) if first_is_known else first, second)
     assert rotation_error(found.cameras[0], truths[0]) < (1e-3 if first_is_known else 5)
     assert rotation_error(found.cameras[1], truths[1]) < 5
-    assert found.codes.shape.shape == tiny.codes[1].shape.shape
+    assert found.instance.codes.shape.shape == tiny.codes[1].shape.shape
 
 
 @unchecked
 def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
     truth = tiny.camera(1.2, 0.4)
-    photo = photo_of(tiny, tiny.codes[0], truth)
+    photo = photo_of(tiny[0], truth)
     moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), cropped=True)
     assert rotation_error(last(tiny, moved).cameras[0], truth) < 5
 
@@ -114,7 +113,7 @@ def test_the_leader_comes_first_and_the_local_search_begins_around_it(whole_fit:
     for step in whole_fit:
         assert [one.loss for one in step.hypotheses] == sorted(one.loss for one in step.hypotheses)
         assert (step.hypotheses[0].origin, step.hypotheses[0].cameras) == (step.origin, step.cameras)
-        assert torch.equal(step.hypotheses[0].codes.shape, step.codes.shape)
+        assert torch.equal(step.hypotheses[0].instance.codes.shape, step.instance.codes.shape)
     assert len(whole_fit[0].hypotheses) == QUICK.hypotheses
     assert whole_fit[-1].runner_up is not None
     assert whole_fit[-1].hypotheses[1].cameras == whole_fit[-1].runner_up.cameras
@@ -129,7 +128,7 @@ def test_the_leader_comes_first_and_the_local_search_begins_around_it(whole_fit:
 @unchecked
 def test_a_fit_resumes_where_another_ended(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
-    photo = replace(photo_of(tiny, tiny.codes[0], truth), cropped=True)
+    photo = replace(photo_of(tiny[0], truth), cropped=True)
     early = next(fit(tiny, FitJob((photo,), QUICK)))
     begin = replace(early.hypotheses[0], origin=3)
     steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), resume_from=begin)))
@@ -137,7 +136,7 @@ def test_a_fit_resumes_where_another_ended(tiny: Model):
     assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 10
     assert steps[0].origin == begin.origin
     before, after = (
-        psnr(render_exact(tiny, one.codes, one.cameras[0], 48).colour, photo.pixels)
+        psnr(render_exact(one.instance, one.cameras[0], 48).colour, photo.pixels)
         for one in (begin, steps[-1].hypotheses[0])
     )
     assert after > before + 3
@@ -147,7 +146,7 @@ def test_a_fit_resumes_where_another_ended(tiny: Model):
 
 @unchecked
 def test_a_resumed_fit_stays_with_its_viewpoint_even_where_the_opposite_is_better(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(1.2, 0.3))
     found = last(tiny, photo, settings=SHORT).hypotheses[0]
     wrong = replace(found, cameras=(replace(found.cameras[0], azimuth=found.cameras[0].azimuth + math.pi),))
     resumed = last(tiny, photo, settings=replace(QUICK, steps=2), resume_from=wrong)
@@ -156,7 +155,7 @@ def test_a_resumed_fit_stays_with_its_viewpoint_even_where_the_opposite_is_bette
 
 def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5), tiny.camera(2.4, 0.4)]
-    photos = [photo_of(tiny, tiny.codes[1], truth) for truth in truths]
+    photos = [photo_of(tiny[1], truth) for truth in truths]
     job = FitJob((replace(photos[0], camera=truths[0]), *photos[1:]), SHORT)
     *_, first = fit(tiny, job)
     *_, second = fit(tiny, replace(job, resume_from=first.hypotheses[0]))
@@ -187,23 +186,23 @@ def test_the_runner_up_is_another_camera_that_is_scored_too(tiny: Model, whole_f
 
 
 def test_steps_are_numbered_timed_finite_and_at_the_size_of_the_picture(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2).resized(24, 24))
+    photo = photo_of(tiny[0], tiny.camera(0.4, 0.2).resized(24, 24))
     steps = list(fit(tiny, FitJob((photo,), SHORT)))
     assert [step.step for step in steps] == list(range(1, len(steps) + 1))
     assert {step.steps for step in steps} == {len(steps)}
     assert [step.seconds for step in steps] == sorted(step.seconds for step in steps)
     assert all(math.isfinite(step.loss) and math.isfinite(step.psnr) for step in steps)
     assert all((step.cameras[0].width, step.cameras[0].height) == (24, 24) for step in steps)
-    assert not any(step.codes.shape.requires_grad for step in steps)
+    assert not any(step.instance.codes.shape.requires_grad for step in steps)
 
 
 @unchecked
 def test_the_same_seed_gives_the_same_stream_another_seed_another_and_the_model_stays(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    photo = photo_of(tiny[1], tiny.camera(2.0, 0.6))
 
     def stream(seed: int) -> list[tuple]:
         steps = fit(tiny, FitJob((photo,), SHORT, seed))
-        return [(step.loss, step.cameras, *step.codes.shape.tolist()) for step in steps]
+        return [(step.loss, step.cameras, *step.instance.codes.shape.tolist()) for step in steps]
 
     def weights() -> bytes:
         tensors = [*tiny.field.state_dict().values(), tiny.codes.shapes, tiny.codes.textures]
@@ -218,7 +217,7 @@ def test_the_same_seed_gives_the_same_stream_another_seed_another_and_the_model_
 @unchecked
 @pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
 def test_any_number_of_hypotheses_and_steps_ends_and_has_a_runner_up(tiny: Model, hypotheses: int, steps: int):
-    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    photo = photo_of(tiny[1], tiny.camera(2.0, 0.6))
     found = list(fit(tiny, FitJob((photo,), FitSettings(hypotheses, steps, rays=8, samples=4))))
     assert found[-1].step == found[-1].steps == len(found)
     assert found[-1].runner_up is not None
@@ -273,7 +272,7 @@ def test_a_picture_without_an_object_is_refused(tiny: Model):
 
 def test_a_model_gone_wrong_ends_in_one_clear_error():
     model = random_model()
-    photo = photo_of(model, model.codes[0], model.camera(0.3, 0.3))
+    photo = photo_of(model[0], model.camera(0.3, 0.3))
     known = replace(photo, mask=torch.ones_like(photo.mask), camera=model.camera(0.3, 0.3))
     model.field.density_layer.bias.fill_(math.nan)
     with pytest.raises(ValueError, match="diverged from every start"):

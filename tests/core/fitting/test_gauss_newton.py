@@ -54,7 +54,7 @@ def test_a_camera_may_be_the_further_off_the_more_else_can_make_up_for_it(tiny: 
 
 
 def test_two_views_share_codes_and_not_cameras(tiny: Model):
-    photos = [photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)) for azimuth in (0.5, 2.5)]
+    photos = [photo_of(tiny[0], tiny.camera(azimuth, 0.5)) for azimuth in (0.5, 2.5)]
     pixels = sample_pixels([Observation.of(photo, tiny) for photo in photos], 32, seeded())
     one = random_parameters(2)
     both = Parameters(*(part.repeat(1, 2, *[1] * (part.ndim - 2)) for part in one[:4]), *one[4:])
@@ -113,7 +113,7 @@ def test_one_that_diverged_stays_out_and_the_others_go_on(tiny: Model):
 def test_equations_are_the_same_bits_with_any_number_of_threads(
     tiny: Model, blur: float, hypotheses: int, rays: int, monkeypatch: pytest.MonkeyPatch
 ):
-    photos = [replace(photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)), blur=blur) for azimuth in (0.5, 2.5)]
+    photos = [replace(photo_of(tiny[0], tiny.camera(azimuth, 0.5)), blur=blur) for azimuth in (0.5, 2.5)]
     pixels = sample_pixels([Observation.of(photo, tiny) for photo in photos], rays, seeded())
     one = random_parameters(hypotheses)
     both = Parameters(*(part.repeat(1, 2, *[1] * (part.ndim - 2)) for part in one[:4]), *one[4:])

@@ -26,7 +26,7 @@ def given(tiny: Model) -> list[Camera]:
 
 def photos_of(model: Model, given: list[Camera], known: tuple[bool, ...]) -> list[Photo]:
     return [
-        replace(photo_of(model, model.codes[2], camera), camera=camera if told else None)
+        replace(photo_of(model[2], camera), camera=camera if told else None)
         for camera, told in zip(given, known, strict=True)
     ]
 
@@ -108,7 +108,7 @@ def test_one_hypothesis_resumes_where_another_fit_ended(tiny: Model, given: list
     found = [tiny.camera(5.0, 0.1), replace(tiny.camera(2.5, 0.2, 1.3 * tiny.distance), focal=1.3 * tiny.focal)]
     spaces = tiny.codes.shape_space, tiny.codes.texture_space
     hypothesis = Hypothesis(
-        3, 1.0, tuple(found), tiny.codes[1], torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.01, -0.02]])
+        3, 1.0, tuple(found), tiny[1], torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.01, -0.02]])
     )
     batch = resume_from(tiny, photos, given, hypothesis, spaces)
     back = to_cameras(tiny, batch.parameters, 0, given)

@@ -27,17 +27,17 @@ def last(model: Model, *photos: Photo, settings=PAPER) -> FitStep:
 
 
 def test_the_paper_starts_once_anywhere_or_from_a_given_camera(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
+    photo = photo_of(tiny[0], tiny.camera(0.4, 0.2))
     starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
     assert {step.active for step in starts} == {1}
     assert all(step.cameras[0].elevation > -0.11 for step in starts)
     assert len({round(step.cameras[0].azimuth) for step in starts}) > 3
     # AdamW's first step is its rate, whatever the slope.
-    moved = (starts[0].codes.shape - tiny.codes.mean.shape).abs()
+    moved = (starts[0].instance.codes.shape - tiny.codes.mean.shape).abs()
     torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
     truth = tiny.camera(1.2, 0.3)
-    begin = Hypothesis(0, 0.0, (truth,), tiny.codes.mean, torch.zeros(1, 4))
-    first = next(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), PAPER, resume_from=begin)))
+    begin = Hypothesis(0, 0.0, (truth,), tiny.mean, torch.zeros(1, 4))
+    first = next(fit(tiny, FitJob((photo_of(tiny[0], truth),), PAPER, resume_from=begin)))
     assert rotation_error(first.cameras[0], truth) < 10  # AdamW's first step is its rate: 0.1 rad
 
 
@@ -45,8 +45,8 @@ def test_the_paper_starts_once_anywhere_or_from_a_given_camera(tiny: Model):
 def test_the_paper_turns_a_camera_that_is_off_towards_the_true_one(tiny: Model):
     """From a start that is given: where a random one leads is a matter of chance."""
     truth, start = tiny.camera(1.2, 0.3), tiny.camera(1.45, 0.4)
-    begin = Hypothesis(0, 0.0, (start,), tiny.codes.mean, torch.zeros(1, 4))
-    job = FitJob((photo_of(tiny, tiny.codes[0], truth),), replace(PAPER, steps=60), resume_from=begin)
+    begin = Hypothesis(0, 0.0, (start,), tiny.mean, torch.zeros(1, 4))
+    job = FitJob((photo_of(tiny[0], truth),), replace(PAPER, steps=60), resume_from=begin)
     steps = list(fit(tiny, job))
     assert len(steps) == 60
     assert rotation_error(steps[-1].cameras[0], truth) < 0.6 * rotation_error(start, truth)
@@ -54,7 +54,7 @@ def test_the_paper_turns_a_camera_that_is_off_towards_the_true_one(tiny: Model):
 
 def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
-    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    first, second = (photo_of(tiny[1], truth) for truth in truths)
     found = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
     assert found.confidence is None
     assert rotation_error(found.cameras[0], truths[0]) < 1e-3
@@ -71,7 +71,7 @@ def test_steps_that_diverge_leave_the_best_before_them(tiny: Model, monkeypatch:
         return found._replace(objective=found.objective * math.nan) if next(calls) > 13 else found
 
     monkeypatch.setattr(paper, "paper_objective", diverging)
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(1.2, 0.3))
     steps = list(fit(tiny, FitJob((photo,), replace(PAPER, steps=20))))
     assert len(steps) == 20
     (loss,) = {step.loss for step in steps[13:]}

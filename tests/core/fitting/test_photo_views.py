@@ -67,15 +67,15 @@ def test_the_finer_pixels_are_taken_and_a_doubtful_mask_bounds_nothing(model: Mo
 
 
 def test_what_a_solid_object_has_deep_in_the_background_may_be_hidden(tiny: Model) -> None:
-    camera, codes = tiny.camera(1.1, 0.3), tiny.codes[0]
-    photo = photo_of(tiny, codes, camera)
+    camera, instance = tiny.camera(1.1, 0.3), tiny[0]
+    photo = photo_of(instance, camera)
     hidden = torch.zeros_like(photo.mask)
     rows = photo.mask.any(1).nonzero()[:, 0]
     hidden[int(rows.float().median()) :] = True
     half = replace(photo, mask=photo.mask & ~hidden)
-    shown = photo_view(tiny, half, camera, codes=codes).pixels()[..., 3] / 255
+    shown = photo_view(tiny, half, camera, fitted=instance).pixels()[..., 3] / 255
     plain = photo_view(tiny, half, camera).pixels()[..., 3] / 255
-    whole = photo_view(tiny, photo, camera, codes=codes).pixels()[..., 3] / 255
+    whole = photo_view(tiny, photo, camera, fitted=instance).pixels()[..., 3] / 255
     assert set(np.unique(plain)) == set(np.unique(whole)) == {0, 1}
     doubtful = (shown > BACKGROUND) & (shown < 0.5)
     assert 0.5 * int((photo.mask & hidden).sum()) < doubtful.sum() < 1.2 * int((photo.mask & hidden).sum())

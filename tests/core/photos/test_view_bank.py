@@ -18,15 +18,15 @@ from tests.core.tiny import photo_of, tiny_bank
 
 def test_apparent_sizes_in_training_images(tiny: Model):
     usual = apparent_size(tiny_bank(), tiny)
-    seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
+    seen = render_exact(tiny[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
     size = max(int(seen.any(0).sum()), int(seen.any(1).sum())) / tiny.image_size
     assert usual.min < size < usual.max
 
 
 def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
     bank, view, index = tiny_bank(), 2 * 24 + 3, 1
-    codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
-    points, _ = surface_points(tiny, codes)
+    instance = tiny.mean.changed(shape=bank.shapes(tiny.codes)[index])
+    points, _ = surface_points(instance)
     right, up, backward = (camera_rotation(bank.azimuth[view], bank.elevation[view]) @ points.T).tolist()
     seen = [(x / (tiny.distance - z), -y / (tiny.distance - z)) for x, y, z in zip(right, up, backward, strict=True)]
     low, high = (tuple(map(end, zip(*seen, strict=True))) for end in (min, max))
@@ -70,7 +70,7 @@ def test_shipped_models_are_complete(name: str):
     assert model.view_bank is not None and model.words is not None
     number = len(model.view_bank.prototypes) // 2
     shape = model.view_bank.shapes(model.codes)[number]
-    points, _ = surface_points(model, replace(model.codes.mean, shape=shape))
+    points, _ = surface_points(model.mean.changed(shape=shape))
     right, _, backward = camera_rotation(model.view_bank.azimuth[30], model.view_bank.elevation[30]) @ points.T
     across = right / (model.distance - backward)
     middle = float(across.max() + across.min()) / 2
@@ -79,7 +79,7 @@ def test_shipped_models_are_complete(name: str):
 
 def test_a_fit_through_the_soft_field_uses_the_bank_of_the_model(tiny: Model):
     sharp = with_contrast(tiny)
-    photo = photo_of(sharp, sharp.codes[0], sharp.camera(0.5, 0.5))
+    photo = photo_of(sharp[0], sharp.camera(0.5, 0.5))
     assert problem_of(sharp, photo).bank is view_bank(sharp)
 
 

@@ -114,27 +114,31 @@ def same(*runs: list[Tensor]) -> bool:
 
 def of_render(model: Model) -> list[Tensor]:
     fast.clear_cache()
-    codes, camera = model.codes[1], model.camera(0.5, 0.5).resized(90, 90)
-    first = fast.render(model, codes, camera, 48)
-    again = fast.render(model, replace(codes, texture=model.codes[2].texture), camera, 48)  # of the cached shape
-    return [first.colour, first.depth, again.colour, render_exact(model, codes, camera, 32).colour]
+    instance, camera = model[1], model.camera(0.5, 0.5).resized(90, 90)
+    first = fast.render(instance, camera, 48)
+    again = fast.render(instance.changed(texture=model.codes[2].texture), camera, 48)  # of the cached shape
+    return [first.colour, first.depth, again.colour, render_exact(instance, camera, 32).colour]
 
 
 def of_bake(model: Model) -> list[Tensor]:
     fast.clear_cache()
-    return [torch.from_numpy(baked.texels) for baked in bake(model, model.codes[1]) if baked]
+    return [torch.from_numpy(baked.texels) for baked in bake(model[1]) if baked]
 
 
 def of_mesh(model: Model) -> list[Tensor]:
-    mesh = run_to_end(extract_mesh(model, model.codes[1], 48))
+    mesh = run_to_end(extract_mesh(model[1], 48))
     return [torch.from_numpy(part) for part in (mesh.vertices, mesh.faces, mesh.colours)]
 
 
 def of_fit(model: Model) -> list[Tensor]:
-    photos = (photo_of(model, model.codes[1], model.camera(0.5, 0.5)),)
+    photos = (photo_of(model[1], model.camera(0.5, 0.5)),)
     *_, last = fit(model, FitJob(photos, SHORT))
     cameras = chain.from_iterable((one.azimuth, one.elevation, one.distance) for one in last.cameras)
-    return [last.codes.shape, last.codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
+    return [
+        last.instance.codes.shape,
+        last.instance.codes.texture,
+        torch.tensor([*cameras, last.loss], dtype=torch.double),
+    ]
 
 
 def of_view_bank(model: Model) -> list[Tensor]:
