@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import CodeBook
+from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from tests.conftest import open_models, random_model
@@ -290,3 +292,17 @@ def test_objects_of_two_models_are_not_mixed_and_bring_mixes_of_their_own(both: 
     assert both.is_mixable("object 2") and not both.is_mixable("object 2 (2)")
     with pytest.raises(ValueError, match="different models"):
         both.take("texture", "object 2 (2)")
+
+
+def test_keyframes_of_a_missing_model_wait_for_it(model: Model) -> None:
+    stools = replace(random_model(9), category="stools")
+    editor = Editor(open_models(model), model, torch.Generator())
+    waiting = View(MissingInstance(stools.fingerprint, stools.codes[2]), editor.scene.camera)
+    here = View(model[1], editor.scene.camera)
+    editor.set_timeline(Timeline((Keyframe(0.0, here), Keyframe(1.0, waiting))))
+    editor.sample()
+    assert [key.view for key in editor.playable.keys] == [here]
+    editor.models.add("stools", stools)
+    editor.add_model(stools)
+    assert [key.view.instance for key in editor.playable.keys] == [model[1], stools[2]]
+    assert editor.state.timeline is editor.history.past[-1].timeline  # states share it

@@ -145,6 +145,21 @@ def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved:
     assert "\n" not in str(error.value)
 
 
+def test_files_name_objects_as_before_codes_with_the_fingerprint_of_their_model(
+    models: OpenModels, saved: Project, tmp_path: Path
+) -> None:
+    saved.save(tmp_path / "a.codenerf", models)
+    with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
+        project = json.loads(file.read("project.json"))["project"]
+    (model,) = models
+    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "model"]
+    scene = project["history"]["steps"][0]["state"]["scene"]
+    for holder in (scene, *project["objects"], *project["fit"]["steps"]):
+        assert "instance" not in holder and list(holder["codes"]) == names
+        assert holder["codes"]["model"] == model.fingerprint
+    assert list(scene) == ["codes", "camera"]
+
+
 def _last_state(about: dict, parts: dict[str, bytes]) -> None:
     history = about["project"]["history"]
     del history["steps"][history["current"]]["state"]["mix"]["a"]
