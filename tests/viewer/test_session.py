@@ -276,9 +276,11 @@ def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
     one = EditableObject("stool", stools[1], True)
     editor.show_object(editor.objects.add(one))
     editor.set_texture(stools.codes[1].texture + 1.0)
-    saved = Project(editor.history, editor.objects.ever_added)
+    Project(editor.history, editor.objects.ever_added).save(tmp_path / "a.codenerf", editor.models)
 
     editor = Editor(open_models(model), model, torch.Generator())
+    saved = Project.load(tmp_path / "a.codenerf", editor.models)
+    one = EditableObject("stool", saved.objects[0].original, True)
     here = one.left_as(one.instance.changed(texture=one.instance.codes.texture + 2.0))
     editor.objects.add(here)
     editor.restore(saved)
@@ -287,6 +289,7 @@ def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
     editor.models.add("stools", stools)
     editor.add_model(stools)
     editor.go_to(branch.last)
+    assert not editor.scene.instance.is_missing
     assert editor.scene.instance == here.instance == editor.objects["stool"].instance
 
 
