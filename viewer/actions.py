@@ -173,7 +173,7 @@ _RUN: dict[str, Callable[[PanelContext], object]] = {
 }
 _ENABLED: dict[str, Test] = {
     "see_photo": lambda c: c.session.photo_view is not None,
-    "reset": lambda c: c.session.editor.scene.codes != c.session.editor.original,
+    "reset": lambda c: c.session.editor.scene.instance != c.session.editor.original,
     "remove_key": lambda c: c.session.player.key is not None,
     "play": lambda c: bool(c.session.editor.playable.keys),
     "copy_image": lambda c: c.session.viewport.frame is not None and c.session.viewport.baked_frame is None,

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.camera import Camera
-from core.models.codes import CODE_KINDS, CodeKind, Codes, CodeSpace
-from core.models.model import Model
+from core.models.codes import CODE_KINDS, CodeKind, CodeSpace
+from core.models.model import Instance, Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoDetail
 from core.models.scene import Scene
@@ -34,7 +34,7 @@ class Editor:
         self.models, self.objects = models, ObjectLibrary(models)
         self._locked: frozenset[tuple[str, CodeKind]] = frozenset()
         mix = self._first_mix(first)
-        scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
+        scene = Scene(self.objects[mix.a.shape].instance, orbit.home(first))
         self.history = History.of(State(scene, mix, is_a=True))
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
         self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
@@ -55,69 +55,74 @@ class Editor:
     @property
     def model(self) -> Model:
         """The model of the object on screen."""
-        return self.models.of(self.scene.codes)
+        return self.scene.instance.model
 
     @property
     def locked(self) -> frozenset[CodeKind]:
         """The codes of this model's objects that edits leave unchanged."""
-        return frozenset(kind for model, kind in self._locked if model == self.scene.codes.model)
+        return frozenset(kind for model, kind in self._locked if model == self.scene.instance.fingerprint)
 
     def is_mixable(self, name: str) -> bool:
         """Return whether an object is of the same model as the one on screen, so that they can be mixed."""
-        return self.objects[name].codes.model == self.scene.codes.model
+        return self.objects[name].instance.fingerprint == self.scene.instance.fingerprint
 
     def space(self, kind: CodeKind) -> CodeSpace:
         """Return the distribution of the trained codes of one kind."""
-        codes = self.model.codes
-        return codes.shape_space if kind == "shape" else codes.texture_space
+        book = self.model.codes
+        return book.shape_space if kind == "shape" else book.texture_space
 
     def code(self, kind: CodeKind) -> Tensor:
         """Return the current shape or texture code."""
-        return getattr(self.scene.codes, kind)
+        return getattr(self.scene.instance.codes, kind)
 
-    def pair(self, pair: Pair) -> Codes:
-        """Return the codes of a pair as left: the shape of one object and the texture of another."""
-        return self.objects[pair.texture].codes.taking("shape", self.objects[pair.shape].codes)
+    def pair(self, pair: Pair) -> Instance:
+        """Return a pair as left: the shape of one object and the texture of another."""
+        return self.objects[pair.texture].instance.taking("shape", self.objects[pair.shape].instance)
 
     @property
-    def original(self) -> Codes:
-        """The codes of A without edits: as trained, fitted or opened."""
+    def original(self) -> Instance:
+        """A without edits: as trained, fitted or opened."""
         shape, texture = self.state.mix.a
         return self.objects[texture].original.taking("shape", self.objects[shape].original)
 
     @property
-    def unmixed(self) -> Codes:
-        """The codes of A, with its edits, as last shown without any of B; as left if never shown."""
-        codes = self.pair(self.state.mix.a)
+    def unmixed(self) -> Instance:
+        """A, with its edits, as last shown without any of B; as left if never shown."""
+        instance = self.pair(self.state.mix.a)
         for kind in CODE_KINDS:
-            codes = codes.taking(kind, self._last_unmixed(kind) or codes)
-        return codes
+            instance = instance.taking(kind, self._last_unmixed(kind) or instance)
+        return instance
 
-    def _last_unmixed(self, kind: CodeKind) -> Codes | None:
+    def _last_unmixed(self, kind: CodeKind) -> Instance | None:
         now, states = self.state, chain([self.state], reversed(self.history.past))
-        name, model = getattr(now.mix.a, kind), now.scene.codes.model
-        of_a = takewhile(lambda one: getattr(one.mix.a, kind) == name and one.scene.codes.model == model, states)
-        return next((state.scene.codes for state in of_a if not getattr(state.mix, kind)), None)
+        name, model = getattr(now.mix.a, kind), now.scene.instance.fingerprint
+
+        def is_of_a(state: State) -> bool:
+            return getattr(state.mix.a, kind) == name and state.scene.instance.fingerprint == model
+
+        of_a = takewhile(is_of_a, states)
+        return next((state.scene.instance for state in of_a if not getattr(state.mix, kind)), None)
 
     @property
-    def mix_ends(self) -> tuple[Codes, Codes]:
-        """The codes of A and B between which the mix pad mixes: A with its edits, locked codes in both."""
-        return self._keeping_locked(self.unmixed), self._keeping_locked(self.objects[self.state.mix.b].codes)
+    def mix_ends(self) -> tuple[Instance, Instance]:
+        """A and B, between which the mix pad mixes: A with its edits, locked codes in both."""
+        return self._keeping_locked(self.unmixed), self._keeping_locked(self.objects[self.state.mix.b].instance)
 
     @property
-    def film_partner(self) -> Codes | None:
-        """The codes of B, with locked ones; None if B cannot be mixed with the object on screen or looks like it."""
-        name, codes = self.state.mix.b, self.scene.codes
+    def film_partner(self) -> Instance | None:
+        """B, with locked codes; None if B cannot be mixed with the object on screen or looks like it."""
+        name, instance = self.state.mix.b, self.scene.instance
         if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
             return None
-        other = self._keeping_locked(self.objects[name].codes)
-        return None if (other.shape_key, other.texture_key) == (codes.shape_key, codes.texture_key) else other
+        partner = self._keeping_locked(self.objects[name].instance)
+        looks_alike = partner.with_detail(None) == instance.with_detail(None)
+        return None if looks_alike else partner
 
-    def _keeping_locked(self, codes: Codes) -> Codes:
+    def _keeping_locked(self, instance: Instance) -> Instance:
         """Return codes with the locked ones of the object on screen, if it is of the same model."""
-        for kind in self.locked if codes.model == self.scene.codes.model else ():
-            codes = codes.taking(kind, self.scene.codes)
-        return codes
+        for kind in self.locked if instance.fingerprint == self.scene.instance.fingerprint else ():
+            instance = instance.taking(kind, self.scene.instance)
+        return instance
 
     # The camera
 
@@ -130,12 +135,12 @@ class Editor:
 
     def set_detail(self, detail: PhotoDetail, gesture: str = "") -> None:
         """Replace the object's photo detail."""
-        codes = replace(self.scene.codes, detail=detail)
-        self._edit(replace(self.scene, codes=codes), gesture=gesture)
+        instance = self.scene.instance.changed(detail=detail)
+        self._edit(replace(self.scene, instance=instance), gesture=gesture)
 
     def set_texture(self, texture: Tensor, gesture: str = "") -> None:
         """Give the object another texture code."""
-        self._set_codes(replace(self.scene.codes, texture=texture), self.state.mix, gesture)
+        self._set_codes(self.scene.instance.changed(texture=texture), self.state.mix, gesture)
 
     def reset(self) -> None:
         """Return to object A without its edits and without any of B, except locked parts."""
@@ -143,18 +148,18 @@ class Editor:
 
     def sample(self) -> None:
         """Sample shape and texture from the distribution of the trained codes, except locked ones."""
-        self._set_codes(self.model.codes.sample(self._generator), self.state.mix, is_a=False)
+        self._set_codes(self.model.sample(self._generator), self.state.mix, is_a=False)
 
     # Along a direction
 
     def strength(self, direction: Direction) -> float:
         """Return the object's position along a direction, in standard deviations from the mean."""
-        return direction.strength(self.scene.codes, self.model.codes.mean)
+        return direction.strength(self.scene.instance)
 
     def move_along(self, direction: Direction, to: float, gesture: str = "") -> None:
         """Move the object along a direction to a position in standard deviations from the mean."""
-        codes = direction.moved(self.scene.codes, self.model.codes.mean, to)
-        self._set_codes(codes, self.state.mix, gesture)
+        instance = direction.moved(self.scene.instance, to)
+        self._set_codes(instance, self.state.mix, gesture)
 
     # Objects A and B
 
@@ -166,11 +171,11 @@ class Editor:
         if self.is_missing(name):
             return
         self.end_gesture()  # the object itself may be on screen
-        codes, pair, camera = self.objects[name].codes, Pair(name, name), self.scene.camera
+        instance, pair, camera = self.objects[name].instance, Pair(name, name), self.scene.camera
         seen = any(state.mix.a == pair for state in (self.state, *self.history.past))
-        if codes.detail and not (seen and self.is_mixable(name)):
-            camera = orbit.photo_camera(codes.detail.views[0].camera, self.models.of(codes))
-        self._set_codes(codes, self._mix_from(pair), camera=camera, is_a=True)
+        if instance.detail and not (seen and self.is_mixable(name)):
+            camera = orbit.photo_camera(instance.detail.views[0].camera, instance.model)
+        self._set_codes(instance, self._mix_from(pair), camera=camera, is_a=True)
         self.object_chosen.emit()
 
     def show_unedited(self, name: str) -> None:
@@ -200,7 +205,7 @@ class Editor:
         """Take the shape or the texture of an object for A, without any of B in that code."""
         mix = self.state.mix
         mix = replace(mix, a=mix.a._replace(**{kind: name})).with_amount(kind, 0.0)
-        self._set_codes(self.scene.codes.taking(kind, self.objects[name].codes), mix)
+        self._set_codes(self.scene.instance.taking(kind, self.objects[name].instance), mix)
 
     def set_b(self, name: str) -> None:
         """Make an object B; codes with an amount of B are mixed again."""
@@ -221,14 +226,14 @@ class Editor:
 
     def show_added(self, name: str, camera: Camera) -> None:
         """Make an object A as fitted or opened, seen from a camera; locks are ignored."""
-        codes = self.objects[name].original
-        self._edit(Scene(codes, camera), self._mix_from(Pair(name, name)), is_a=True)
+        instance = self.objects[name].original
+        self._edit(Scene(instance, camera), self._mix_from(Pair(name, name)), is_a=True)
 
-    def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
-        """Show codes from a camera, such as those at a time of the timeline; locks are ignored."""
-        codes = self._adopted(codes)
-        is_a = self.state.is_a and codes == self.scene.codes
-        self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture, is_a)
+    def show(self, instance: Instance, camera: Camera, gesture: str = "") -> None:
+        """Show an object from a camera, such as those at a time of the timeline; locks are ignored."""
+        instance = self.models.adopt(instance)
+        is_a = self.state.is_a and instance == self.scene.instance
+        self._edit(Scene(instance, camera), self._mix_of(instance.model), gesture, is_a)
 
     def join(self, scene: Scene) -> None:
         """Change the scene as part of the last edit."""
@@ -246,8 +251,8 @@ class Editor:
         """
         before = self.objects[name].original
         self.objects.refit(name, better)
-        shown = self.scene.codes == before
-        if shown and better.codes != before:
+        shown = self.scene.instance == before
+        if shown and better.instance != before:
             self.show_added(name, camera)
         return shown
 
@@ -278,10 +283,10 @@ class Editor:
         history = saved.history.everywhere(with_names_here)
         for one in saved.objects:
             here = self.objects[names[one.name]]
-            if here.unedited and here.codes != one.codes:
+            if here.unedited and here.instance != one.instance:
                 history = history.beside(self._as_left(here))
             if one.unedited:
-                self.objects.leave(here.name, one.codes)
+                self.objects.leave(here.name, one.instance)
         shown = next((number for number in history.nearest if self.can_show(history.steps[number].state)), None)
         if shown is None:
             now = replace(self.state, removed=history.now.removed)
@@ -291,57 +296,57 @@ class Editor:
 
     def _as_left(self, one: EditableObject) -> State:
         """Return a state that shows an object as left; it waits for the object's model if that is missing."""
-        model = self.models.find(one.codes.model)
+        model = None if one.instance.is_missing else one.instance.model
         camera = orbit.home(model) if model else self.scene.camera
         mix = Mix(Pair(one.name, one.name), self._first_mix(model).b if model else one.name)
-        return State(Scene(one.codes, camera), mix, is_a=True)
+        return State(Scene(one.instance, camera), mix, is_a=True)
 
     # Models that are missing
 
     def can_show(self, state: State) -> bool:
         """Return whether a state's model is open and its objects are here, all of that model."""
-        model = state.scene.codes.model
-        return self.models.can_show(state.scene.codes) and all(
-            name in self.objects and self.objects[name].codes.model == model and not self.is_missing(name)
+        model = state.scene.instance.fingerprint
+        return not state.scene.instance.is_missing and all(
+            name in self.objects and self.objects[name].instance.fingerprint == model and not self.is_missing(name)
             for name in state.mix.names
         )
 
     def is_missing(self, name: str) -> bool:
         """Return whether an object cannot be shown because its model is missing."""
-        return not all(map(self.models.can_show, self.objects[name].versions))
+        return any(version.is_missing for version in self.objects[name].versions)
 
     @property
     def playable(self) -> Timeline:
         """The timeline without keyframes whose model is missing."""
         timeline = self.state.timeline
-        keys = tuple(key for key in timeline.keys if self.models.can_show(key.view.codes))
+        keys = tuple(key for key in timeline.keys if not key.view.instance.is_missing)
         return timeline if len(keys) == len(timeline.keys) else replace(timeline, keys=keys)
 
     def add_model(self, model: Model) -> None:
         """Add the objects of a newly opened model; objects and states that waited for it can be shown."""
         self.objects.add_model(model)
-        self.objects.convert(self._adopted)
+        self.objects.convert(self.models.adopt)
+        timelines = dict[int, Timeline]()  # by the id of the one before: states share them
 
         def with_names_here(state: State) -> State:
-            waited = model.shares_codes_with(state.scene.codes.model)
-            return self._with_names_here(state, {}) if waited else state
+            waited = model.shares_codes_with(state.scene.instance.fingerprint)
+            if id(state.timeline) not in timelines:
+                timelines[id(state.timeline)] = state.timeline.converted(self.models.adopt)
+            adopted = replace(state, timeline=timelines[id(state.timeline)])
+            return self._with_names_here(adopted, {}) if waited else adopted
 
         self.history = self.history.everywhere(with_names_here)
 
-    def _adopted(self, codes: Codes) -> Codes:
-        """Return codes as those of the open model that extends theirs, if any."""
-        model = self.models.find(codes.model)
-        return model.adopt(codes) if model and model.fits(codes) else codes
-
     def _with_names_here(self, state: State, names: dict[str, str]) -> State:
         """Return a state with the names of its objects here: by ``names``, or those of its model's objects."""
-        codes = self._adopted(state.scene.codes)
-        own = {name: self.objects.name_here(name, codes.model) or name for name in state.mix.names - names.keys()}
+        instance = self.models.adopt(state.scene.instance)
+        model = instance.fingerprint
+        own = {name: self.objects.name_here(name, model) or name for name in state.mix.names - names.keys()}
         mix = state.mix.renamed(own | names)
         is_a, a = state.is_a, mix.a.shape
         if is_a is None and a in self.objects:  # of a former version
-            is_a = codes == self.objects[a].original
-        return replace(state, scene=replace(state.scene, codes=codes), mix=mix, is_a=is_a)
+            is_a = instance == self.objects[a].original
+        return replace(state, scene=replace(state.scene, instance=instance), mix=mix, is_a=is_a)
 
     # Undo
 
@@ -376,7 +381,7 @@ class Editor:
 
     def show_state(self, state: State) -> None:
         """Go to a state of undo that had to wait for its model."""
-        scene = replace(state.scene, codes=self._adopted(state.scene.codes))
+        scene = replace(state.scene, instance=self.models.adopt(state.scene.instance))
         scenes = [step.state.scene for step in self.history.steps]
         if scene in scenes:
             self.go_to(scenes.index(scene))
@@ -385,14 +390,14 @@ class Editor:
 
     def lock(self, kind: CodeKind, locked: bool) -> None:
         """Lock one code of this model's objects against edits, or unlock it."""
-        this = frozenset({(self.scene.codes.model, kind)})
+        this = frozenset({(self.scene.instance.fingerprint, kind)})
         self._locked = self._locked | this if locked else self._locked - this
 
     def _mix_of(self, model: Model) -> Mix:
         """Return the last mix of a model's objects in undo, else a mix of its first two objects."""
         states = (self.state, *reversed(self.history.past))
-        of_model = (one.mix for one in states if one.scene.codes.model == model.fingerprint and self.can_show(one))
-        return next(of_model, None) or self._first_mix(model)
+        here = (state for state in states if state.scene.instance.fingerprint == model.fingerprint)
+        return next((state.mix for state in here if self.can_show(state)), None) or self._first_mix(model)
 
     def _first_mix(self, model: Model) -> Mix:
         forms = self.objects.families[model.fingerprint]
@@ -401,25 +406,25 @@ class Editor:
 
     def _mix_from(self, pair: Pair) -> Mix:
         """Return the mix of a pair with its model's last B, at amounts of 0."""
-        return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
+        return Mix(pair, self._mix_of(self.objects[pair.shape].instance.model).b)
 
     def _mix(self, mix: Mix, kinds: tuple[CodeKind, ...], gesture: str = "") -> None:
-        mixed = self.unmixed.mixed(self.objects[mix.b].codes, mix.shape, mix.texture)
-        codes = self.scene.codes
+        mixed = self.unmixed.mixed(self.objects[mix.b].instance, mix.shape, mix.texture)
+        instance = self.scene.instance
         for kind in kinds:
-            codes = codes.taking(kind, mixed)
-        self._set_codes(codes, mix, gesture)
+            instance = instance.taking(kind, mixed)
+        self._set_codes(instance, mix, gesture)
 
     def _set_codes(
-        self, codes: Codes, mix: Mix, gesture: str = "", camera: Camera | None = None, is_a: bool | None = None
+        self, instance: Instance, mix: Mix, gesture: str = "", camera: Camera | None = None, is_a: bool | None = None
     ) -> None:
         """Edit codes and mix; locked codes stay, with their object A and amount of B."""
-        now, codes = self.state, self._keeping_locked(codes)
-        for kind in self.locked if codes.model == now.scene.codes.model else ():
+        now, instance = self.state, self._keeping_locked(instance)
+        for kind in self.locked if instance.fingerprint == now.scene.instance.fingerprint else ():
             a = mix.a._replace(**{kind: getattr(now.mix.a, kind)})
             mix = replace(mix, a=a).with_amount(kind, getattr(now.mix, kind))
             is_a = is_a if now.is_a else False
-        self._edit(Scene(codes, camera or now.scene.camera), mix, gesture, is_a)
+        self._edit(Scene(instance, camera or now.scene.camera), mix, gesture, is_a)
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "", is_a: bool | None = None) -> None:
         """Change the scene; ``is_a`` is that of :class:`State`, None if it stays."""
@@ -431,10 +436,10 @@ class Editor:
         """Take another history; after a drag, the object on screen keeps its edits, even if another one follows."""
         shown = self.scene
         if self.history.gesture and not history.gesture:
-            self.objects.leave(self.state.version_of, shown.codes)
+            self.objects.leave(self.state.version_of, shown.instance)
         self.history = history
         self.objects.unlist(history.now.removed)
         if not history.gesture:
-            self.objects.leave(history.now.version_of, history.now.scene.codes)
+            self.objects.leave(history.now.version_of, history.now.scene.instance)
         if history.now.scene != shown:
             self.scene_changed.emit()

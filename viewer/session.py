@@ -174,8 +174,12 @@ class Session:
 
         waiting = tuple(request for request in pending if not is_there(request.history))
         self._waiting = FitHistory() if is_there(fit) else fit, waiting
-        due = tuple(request for request in pending if request not in waiting)
-        self.fitting.restore(fit if is_there(fit) else FitHistory(), due)
+        due = tuple(
+            request._replace(history=request.history.converted(self.models.adopt))
+            for request in pending
+            if request not in waiting
+        )
+        self.fitting.restore(fit.converted(self.models.adopt) if is_there(fit) else FitHistory(), due)
 
     @property
     def words(self) -> Words | None:
@@ -275,7 +279,7 @@ class Session:
     @property
     def photo_view(self) -> PhotoView | None:
         """The selected photo of the object on screen, if it has photo detail."""
-        detail = self.editor.scene.codes.detail
+        detail = self.editor.scene.instance.detail
         return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
 
     @property
@@ -298,7 +302,7 @@ class Session:
         except ValueError as error:
             self.messages.report("Cannot open the scene", error)
         else:
-            self.editor.add_and_show(EditableObject(printable(path.stem), scene.codes), scene.camera)
+            self.editor.add_and_show(EditableObject(printable(path.stem), scene.instance), scene.camera)
             self.messages.notify(f"Opened {path.name}")
 
     def project(self) -> Project:
@@ -340,8 +344,8 @@ class Session:
     def _tell_missing(self, project: Project) -> None:
         """Tell which models and which parts of a project are missing, and what becomes of them."""
         states, objects = (state for state, _ in project.history.steps), project.objects
-        codes = (*(state.scene.codes for state in states), *(one.codes for one in objects))
-        models = dict.fromkeys(one.model for one in codes if self.models.find(one.model) is None)
+        instances = (*(state.scene.instance for state in states), *(each.instance for each in objects))
+        models = dict.fromkeys(instance.fingerprint for instance in instances if instance.is_missing)
         seen = (Button("OK", lambda: None),)
         for name in dict.fromkeys(self.model_name(model) for model in models):
             text = f"Not there: {name}. What was made with it waits in Mine; click its grey tile to find the file"

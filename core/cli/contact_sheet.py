@@ -10,7 +10,6 @@ from PIL import Image, ImageDraw
 from core.export.framing import filling_frame
 from core.export.keyframes import View
 from core.geometry.pixels import to_bytes
-from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.decode import on_white
 from core.rendering.images import render_image
@@ -21,7 +20,7 @@ _BESIDE = math.radians(60)  # azimuth from the photo's camera
 _CAPTION_LETTERS = 96  # that fit under three images
 
 
-def photo_strip(image: Image.Image, model: Model, scene: Scene) -> Image.Image:
+def photo_strip(image: Image.Image, scene: Scene) -> Image.Image:
     """Return a photo beside renders from its camera and from 60° beside, without photo detail."""
     shown = on_white(image)
     shown.thumbnail((_SIDE, _SIDE))
@@ -29,8 +28,9 @@ def photo_strip(image: Image.Image, model: Model, scene: Scene) -> Image.Image:
     strip.paste(shown, ((_SIDE - shown.width) // 2, (_SIDE - shown.height) // 2))
     camera = scene.camera.resized(_SIDE, _SIDE)
     cameras = camera, replace(camera, azimuth=camera.azimuth + _BESIDE)
-    for number, (codes, placed) in enumerate(filling_frame(model, [View(scene.codes, one) for one in cameras]), 1):
-        colour = render_image(model, codes, placed).colour
+    views = filling_frame([View(scene.instance, camera) for camera in cameras])
+    for number, view in enumerate(views, 1):
+        colour = render_image(*view).colour
         strip.paste(Image.fromarray(to_bytes(colour.cpu().clamp(0, 1).numpy())), (number * _SIDE, 0))
     return strip
 

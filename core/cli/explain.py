@@ -71,7 +71,7 @@ def _images(model: Model, photo: Photo, last: FitStep) -> Iterator[tuple[str, Im
     yield "Photo as fitted", _image(photo.pixels)
     yield "Mask", _image(opacity[..., None].expand(-1, -1, 3))
     for name, one in zip(_RESULTS, last.hypotheses, strict=False):
-        seen = render_image(model, one.codes, one.cameras[0].resized(2 * _SIDE, 2 * _SIDE))
+        seen = render_image(one.instance, one.cameras[0].resized(2 * _SIDE, 2 * _SIDE))
         yield name.capitalize(), _image(seen.colour)
 
 

@@ -88,8 +88,8 @@ def say_doubts(fitted: Fitted) -> None:
 
 def fitted_scene(chosen: argparse.Namespace, last: FitStep) -> Scene:
     """Return the fitted scene of the first photo, without photo detail if so chosen."""
-    codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
-    return Scene(codes, last.cameras[0])
+    instance = last.instance.with_detail(None) if chosen.no_photo_detail else last.instance
+    return Scene(instance, last.cameras[0])
 
 
 def seconds_of(chosen: argparse.Namespace, clock: "Stopwatch") -> dict[str, object]:

@@ -222,7 +222,7 @@ def _fit_one(key: str, single: argparse.Namespace) -> Row:
     say_doubts(fitted)
     scene = fitted_scene(single, fitted.last)
     with atomic_file(single.out / f"{key}.png") as partial:
-        photo_strip(read_rgba(single.images[0]), fitted.model, scene).save(partial)
+        photo_strip(read_rgba(single.images[0]), scene).save(partial)
     scene.save(single.out / f"{key}.json")  # last: it marks the photo as done
     return {"category": fitted.model.category, **to_dict(fitted.last), **seconds_of(single, clock)}
 

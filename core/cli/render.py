@@ -16,11 +16,9 @@ from core.export import keyframes
 from core.export.framing import filling_frame
 from core.export.keyframes import View
 from core.export.video import FORMATS, WHITE, VideoSettings, shown_views, write_video
-from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
-from core.models.codes import Codes
 from core.models.library import former_model, load_model, shipped_models
-from core.models.model import Model
+from core.models.model import Instance
 from core.models.scene import Scene, open_scene, save_image, scene_model
 from core.rendering.direction_words import direction_words, moved
 from core.runtime.files import require_writable
@@ -29,33 +27,33 @@ from core.streams import run_to_end
 
 def render(chosen: argparse.Namespace) -> None:
     """Run ``render``: write one image."""
-    model, codes, camera = _load_view(chosen)
+    instance, camera = _load_view(chosen)
     require_writable(chosen.out)
     camera = camera.resized(*chosen.size)
     if chosen.distance is None and not chosen.scene:
-        (codes, camera), *_ = filling_frame(model, [View(codes, camera)])
+        (_, camera), *_ = filling_frame([View(instance, camera)])
     if chosen.exact:
-        image = to_bytes(render_reference(model, codes, camera).colour)
+        image = to_bytes(render_reference(instance, camera).colour)
     else:
-        image = render_frame(model, codes, camera).image
-    save_image(image, chosen.out, Scene(codes, camera))
+        image = render_frame(instance, camera).image
+    save_image(image, chosen.out, Scene(instance, camera))
 
 
 def turntable(chosen: argparse.Namespace) -> None:
     """Run ``turntable``: write a video of a turn or a swing; with ``--morph-to``, into another object and back."""
-    model, codes, camera = _load_view(chosen, from_photo=True)
+    instance, camera = _load_view(chosen, from_photo=True)
     camera = camera.resized(*chosen.size)
     background = None if chosen.transparent else WHITE
     settings = VideoSettings(chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
     if chosen.morph_to is not None:
-        shots = keyframes.morph(codes, model.codes[chosen.morph_to], camera, chosen.frames or keyframes.TURN)
+        shots = keyframes.morph(instance, instance.model[chosen.morph_to], camera, chosen.frames or keyframes.TURN)
     elif chosen.swing:
-        shots = keyframes.swing(codes, camera, chosen.frames or keyframes.SWING)
+        shots = keyframes.swing(instance, camera, chosen.frames or keyframes.SWING)
     else:
-        shots = keyframes.turntable(codes, camera, chosen.frames or keyframes.TURN)
+        shots = keyframes.turntable(instance, camera, chosen.frames or keyframes.TURN)
     if chosen.distance is None:
-        shots = filling_frame(model, shots)
-    written = write_video(model, shots, chosen.out, settings)
+        shots = filling_frame(shots)
+    written = write_video(shots, chosen.out, settings)
     counts = (count for before, count in pairwise(chain((0,), written)) if count > before)
     run_with_progress(counts, _shown_frames(shots, chosen), "frame")
 
@@ -75,9 +73,9 @@ def mesh(chosen: argparse.Namespace) -> None:
     """Run ``mesh``: write an object as a coloured mesh."""
     from core.export.mesh import MeshSettings, export_mesh  # imports scipy, which videos and images do not need
 
-    model, codes, camera = _load_selection(chosen)
+    instance, camera = _load_selection(chosen)
     settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture or 0, chosen.triangles or 0)
-    shares = export_mesh(model, codes, chosen.out, settings, camera if chosen.scene else None)
+    shares = export_mesh(instance, chosen.out, settings, camera if chosen.scene else None)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:
             bar.update(share - bar.n)
@@ -87,36 +85,36 @@ def page(chosen: argparse.Namespace) -> None:
     """Run ``page``: write an object as a web page in one file."""
     from core.export.page import first_camera, write_page
 
-    model, codes, camera = _load_view(chosen, from_photo=True)
+    instance, camera = _load_view(chosen, from_photo=True)
     if chosen.distance is None:
-        camera = first_camera(model, codes, camera)
-    name = chosen.name or (chosen.scene.stem if chosen.scene else model.noun.capitalize())
-    for _ in write_page(model, codes, camera, chosen.out, name):
+        camera = first_camera(instance, camera)
+    name = chosen.name or (chosen.scene.stem if chosen.scene else instance.model.noun.capitalize())
+    for _ in write_page(instance, camera, chosen.out, name):
         pass
 
 
-def _load_view(chosen: argparse.Namespace, from_photo: bool = False) -> tuple[Model, Codes, Camera]:
-    """Return the chosen model, codes and camera, with the camera's options applied.
+def _load_view(chosen: argparse.Namespace, from_photo: bool = False) -> View:
+    """Return the chosen object and camera, with the camera's options applied.
 
     Args:
         from_photo: use the camera of the object's photo, if it has one, in place of the scene's.
     """
-    model, codes, camera = _load_selection(chosen)
+    instance, camera = _load_selection(chosen)
     if from_photo:
-        camera = Scene(codes, camera).photo_camera
+        camera = Scene(instance, camera).photo_camera
     given = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
-    return model, codes, replace(camera, **{name: value for name, value in given.items() if value is not None})
+    return View(instance, replace(camera, **{name: value for name, value in given.items() if value is not None}))
 
 
-def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """Return the chosen model and codes, and the scene's camera or the default one."""
+def _load_selection(chosen: argparse.Namespace) -> View:
+    """Return the chosen object, and the scene's camera or the default one."""
     model = load_model(_model_name(chosen), chosen.device)
     if chosen.scene:
         scene = open_scene(chosen.scene, model)
-        codes = replace(scene.codes, detail=None) if chosen.no_photo_detail else scene.codes
-        return model, _edited(chosen, model, codes), scene.camera
-    codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
-    return model, _edited(chosen, model, codes), model.camera(math.radians(60), math.radians(20))
+        instance = scene.instance.with_detail(None) if chosen.no_photo_detail else scene.instance
+        return View(_edited(chosen, instance), scene.camera)
+    instance = model.mean if chosen.object is None else model[chosen.object]
+    return View(_edited(chosen, instance), model.camera(math.radians(60), math.radians(20)))
 
 
 def _model_name(chosen: argparse.Namespace) -> str:
@@ -128,13 +126,13 @@ def _model_name(chosen: argparse.Namespace) -> str:
     return names[0] if names else former_model(fingerprint) or chosen.model
 
 
-def _edited(chosen: argparse.Namespace, model: Model, codes: Codes) -> Codes:
-    """Apply ``--edit`` and ``--paint`` to codes."""
+def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
+    """Apply ``--edit`` and ``--paint`` to an object."""
     if chosen.edit:
-        *_, words = direction_words(model)
+        *_, words = direction_words(instance.model)
         assert words is not None
         for name, amount in chosen.edit:
-            codes = moved(model, codes, words, name, amount)
+            instance = moved(instance, words, name, amount)
     for part, colour in chosen.paint:
-        codes = run_to_end(paint(model, codes, Paint(colour, part)))
-    return codes
+        instance = run_to_end(paint(instance, Paint(colour, part)))
+    return instance

@@ -20,9 +20,8 @@ from torch.nn import functional
 from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays
-from core.models.codes import Codes
-from core.models.model import Model
-from core.models.photo_detail import PhotoDetail, PhotoView
+from core.models.model import Instance
+from core.models.photo_detail import PhotoView
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_steps
@@ -61,35 +60,36 @@ _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: ref
 _BLOCK = 4096  # points that a thread evaluates at a time
 
 
-def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps | None]:
+def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
     """Return the photo detail of codes in the paint of their texture; None if there is none to show.
 
     Yields None many times on the first call, while photos are compared with their renders; the comparison is cached.
     """
-    share = shown_share(model, codes)
+    share = shown_share(instance)
     if not share:
         return None
-    detail = codes.detail
+    detail = instance.detail
     assert detail is not None
-    photos = yield from compared_photos(model, detail)
-    key = tuple(photos), codes.texture_key
+    photos = yield from compared_photos(instance)
+    key = tuple(photos), instance.codes.texture_key
     known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
     if known is None:
         yield None
         with torch.inference_mode():
-            known = _painted_maps(model, photos, codes)
+            known = _painted_maps(photos, instance)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
     return DetailMaps(known[0], share, detail.other_side, known[1])
 
 
-def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, list["ComparedPhoto"]]:
-    """Compare the photos with their renders; cached. Yields None many times on the first call."""
+def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:
+    """Compare an object's photos with their renders; cached. Yields None many times on the first call."""
     photos = []
-    for view in detail.views:
-        key = model, view, detail.fitted
+    fitted = instance.fitted
+    for view in instance.detail.views if instance.detail else ():
+        key = fitted.model, fitted, view
         known: ComparedPhoto | None = CACHE.get(CacheKind.DETAIL, key)
         if known is None:
-            known = yield from compare_photo(model, detail, view)
+            known = yield from compare_photo(fitted, view)
             CACHE.put(CacheKind.DETAIL, key, known, known.size)
         photos.append(known)
     return photos
@@ -100,7 +100,7 @@ class ComparedPhoto:
     """A photo and the render of the codes fitted to it, from the photo's camera. Not modified after creation."""
 
     camera: Camera  # at the size of the render
-    codes: Codes  # fitted to the photo
+    fitted: Instance  # to the photo
     photo: Float[Tensor, "3 height width"]  # the object's colours, extrapolated beyond its outline
     render: Float[Tensor, "3 h w"]  # the surface's colours, extrapolated likewise
     weight: Float[Tensor, "h w"]  # 0..1, reliability of the photo's colours
@@ -112,11 +112,11 @@ class ComparedPhoto:
     texels: "SurfaceTexels"
     match: ColourMatch  # from the render's colours to the photo's
 
-    def change(self, model: Model, textured: Codes) -> Float[Tensor, "3 h w"]:
-        """Return the change of the surface's colours with the texture of other codes."""
-        if textured.texture_key == self.codes.texture_key:
+    def change(self, textured: Instance) -> Float[Tensor, "3 h w"]:
+        """Return the change of the surface's colours with the texture of another object."""
+        if textured.codes.texture_key == self.fitted.codes.texture_key:
             return torch.zeros_like(self.render)
-        return self.texels.colours(model, textured) - self.texels.colours(model, self.codes)
+        return self.texels.colours(textured) - self.texels.colours(self.fitted)
 
     def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
         """Return the photo repainted, given the change of the render.
@@ -154,33 +154,33 @@ class SurfaceTexels(NamedTuple):
     features: Float[Tensor, "pixels width"]
     direction_bias: Float[Tensor, "pixels width"]
 
-    def colours(self, model: Model, codes: Codes) -> Float[Tensor, "3 h w"]:
-        """Return the colours of the surface in a texture, extrapolated beyond the opaque pixels."""
-        folded, image = FoldedField(model, codes), torch.zeros(3, *self.pixel.shape)
+    def colours(self, instance: Instance) -> Float[Tensor, "3 h w"]:
+        """Return the colours of the surface in an object's texture, extrapolated beyond the opaque pixels."""
+        folded = FoldedField.of(instance)
+        image = torch.zeros(3, *self.pixel.shape)
         blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
         colours = map_pieces(lambda block: folded.colour(*block), blocks)
         image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
         return _continued(image, self.pixel)
 
 
-def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
-    """Render the fitted codes from a photo's camera and weight the photo; yields None many times."""
+def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
+    """Render the fitted object from a photo's camera and weight the photo; yields None many times."""
     rgba = view.pixels().astype(np.float32) / 255
     high = SOURCE_SIZE
     camera = view.camera.resized(max(1, round(high * view.camera.width / view.camera.height)), high)
-    codes = Codes.of(detail.fitted)
-    source = yield from render_steps(model, codes, camera, _SAMPLES)
+    source = yield from render_steps(fitted, camera, _SAMPLES)
     yield None
     with torch.inference_mode():
         source = Rendered(source.colour.cpu(), source.depth.cpu(), source.opacity.cpu())
-        rays = camera_rays(camera, torch.tensor(model.extent))
+        rays = camera_rays(camera, torch.tensor(fitted.model.extent))
         normals = surface_normals(rays.origins, rays.directions, source)
         mask = _resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
         kept = smooth_step(_distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
         photo, render = _object_colours(rgba), _surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
         surface = _continued(surface, source.opacity > 0.5)
-        texels, parts = _surface_texels(model, codes, rays, source)
+        texels, parts = _surface_texels(fitted, rays, source)
     yield None
     with torch.inference_mode():
         small = _resized(photo, source.opacity)
@@ -190,21 +190,22 @@ def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generat
         roof = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts.get("glass", torch.ones_like(mask)))
         weight = weight * _without_glass_above(small, render, roof)
         paint = _paint_places(small, parts, weight)
-    return ComparedPhoto(camera, codes, photo, render, weight, near, *paint, surface, texels, match)
+    return ComparedPhoto(camera, fitted, photo, render, weight, near, *paint, surface, texels, match)
 
 
 def _surface_texels(
-    model: Model, codes: Codes, rays: Rays, source: Rendered
+    instance: Instance, rays: Rays, source: Rendered
 ) -> tuple[SurfaceTexels, dict[str, Float[Tensor, "h w"]]]:
     """Return the rendered surface and the probability of each of the model's parts there."""
-    pixel, folded = source.opacity > _SOLID, FoldedField(model, codes)
+    pixel = source.opacity > _SOLID
+    folded = FoldedField.of(instance)
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
     found = list(map_pieces(lambda part: folded.density(part)[1], points.split(_BLOCK)))
-    features = torch.cat(found) if found else torch.zeros(0, model.field.config.width)
+    features = torch.cat(found) if found else torch.zeros(0, instance.model.field.config.width)
     texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
     parts = dict[str, Tensor]()
-    if model.part_head:
-        for name, share in zip(model.part_head.names, model.part_head(features).cpu().T, strict=True):
+    if head := instance.model.part_head:
+        for name, share in zip(head.names, head(features).cpu().T, strict=True):
             parts[name] = torch.zeros(pixel.shape)
             parts[name][pixel] = share
     return texels, parts
@@ -248,17 +249,15 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
     return -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
 
 
-def _painted_maps(
-    model: Model, photos: Sequence[ComparedPhoto], textured: Codes
-) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
+def _painted_maps(photos: Sequence[ComparedPhoto], textured: Instance) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
     """Return the maps of all photos in a texture, and the match of its colours to the photos."""
     maps, colours, shown, weights = [], [], [], []
     for one in photos:
-        change = one.change(model, textured)
+        change = one.change(textured)
         photo = one.repainted(change) if change.any() else one.photo
         weight, near = _enlarged(torch.stack((one.weight, one.near)), photo)
         fine = torch.cat((photo, packed(weight, near)[None]))
-        maps.append(_photo_maps(one, fine, one.render + change, model.device))
+        maps.append(_photo_maps(one, fine, one.render + change, textured.model.device))
         colours.append((one.render + change).flatten(1))
         shown.append(_resized(photo, one.weight).flatten(1))
         weights.append(one.weight.flatten())

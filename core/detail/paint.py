@@ -16,9 +16,8 @@ from torch.nn import functional
 from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.repaint import lightness, lit_paint, replaced_share
 from core.geometry.camera import Camera, camera_directions
-from core.models.codes import Codes
 from core.models.latents import Latents
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import shown_share
 from core.rendering.progressive import Frame
@@ -49,29 +48,29 @@ class Paint:
             raise ValueError(f"a paint has three channels from 0 to 1, got {self.colour}")
 
 
-def paint(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Codes]:
-    """Return the codes repainted so that images with photo detail show the colour; unchanged if they already do.
+def paint(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
+    """Return the object repainted so that images with photo detail show the colour; unchanged if they already do.
 
     Yields None many times. Raises ``ValueError`` for a part that the model does not know.
     """
-    surface = yield from _surface(model, codes, wanted.part)
+    surface = yield from _surface(instance, wanted.part)
     colour, now = torch.tensor(wanted.colour), surface.now
     for _ in range(20):  # find the render's colour for which images show the wanted one: a contraction
         target = torch.tensor(wanted.colour) - surface.offset(colour)
         colour = target.clamp(0, 1)
     if float((colour - now).abs().max()) < 0.5 / 255:
-        return codes
+        return instance
     light = (lightness(surface.colours.T) / lightness(now).clamp_min(0.05)).clamp(_DARKEST, _LIGHTEST)
     even = ((colour - now).norm() / _ANOTHER).clamp_max(1)
     painted = torch.lerp(surface.colours + (colour - now), colour * light[:, None].sqrt(), even)
     goal = torch.lerp(surface.colours, painted.clamp(0, 1), surface.share[:, None])
-    start = yield from _nearest_texture(model, codes, surface, goal)
-    return (yield from _refined(model, surface, goal, start))
+    start = yield from _nearest_texture(instance, surface, goal)
+    return (yield from _refined(surface, goal, start))
 
 
-def paint_colour(model: Model, codes: Codes, part: str = "") -> Generator[None, None, Rgb]:
+def paint_colour(instance: Instance, part: str = "") -> Generator[None, None, Rgb]:
     """Return the mean colour of a part in images, sRGB 0..1; yields None many times."""
-    surface = yield from _surface(model, codes, part)
+    surface = yield from _surface(instance, part)
     red, green, blue = (surface.now + surface.offset(surface.now)).clamp(0, 1).tolist()
     return red, green, blue
 
@@ -102,8 +101,8 @@ class CoarsePaint:
 
 
 @torch.no_grad()
-def coarse_paint(model: Model, codes: Codes, camera: Camera, frame: Frame, part: str = "") -> CoarsePaint:
-    """Return the paint of a part in a frame of the codes, seen from ``camera``; no pixel has any without a surface."""
+def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "") -> CoarsePaint:
+    """Return the paint of a part in a frame of the object, seen from ``camera``; no pixel has any without a surface."""
     step = max(1, min(frame.resolution) // _COARSE)
     opaque = torch.from_numpy(frame.opacity[::step, ::step] > 0.5)
     amount, image = torch.zeros(opaque.shape), torch.from_numpy(frame.image).movedim(-1, 0) / 255
@@ -114,9 +113,9 @@ def coarse_paint(model: Model, codes: Codes, camera: Camera, frame: Frame, part:
         pixels = opaque.nonzero().flip(-1) * step + 0.5
         directions = camera_directions(pixels, camera.focal, frame.resolution) @ rotation
         depth = torch.from_numpy(frame.depth[::step, ::step].copy())[opaque]
-        points = (origin + directions * depth[:, None]).to(model.device)
-        colours = image[:, ::step, ::step][:, opaque].T.to(model.device)
-        share = _part_share(model, codes, points, colours, part)
+        points = (origin + directions * depth[:, None]).to(instance.model.device)
+        colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
+        share = _part_share(instance, points, colours, part)
         amount[opaque], paint = share.cpu(), _mean(colours, share).cpu()
     around = functional.max_pool2d(amount[None], 3, 1, 1)[0]
     amount, size = torch.where(opaque, amount, around), frame.opacity.shape  # edges are as their neighbours
@@ -130,7 +129,7 @@ def coarse_paint(model: Model, codes: Codes, camera: Camera, frame: Frame, part:
 class _Surface:
     """Points on an object's surface."""
 
-    model: Model
+    instance: Instance
     features: Float[Tensor, "points width"]
     direction_bias: Float[Tensor, "points width"]
     colours: Float[Tensor, "points 3"]  # in the current texture
@@ -140,7 +139,8 @@ class _Surface:
 
     def coloured(self, codes: Latents) -> Float[Tensor, "points 3"]:
         """Return the colours in the texture of some codes; differentiable."""
-        return self.model.field.colour(self.features, self.direction_bias, self.model.biases(codes)[1])
+        model = self.instance.model
+        return model.field.colour(self.features, self.direction_bias, model.biases(codes)[1])
 
     def every(self, step: int) -> "_Surface":
         """Return every so many points."""
@@ -158,26 +158,27 @@ class _Surface:
         return (1 - replaced_share(colour - self.fitted)) * self.matched
 
 
-def _surface(model: Model, codes: Codes, part: str) -> Generator[None, None, _Surface]:
+def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
     """Sample points on an object's surface with their membership of a part."""
-    points, _ = surface_points(model, codes)
+    model = instance.model
+    points, _ = surface_points(instance)
     yield None
     if not len(points):
         raise ValueError("the object has no surface that takes paint")
     points = points[torch.linspace(0, len(points) - 1, min(_POINTS, len(points))).long()]
     with torch.no_grad():
-        features = model.field.density(points, model.biases(codes)[0])[1]
-        towards = model.field.direction_bias(-torch.nn.functional.normalize(points, dim=-1))
-        surface = _Surface(model, features, towards, points, points[:, 0], torch.zeros(3), torch.zeros(3))
-        colours = surface.coloured(codes).clamp(0, 1)
-        share = _part_share(model, codes, points, colours, part)
+        features = model.field.density(points, instance.biases[0])[1]
+        towards = model.field.direction_bias(-functional.normalize(points, dim=-1))
+        surface = _Surface(instance, features, towards, points, points[:, 0], torch.zeros(3), torch.zeros(3))
+        colours = surface.coloured(instance.codes).clamp(0, 1)
+        share = _part_share(instance, points, colours, part)
         surface = replace(surface, colours=colours, share=share, fitted=_mean(colours, share))
-    if not shown_share(model, codes):
+    if not shown_share(instance):
         return surface
-    assert codes.detail is not None
-    photos = yield from compared_photos(model, codes.detail)
+    assert instance.detail is not None
+    photos = yield from compared_photos(instance)
     with torch.no_grad():
-        fitted = _mean(surface.coloured(codes.detail.fitted).clamp(0, 1), share)
+        fitted = _mean(surface.coloured(instance.detail.fitted).clamp(0, 1), share)
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
     return replace(surface, fitted=fitted, matched=matched)
 
@@ -192,23 +193,23 @@ def _mean(colours: Float[Tensor, "points 3"], weight: Float[Tensor, "points"]) -
 
 
 def _part_share(
-    model: Model, codes: Codes, points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"], part: str
+    instance: Instance, points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"], part: str
 ) -> Float[Tensor, "points"]:
     """Return each point's membership of a part, 0..1; for a material, by similarity to its colour."""
-    head = model.part_head
+    head = instance.model.part_head
     if head is None:
         if part:
             raise ValueError(f"this model has no parts, so it cannot paint {part}")
         return torch.ones_like(points[:, 0])
-    folded = FoldedField(model, codes)
+    folded = FoldedField.of(instance)
     features = folded.density(pad_rows(points))[1][: len(points)]
     shares = dict(zip(head.names, head(features).T, strict=True))
-    materials, known = _materials(head.names), paint_parts(model)
+    materials, known = _materials(head.names), paint_parts(instance.model)
     part = part or known[0]
     if part in shares:
         return shares[part]
     if part not in materials:
-        raise ValueError(f"a {model.noun or 'object'} has {', '.join(known)}, but no {part}")
+        raise ValueError(f"a {instance.model.noun or 'object'} has {', '.join(known)}, but no {part}")
     own, other = (
         _mean(colours, shares[seed]) for seed in (materials[part], *(materials[m] for m in materials if m != part))
     )
@@ -219,38 +220,41 @@ def _part_share(
 
 
 def _nearest_texture(
-    model: Model, codes: Codes, surface: _Surface, goal: Float[Tensor, "points 3"]
-) -> Generator[None, None, Codes]:
-    """Return the codes with their own texture, or with the trained one nearest to the goal."""
+    instance: Instance, surface: _Surface, goal: Float[Tensor, "points 3"]
+) -> Generator[None, None, Instance]:
+    """Return the object with its own texture, or with the trained one nearest to the goal."""
+    model = instance.model
     valid = model.codes.valid
     some = valid[:: max(1, len(valid) // _TEXTURES)]
-    best, least = codes, torch.inf
+    best = instance
+    least = torch.inf
     few, goal = surface.every(_FEW), goal[::_FEW]
-    for candidate in (codes, *(codes.taking("texture", model.codes[index]) for index in some)):
+    for candidate in (instance, *(instance.with_texture(model[index]) for index in some)):
         with torch.no_grad():
-            error = float((few.coloured(candidate) - goal).square().mean())
+            error = float((few.coloured(candidate.codes) - goal).square().mean())
         if error < least:
             best, least = candidate, error
         yield None
     return best
 
 
-def _refined(
-    model: Model, surface: _Surface, goal: Float[Tensor, "points 3"], start: Codes
-) -> Generator[None, None, Codes]:
-    """Return the best codes of a gradient descent over the texture code from ``start``; offsets stay."""
-    space = model.codes.texture_space
-    coordinates, best, least = space.coordinates(start.texture).clone().requires_grad_(), start, torch.inf
+def _refined(surface: _Surface, goal: Float[Tensor, "points 3"], start: Instance) -> Generator[None, None, Instance]:
+    """Return the best object of a gradient descent over the texture code from ``start``; offsets stay."""
+    space = start.model.codes.texture_space
+    coordinates = space.coordinates(start.codes.texture).clone().requires_grad_()
+    best = start
+    least = torch.inf
     optimiser = torch.optim.Adam([coordinates], _RATE)
     for _ in range(_STEPS):
         with torch.enable_grad():
             texture = space.code(coordinates)
-            colours = surface.coloured(replace(start, texture=texture))
+            colours = surface.coloured(start.changed(texture=texture).codes)
             loss = (colours - goal).square().mean() + _PRIOR * coordinates.square().sum()
             optimiser.zero_grad()
             loss.backward()
         if float(loss.detach()) < least:
-            best, least = replace(start, texture=texture.detach().clone()), float(loss.detach())
+            best = start.changed(texture=texture.detach().clone())
+            least = float(loss.detach())
         optimiser.step()
         yield None
     return best

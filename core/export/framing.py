@@ -11,9 +11,7 @@ from torch import Tensor
 
 from core.export.keyframes import View
 from core.geometry.camera import Camera
-from core.models.codes import Codes
-from core.models.model import Model
-from core.models.open_models import OpenModels, model_of
+from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS, shape_occupancy
 
@@ -26,7 +24,7 @@ _BLOCK = 16384
 _NEAREST = 0.05  # scene units in front of the camera; closer points, or points behind, are moved there
 
 
-def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: bool = True) -> list[View]:
+def filling_frame(views: Sequence[View], zoom_out: bool = True) -> list[View]:
     """Return the views with one common zoom at which the object just stays inside every frame.
 
     The zoom changes the focal length only, so the perspective stays.
@@ -35,17 +33,17 @@ def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: b
         zoom_out: False allows only enlarging, so that views which deliberately show a part still do.
     """
     step = max(1, math.ceil((len(views) - 1) / (_SHAPES - 1)))
-    shapes = {view.codes for view in [*views[::step], *views[-1:]]}
-    points = torch.cat([_outline(model_of(models, codes), codes) for codes in shapes])
+    instances = {view.instance for view in [*views[::step], *views[-1:]]}
+    points = torch.cat([_outline(instance) for instance in instances])
     zoom = min(_largest_zoom(view.camera, points) for view in [*views[:: -(-len(views) // _CAMERAS)], *views[-1:]])
     zoom = zoom if zoom_out else max(1.0, zoom)
-    return [View(view.codes, replace(view.camera, focal=zoom * view.camera.focal)) for view in views]
+    return [view._replace(camera=replace(view.camera, focal=zoom * view.camera.focal)) for view in views]
 
 
-def filling_distance(model: Model, codes: Codes, camera: Camera, fraction: float) -> float:
+def filling_distance(instance: Instance, camera: Camera, fraction: float) -> float:
     """Return the distance (scene units) at which the object fills a fraction (0..1) of the frame's width or height."""
-    local = camera.to_camera_axes(_opaque_points(model, codes, 1))
-    reach = local[:, :2].abs() + max(model.extent) / CELLS  # the points are the middles of cells
+    local = camera.to_camera_axes(_opaque_points(instance, 1))
+    reach = local[:, :2].abs() + max(instance.model.extent) / CELLS  # the points are the middles of cells
     half = fraction * torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
     return camera.distance + float((reach / half + local[:, 2:]).amax())
 
@@ -59,10 +57,10 @@ def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
 
 
 @lru_cache(maxsize=8)
-def _outline(model: Model, codes: Codes) -> Float[Tensor, "ends 3"]:
+def _outline(instance: Instance) -> Float[Tensor, "ends 3"]:
     """Return points of an object (scene units) with the same convex hull: both ends of its rows along each axis."""
-    points = _opaque_points(model, codes, _PARTS)
-    place = ((points - points.amin(0)) * (CELLS * _PARTS / 2) / torch.tensor(model.extent) + 0.5).long()
+    points = _opaque_points(instance, _PARTS)
+    place = ((points - points.amin(0)) * (CELLS * _PARTS / 2) / torch.tensor(instance.model.extent) + 0.5).long()
     taken = torch.zeros((place.amax(0) + 1).tolist(), dtype=torch.bool)
     taken[place.unbind(-1)] = True
     ends = taken
@@ -72,9 +70,11 @@ def _outline(model: Model, codes: Codes) -> Float[Tensor, "ends 3"]:
     return points[ends[place.unbind(-1)]]
 
 
-def _opaque_points(model: Model, codes: Codes, parts: int) -> Float[Tensor, "points 3"]:
+def _opaque_points(instance: Instance, parts: int) -> Float[Tensor, "points 3"]:
     """Return opaque points (scene units), ``parts`` along each side of a cell; the box's corners if there are none."""
-    folded, occupancy = FoldedField(model, codes), shape_occupancy(model, codes)
+    model = instance.model
+    folded = FoldedField.of(instance)
+    occupancy = shape_occupancy(instance)
     steps = (torch.arange(parts, device=model.device) + 0.5) / parts
     within = torch.cartesian_prod(steps, steps, steps)
     points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)

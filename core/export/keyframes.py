@@ -17,8 +17,8 @@ from jaxtyping import Float64
 from torch import Tensor
 
 from core.geometry.camera import Camera
-from core.models.codes import Codes
 from core.models.latents import Latents
+from core.models.model import Instance
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
@@ -33,7 +33,7 @@ _MAX_ELEVATION = math.radians(89.0)  # short of the pole, since a smooth path ma
 class View(NamedTuple):
     """An object and a camera."""
 
-    codes: Codes
+    instance: Instance
     camera: Camera
 
 
@@ -99,6 +99,14 @@ class Timeline:
         open_end = self.moved(len(self.keys) - 1, self.length - MIN_GAP)
         return replace(open_end, loop=loop)
 
+    def converted(self, change: Callable[[Instance], Instance]) -> "Timeline":
+        """Return the timeline with changed objects; the same one if none changes."""
+        instances = [change(key.view.instance) for key in self.keys]
+        if all(after is key.view.instance for after, key in zip(instances, self.keys, strict=True)):
+            return self
+        views = (key.view._replace(instance=after) for after, key in zip(instances, self.keys, strict=True))
+        return replace(self, keys=tuple(map(Keyframe, (key.seconds for key in self.keys), views)))
+
     # Views
 
     def nearest(self, seconds: float) -> int | None:
@@ -113,9 +121,10 @@ class Timeline:
         """Interpolate the view at a time. Raises ``ValueError`` without keys.
 
         Example:
-            >>> codes = Codes(torch.zeros(2), torch.ones(3))
+            >>> from core.models.library import load_model
+            >>> chair = load_model("chairs")[0]
             >>> side, front = (Camera(angle, 0.2, 1.3, 131.25, 128, 128) for angle in (0.0, 1.0))
-            >>> video = Timeline((Keyframe(0.0, View(codes, side)), Keyframe(2.0, View(codes, front))), length=4.0)
+            >>> video = Timeline((Keyframe(0.0, View(chair, side)), Keyframe(2.0, View(chair, front))), length=4.0)
             >>> video.at(2.0).camera.azimuth
             1.0
         """
@@ -165,8 +174,8 @@ class Timeline:
     @cached_property
     def _runs(self) -> "list[_Run]":
         """Consecutive keys of one model, the last run first; the video cuts between runs."""
-        keys = zip(self._times, [key.view.codes for _ in self._laps for key in self.keys], strict=True)
-        groups = [list(group) for _, group in groupby(keys, lambda key: key[1].model)]
+        keys = zip(self._times, [key.view.instance for _ in self._laps for key in self.keys], strict=True)
+        groups = [list(group) for _, group in groupby(keys, lambda key: key[1].fingerprint)]
         return [_Run(tuple(group)) for group in reversed(groups)]
 
     @property
@@ -181,22 +190,23 @@ class Timeline:
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """Codes of one model over time, constant before the first knot and after the last."""
+    """An object of one model over time, constant before the first knot and after the last."""
 
-    knots: tuple[tuple[float, Codes], ...]
+    knots: tuple[tuple[float, Instance], ...]
 
     @property
     def begin(self) -> float:
         """Start time, s."""
         return self.knots[0][0]
 
-    def at(self, seconds: float) -> Codes:
-        """Interpolate the codes at a time, with the photo detail of the nearest knot."""
+    def at(self, seconds: float) -> Instance:
+        """Interpolate the object at a time, with the photo detail of the nearest knot."""
         seconds = max(self.begin, min(seconds, self.knots[-1][0]))
         nearest = min(self.knots, key=lambda knot: abs(knot[0] - seconds))[1]
         if len(self.knots) == 1:
             return nearest
-        return nearest.with_latents({name: path(seconds) for name, path in self._paths.items()})
+        latents = {name: path(seconds) for name, path in self._paths.items()}
+        return nearest.with_codes(nearest.codes.with_latents(latents))
 
     @cached_property
     def _paths(self) -> dict[str, Callable[[float], Tensor]]:
@@ -204,7 +214,7 @@ class _Run:
         times = np.array([time for time, _ in self.knots])
         paths = dict[str, Callable[[float], Tensor]]()
         for name in (field.name for field in fields(Latents)):
-            tensors = [getattr(codes, name) for _, codes in self.knots]
+            tensors = [getattr(instance.codes, name) for _, instance in self.knots]
             template = next((tensor for tensor in tensors if tensor is not None), None)
             if template is not None:
                 paths[name] = _tensor_path(times, tensors, template)
@@ -229,28 +239,28 @@ def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots 
     return CubicHermiteSpline(times, rows, slopes)
 
 
-def turntable(codes: Codes, camera: Camera, frames: int = TURN) -> list[View]:
+def turntable(instance: Instance, camera: Camera, frames: int = TURN) -> list[View]:
     """Return the views of one full turn around the object, at the camera's elevation and distance."""
-    return _round(codes, camera, frames, lambda phase: phase)
+    return _round(instance, camera, frames, lambda phase: phase)
 
 
-def swing(codes: Codes, camera: Camera, frames: int = SWING) -> list[View]:
+def swing(instance: Instance, camera: Camera, frames: int = SWING) -> list[View]:
     """Return the views of a swing by 70 degrees to both sides of the camera, slow at either end; a loop has no seam."""
-    return _round(codes, camera, frames, lambda phase: _SWING_ANGLE * math.sin(phase))
+    return _round(instance, camera, frames, lambda phase: _SWING_ANGLE * math.sin(phase))
 
 
-def morph(codes: Codes, other: Codes, camera: Camera, frames: int = TURN) -> list[View]:
+def morph(first: Instance, second: Instance, camera: Camera, frames: int = TURN) -> list[View]:
     """Return the views of one full turn in which the object becomes another one and itself again."""
-    keys = Keyframe(0.0, View(codes, camera)), Keyframe(0.5, View(other, camera))
+    keys = Keyframe(0.0, View(first, camera)), Keyframe(0.5, View(second, camera))
     return Timeline(keys, 1.0, turns=1).views(frames)  # lasts a second, so the rate is the number of frames
 
 
-def _round(codes: Codes, camera: Camera, frames: int, angle: Callable[[float], float]) -> list[View]:
+def _round(instance: Instance, camera: Camera, frames: int, angle: Callable[[float], float]) -> list[View]:
     """Return views at an angle (rad) beside the camera, as a function of the phase (rad, 0 to 2 pi)."""
     if frames < 1:
         raise ValueError(f"a film around an object needs at least 1 frame, got {frames}")
     angles = (camera.azimuth + angle(2 * math.pi * index / frames) for index in range(frames))
-    return [View(codes, replace(camera, azimuth=azimuth)) for azimuth in angles]
+    return [View(instance, replace(camera, azimuth=azimuth)) for azimuth in angles]
 
 
 def _camera_row(camera: Camera) -> Float64[np.ndarray, "4"]:

@@ -26,12 +26,11 @@ from core.export.parts import by_part
 from core.export.simplify import simplify
 from core.export.texture import TRIANGLES, TexturedMesh, textured
 from core.geometry.camera import WORLD_FROM_GLTF, Camera
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.detail_maps import DetailMaps
 from core.rendering.folded_field import FoldedField
-from core.rendering.occupancy import Occupancy
+from core.rendering.occupancy import Occupancy, shape_occupancy
 from core.runtime.files import atomic_file
 from core.runtime.pool import map_pieces
 from core.streams import subprogress
@@ -79,7 +78,7 @@ class MeshSettings:
 
 
 def export_mesh(
-    model: Model, codes: Codes, path: Path, settings: MeshSettings | None = None, camera: Camera | None = None
+    instance: Instance, path: Path, settings: MeshSettings | None = None, camera: Camera | None = None
 ) -> Generator[float, None, None]:
     """Write an object's mesh to ``path``; a .glb also contains the camera.
 
@@ -95,11 +94,11 @@ def export_mesh(
     with atomic_file(path) as unfinished:
         end = _MESH_SHARE if settings.texture else 1.0
         most = settings.triangles or (TRIANGLES if settings.texture else 0)
-        mesh = yield from subprogress(extract_mesh(model, codes, settings.resolution, most), 0.0, end)
-        detail = yield from subprogress(detail_maps(model, codes), end, end)
+        mesh = yield from subprogress(extract_mesh(instance, settings.resolution, most), 0.0, end)
+        detail = yield from subprogress(detail_maps(instance), end, end)
         origin, scale = _placing(mesh.vertices, settings.metres)
         if settings.texture:
-            found = yield from subprogress(_textured(model, codes, mesh, settings.texture, detail), end, 1.0)
+            found = yield from subprogress(_textured(instance, mesh, settings.texture, detail), end, 1.0)
             vertices = (scale * (found.vertices - origin)).astype(np.float32) @ WORLD_FROM_GLTF
             unfinished.write_bytes(replace(found, vertices=vertices, normals=found.normals @ WORLD_FROM_GLTF).glb())
         else:
@@ -120,10 +119,11 @@ def _placing(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) ->
 
 
 def _textured(
-    model: Model, codes: Codes, mesh: Mesh, pixels: int, detail: DetailMaps | None
+    instance: Instance, mesh: Mesh, pixels: int, detail: DetailMaps | None
 ) -> Generator[float, None, TexturedMesh]:
     """Put the field's colours and the photo detail into an image; world axes, scene units."""
-    folded, interval = FoldedField(model, codes), 2 * max(model.extent) / _INTERVALS
+    folded = FoldedField.of(instance)
+    interval = 2 * max(instance.model.extent) / _INTERVALS
 
     def colours(places: np.ndarray, normals: np.ndarray) -> Generator[float, None, np.ndarray]:
         own = yield from _vertex_colours(folded, places, normals, interval)
@@ -147,9 +147,7 @@ def _with_detail(
         return (own + detail.at(points, -outward, own)[0]).clamp(0, 1).cpu().numpy()
 
 
-def extract_mesh(
-    model: Model, codes: Codes, resolution: int | None = None, triangles: int = 0
-) -> Generator[float, None, Mesh]:
+def extract_mesh(instance: Instance, resolution: int | None = None, triangles: int = 0) -> Generator[float, None, Mesh]:
     """Extract the surface of an object; yields the fraction done.
 
     Drops pieces smaller than a twentieth of the object's diagonal, and walls of cavities that are invisible from
@@ -162,11 +160,12 @@ def extract_mesh(
     """
     if resolution is not None and not 8 <= resolution <= MAX_RESOLUTION:
         raise ValueError(f"a mesh has a resolution of 8 to {MAX_RESOLUTION}, got {resolution}")
-    folded = FoldedField(model, codes)
-    occupancy, area, found = Occupancy(model, folded), 0.0, None
+    folded = FoldedField.of(instance)
+    occupancy = shape_occupancy(instance)
+    area, found = 0.0, None
     tries = (resolution,) if resolution else RESOLUTIONS
     for index, cells in enumerate(tries):
-        grid = _Grid.for_model(model, cells)
+        grid = _Grid.for_model(instance.model, cells)
         begin, end = (_GRID_SHARE * number / len(tries) for number in (index, index + 1))
         found = yield from subprogress(_marching_cubes(folded, occupancy, grid), begin, end)
         if found is None:
@@ -186,7 +185,7 @@ def extract_mesh(
         vertices, faces = yield from subprogress(simplify(vertices, faces, triangles), end, end)
         of_faces = face_normals(vertices, faces)
     normals = vertex_normals(len(vertices), faces, of_faces)
-    faces, parts = by_part(model, folded, vertices, faces)
+    faces, parts = by_part(instance.model, folded, vertices, faces)
     colours = yield from subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
     return Mesh(vertices, normals, colours, faces, parts)
 

@@ -31,9 +31,7 @@ from core.export.keyframes import turntable
 from core.export.video_frames import draw_still, over
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
-from core.models.codes import Codes
-from core.models.model import Model
-from core.models.open_models import OpenModels
+from core.models.model import Instance
 from core.rendering import baked_shader, detail_shader, ground_shader
 from core.rendering.baked_field import BakedField
 from core.rendering.detail_maps import DetailMaps, PhotoMaps
@@ -66,7 +64,7 @@ void main() { colour = texelFetch(image, ivec2(gl_FragCoord.xy), 0); }
 """
 
 
-def write_page(model: Model, codes: Codes, camera: Camera, path: Path, name: str) -> Iterator[None]:
+def write_page(instance: Instance, camera: Camera, path: Path, name: str) -> Iterator[None]:
     """Write the page of an object atomically; yields None many times.
 
     Raises ``ValueError`` for another ending than .html, or a path that cannot be written.
@@ -79,19 +77,19 @@ def write_page(model: Model, codes: Codes, camera: Camera, path: Path, name: str
         raise ValueError(f"{path.name}: a page must end in {SUFFIX}")
     with atomic_file(path) as unfinished:
         baked: BakedField | None = None
-        for finer in bake(model, codes):
+        for finer in bake(instance):
             baked = finer or baked
             yield None
         assert baked is not None
         camera = camera.resized(_POSTER, _POSTER)
-        poster = _poster(model, codes, camera, baked)
+        poster = _poster(instance, camera, baked)
         unfinished.write_text(page(baked, camera, poster, name), encoding="utf-8")
 
 
-def first_camera(models: Model | OpenModels, codes: Codes, camera: Camera) -> Camera:
+def first_camera(instance: Instance, camera: Camera) -> Camera:
     """Return a square camera that sees the object as ``camera`` does, zoomed so that it stays in sight all around."""
-    around = turntable(codes, camera.resized(_POSTER, _POSTER), _AROUND)
-    (_, first), *_ = filling_frame(models, around)
+    around = turntable(instance, camera.resized(_POSTER, _POSTER), _AROUND)
+    (_, first), *_ = filling_frame(around)
     return first
 
 
@@ -113,10 +111,10 @@ def page(baked: BakedField, camera: Camera, poster: UInt8[np.ndarray, "height wi
     return text
 
 
-def _poster(model: Model, codes: Codes, camera: Camera, baked: BakedField) -> UInt8[np.ndarray, "height width 4"]:
+def _poster(instance: Instance, camera: Camera, baked: BakedField) -> UInt8[np.ndarray, "height width 4"]:
     """Render the page's first image, transparent; by the network if the machine has no OpenGL."""
     drawn = draw_still(baked, camera, shadow=True)
-    return over(render_frame(model, codes, camera), None) if drawn is None else drawn
+    return over(render_frame(instance, camera), None) if drawn is None else drawn
 
 
 def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:

@@ -17,8 +17,6 @@ from PIL.GifImagePlugin import getdata
 
 from core.export.keyframes import View
 from core.export.video_frames import render_frames
-from core.models.model import Model
-from core.models.open_models import OpenModels
 from core.rendering.background import Background, Rgb
 from core.runtime.files import atomic_file, atomic_folder
 
@@ -43,9 +41,7 @@ class VideoSettings:
             raise ValueError(f"a video has 1 to 100 frames a second, quality 1 to 100; got {self.rate}, {self.quality}")
 
 
-def write_video(
-    models: Model | OpenModels, views: Sequence[View], path: Path, settings: VideoSettings | None = None
-) -> Generator[int, None, None]:
+def write_video(views: Sequence[View], path: Path, settings: VideoSettings | None = None) -> Generator[int, None, None]:
     """Render and write views in order, as large as their cameras.
 
     Where a format shows fewer frames a second, others are left out (:func:`shown_views`), and the duration stays.
@@ -70,7 +66,7 @@ def write_video(
     settings = replace(settings, rate=min(settings.rate, chosen.most_rate))
     atomic = atomic_folder if chosen.folder else atomic_file
     shadow = settings.shadow and chosen.shows_shadow(settings.background)
-    frames = render_frames(models, views, settings.background, settings.exact, shadow)
+    frames = render_frames(views, settings.background, settings.exact, shadow)
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
         for image in frames:

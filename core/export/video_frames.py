@@ -15,8 +15,6 @@ from core.detail.maps import detail_maps
 from core.detail.rendering import render_progressively
 from core.export.keyframes import View
 from core.geometry.camera import Camera
-from core.models.model import Model
-from core.models.open_models import OpenModels, model_of
 from core.rendering.background import Background, background_rows
 from core.rendering.baked_field import BakedField
 from core.rendering.baking import bake_views
@@ -32,7 +30,6 @@ FEW_SAMPLES = 96  # of a ray of few frames: half the time of exact rays, and 49 
 
 
 def render_frames(
-    models: Model | OpenModels,
     views: Sequence[View],
     background: Background | None,
     exact: bool = False,
@@ -40,22 +37,24 @@ def render_frames(
 ) -> Iterator[Image | None]:
     """Yield every frame, as large as its camera, with None many times in between.
 
-    Frames are baked unless rendering is faster or requested.
+    Frames are baked unless rendering is faster or requested; views of another model begin another part.
 
     Args:
-        models: one for all views, or the open ones; views of another model begin another part.
         exact: render every frame with the network.
         shadow: include the object's shadow on the ground.
     """
-    for _, part in groupby(views, lambda view: view.codes.model):
-        shots = list(part)
-        model = model_of(models, shots[0].codes)
+    for shots in _by_model(views):
         if exact:
-            yield from exact_frames(model, shots, background, shadow)
+            yield from exact_frames(shots, background, shadow)
         elif are_few(shots):
-            yield from exact_frames(model, shots, background, shadow, few_samples(views))
+            yield from exact_frames(shots, background, shadow, few_samples(views))
         else:
-            yield from baked_frames(model, shots, background, shadow)
+            yield from baked_frames(shots, background, shadow)
+
+
+def _by_model(views: Sequence[View]) -> Iterator[list[View]]:
+    for _, shots in groupby(views, lambda view: view.instance.fingerprint):
+        yield list(shots)
 
 
 def are_few(views: Sequence[View]) -> bool:
@@ -76,8 +75,7 @@ def few_samples(views: Sequence[View]) -> int:
 def rendered_pixels(views: Sequence[View], exact: bool = False) -> float:
     """Estimate the work of :func:`render_frames` as pixels that the network renders, with :data:`FEW_SAMPLES`."""
     pixels = 0.0
-    for _, part in groupby(views, lambda view: view.codes.model):
-        shots = list(part)
+    for shots in _by_model(views):
         if exact:
             pixels += count_pixels(shots) * RenderSettings.samples / FEW_SAMPLES
         elif are_few(shots):
@@ -89,11 +87,10 @@ def rendered_pixels(views: Sequence[View], exact: bool = False) -> float:
 
 def count_objects(views: Sequence[View]) -> int:
     """Count changes of the object from view to view, plus one."""
-    return 1 + sum(before.codes != after.codes for before, after in pairwise(views))
+    return 1 + sum(before.instance != after.instance for before, after in pairwise(views))
 
 
 def exact_frames(
-    model: Model,
     views: Sequence[View],
     background: Background | None,
     shadow: bool = False,
@@ -106,12 +103,12 @@ def exact_frames(
     """
     settings = RenderSettings(samples, (1,))
     for view in views:
-        for frame in render_progressively(model, RenderJob(*view, settings, shadow=shadow)):
+        for frame in render_progressively(RenderJob(*view, settings, shadow=shadow)):
             yield over(frame, background, view.camera) if frame else None
 
 
 def baked_frames(
-    model: Model, views: Sequence[View], background: Background | None, shadow: bool = False, cells: int = CELLS
+    views: Sequence[View], background: Background | None, shadow: bool = False, cells: int = CELLS
 ) -> Iterator[Image | None]:
     """Yield every frame rasterised from baked objects, with None many times in between.
 
@@ -124,13 +121,13 @@ def baked_frames(
     try:
         renderer = OffscreenRenderer((first.width, first.height), supersampling(first), background)
     except RuntimeError:
-        yield from exact_frames(model, views, background, shadow)
+        yield from exact_frames(views, background, shadow)
         return
     with renderer:
-        for codes, some in groupby(views, lambda view: view.codes):
-            cameras = [view.camera for view in some]
-            detail = yield from detail_maps(model, codes)
-            baked = yield from bake_views(model, codes, cameras, cells)
+        for instance, shots in groupby(views, lambda view: view.instance):
+            cameras = [view.camera for view in shots]
+            detail = yield from detail_maps(instance)
+            baked = yield from bake_views(instance, cameras, cells)
             for camera in cameras:
                 field = replace(baked.seen_from(camera), detail=detail)
                 yield renderer.draw(field if shadow else replace(field, shadow=None), camera)

@@ -47,9 +47,9 @@ def hypothesis_codes(
     """
     if origin is None:
         pairs = zip(spaces[0].code(parameters.shape), spaces[1].code(parameters.texture), strict=True)
-        return [Codes(shape, texture, model=model.fingerprint) for shape, texture in pairs]
+        return [Codes(shape, texture) for shape, texture in pairs]
     return [
-        Codes(origin.shape, origin.texture, shape.half(), texture.half(), model=model.fingerprint)
+        Codes(origin.shape, origin.texture, shape.half(), texture.half())
         for shape, texture in zip(*_offsets(model, parameters), strict=True)
     ]
 

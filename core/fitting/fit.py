@@ -69,7 +69,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         witness = sum(witness_odds(witness_direction(model, photo), camera.azimuth) for photo, camera in pairs)
         fit_step = replace(fit_step, cameras=tuple(cameras), margin=margin, witness=witness)
         fit_step = replace(fit_step, category_likelihood=likelihood, mask_confidence=masks)
-        yield with_photo_detail(model, job.photos, fit_step) if state.finished else fit_step
+        yield with_photo_detail(job.photos, fit_step) if state.finished else fit_step
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
@@ -149,7 +149,8 @@ def _initial(
     for view in unknown:
         views = [*fixed, view]
         generator = torch.Generator().manual_seed(job.seed)
-        subproblem = Problem.of(problem.model, replace(job, photos=tuple(job.photos[i] for i in views)), generator)
+        photos = tuple(job.photos[index] for index in views)
+        subproblem = Problem.of(problem.shown_model, replace(job, photos=photos), generator)
         batch = first = initial_hypotheses(subproblem, count, generator)
         for batch in optimise(subproblem, first, schedule.coarse, generator):
             yield SearchState(subproblem, views, batch)

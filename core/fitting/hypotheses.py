@@ -13,7 +13,7 @@ from core.fitting.observations import PixelBatch
 from core.geometry.camera import Camera, camera_rotation
 from core.geometry.rays import Rays, cast_rays
 from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 
 CAMERA_PARAMETERS = 8  # of one view: azimuth, elevation, log distance, log focal length; log scale, roll, shift x and y
 _BASIN = math.radians(25)  # cameras closer than this mostly converge to the same one
@@ -37,7 +37,7 @@ class Hypothesis:
     origin: int  # number of the initial hypothesis it comes from
     loss: float
     cameras: tuple[Camera, ...]  # one per photo, at the photo's size
-    codes: Codes
+    instance: Instance
     crop_transform: Float[Tensor, "views 4"]  # see Parameters; its scale is included in the cameras' focal lengths
 
 
@@ -226,6 +226,7 @@ def to_hypotheses(
     """Return the hypotheses of a batch by loss, without diverged ones.
 
     Args:
+        model: the one to show them with.
         cameras: see :func:`to_cameras`.
         codes: of all hypotheses (:func:`core.fitting.biases.hypothesis_codes`).
     """
@@ -235,7 +236,7 @@ def to_hypotheses(
             int(batch.origin[index]),
             losses[index],
             to_cameras(model, batch.parameters, index, cameras),
-            codes[index],
+            Instance(model, codes[index]),
             batch.parameters.crop_transform[index],
         )
         for index in batch.loss.argsort(stable=True).tolist()

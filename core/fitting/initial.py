@@ -186,8 +186,9 @@ def resume_from(
     zoom = torch.tensor([[math.log(start.focal / camera.focal) for start, camera in pairs]])
     zoom -= hypothesis.crop_transform[None, :, 0]
     distance = torch.tensor([[math.log(start.distance / model.distance) for start in starts]]) - zoom
-    shape = spaces[0].coordinates(hypothesis.codes.shape)
-    texture = spaces[1].coordinates(hypothesis.codes.texture)
+    codes = hypothesis.instance.codes
+    shape = spaces[0].coordinates(codes.shape)
+    texture = spaces[1].coordinates(codes.texture)
     parameters = Parameters(angles, distance, zoom, hypothesis.crop_transform[None], shape[None], texture[None])
     return replace(HypothesisBatch.of(parameters), origin=torch.tensor([hypothesis.origin]))
 

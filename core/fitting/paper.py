@@ -64,7 +64,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             psnr_from_mse(float(leading.squared_error)),
             time.perf_counter() - began,
             hypothesis.cameras,
-            hypothesis.codes,
+            hypothesis.instance,
             hypotheses=(hypothesis,),
         )
 

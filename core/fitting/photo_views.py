@@ -12,8 +12,7 @@ from torch import Tensor
 from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.photo_detail import BACKGROUND, MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
 from core.photos.photo import DOUBTFUL_MASK, Photo
 from core.rendering.images import render_steps
@@ -26,16 +25,16 @@ _SOLID = 0.9  # opacity of the render above which the fitted object is solid
 _DEEP_BACKGROUND = 6 / 128  # image heights from the mask; nearer background is certain, the render is less exact
 
 
-def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
+def with_photo_detail(photos: Sequence[Photo], step: FitStep) -> FitStep:
     """Return a step with photo detail from the first :data:`MAX_PHOTOS` photos; a completed search has it already."""
     transforms = [
         None if photo.camera else transform
         for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
     ]
-    codes = replace(step.codes, detail=None)
+    plain = step.instance.with_detail(None)
     fitted = zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False)
-    views = tuple(photo_view(model, photo, camera, transform, codes) for photo, camera, transform in fitted)
-    return replace(step, codes=replace(codes, detail=PhotoDetail.of(views, codes)))
+    views = tuple(photo_view(plain.model, photo, camera, transform, plain) for photo, camera, transform in fitted)
+    return replace(step, instance=plain.with_detail(PhotoDetail.of(views, plain.codes)))
 
 
 def photo_view(
@@ -43,14 +42,14 @@ def photo_view(
     photo: Photo,
     camera: Camera,
     crop_transform: Float[Tensor, "4"] | None = None,
-    codes: Codes | None = None,
+    fitted: Instance | None = None,
 ) -> PhotoView:
     """Return a photo as the camera sees the object; doubtful background gets a low opacity.
 
     Args:
         camera: fitted to the photo, or its own.
         crop_transform: see :class:`core.fitting.hypotheses.Parameters`; None: identity.
-        codes: fitted to the photo. Background is doubtful where they are solid deep in it.
+        fitted: the object fitted to the photo. Background is doubtful where it is solid deep in it.
     """
     import cv2  # loaded only if there is a photo
 
@@ -63,9 +62,9 @@ def photo_view(
         _, roll, *shift = crop_transform.tolist()
         focal = model.focal * height / model.image_size  # the unit of shifts
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
-    if codes:
+    if fitted:
         small = camera.resized(max(1, round(_RENDER_HEIGHT * width / height)), _RENDER_HEIGHT)
-        opacity = run_to_end(render_steps(model, codes, small, _RENDER_HEIGHT)).opacity.cpu().numpy()
+        opacity = run_to_end(render_steps(fitted, small, _RENDER_HEIGHT)).opacity.cpu().numpy()
         rgba[..., 3] = np.maximum(rgba[..., 3], _DOUBTFUL_OPACITY * _doubtful(rgba, opacity))
     view = PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
     return replace(view, outline_margin=_outline_margin(photo, camera))

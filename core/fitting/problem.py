@@ -56,6 +56,7 @@ class Problem:
     """The constant part of a fit: photos of one object with unknown codes and cameras."""
 
     model: Model  # without contrast
+    shown_model: Model  # with it, for results
     bank: ViewBank | None  # None: start from random cameras and the mean shape
     settings: FitSettings
     components: Components
@@ -84,7 +85,17 @@ class Problem:
         )
         bank = view_bank(model) if components.view_bank else None
         return cls(
-            model.soft, bank, job.settings, components, photos, observations, cameras, viewpoints, scoring, validation
+            model.soft,
+            model,
+            bank,
+            job.settings,
+            components,
+            photos,
+            observations,
+            cameras,
+            viewpoints,
+            scoring,
+            validation,
         )
 
     @property

@@ -12,8 +12,8 @@ from core.fitting.problem import Problem
 from core.fitting.search import SearchResult
 from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
-from core.models.codes import Codes
 from core.models.latents import Latents
+from core.models.model import Instance
 
 
 class RunnerUp(NamedTuple):
@@ -35,7 +35,7 @@ class FitStep:
     """dB over whole photos, estimated from the step's rays; the restart down-weights possibly occluded pixels"""
     seconds: float  # since the job began
     cameras: tuple[Camera, ...]  # one per photo, at the photo's size
-    codes: Codes
+    instance: Instance
     active: int = 1  # number of optimised hypotheses
     restart: bool = False  # part of a later search, after an earlier one left its camera in doubt
     search_psnr: float | None = None
@@ -101,7 +101,7 @@ class SearchState(NamedTuple):
             psnr_from_mse(float(leading.squared_error)),
             seconds,
             leader.cameras,
-            leader.codes,
+            leader.instance,
             len(self.batch),
             self.restart,
             hypotheses=hypotheses,
@@ -121,7 +121,7 @@ class SearchState(NamedTuple):
 
         def to_all(batch: HypothesisBatch, origin: Latents | None = None) -> tuple[Hypothesis, ...]:
             codes = hypothesis_codes(problem.model, batch.parameters, problem.spaces, origin)
-            return to_hypotheses(problem.model, batch, problem.cameras, codes)
+            return to_hypotheses(problem.shown_model, batch, problem.cameras, codes)
 
         freed = () if self.freed is None else to_all(self.freed, self.origin)
         batches = [self.batch]

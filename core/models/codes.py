@@ -21,13 +21,11 @@ class Codes(Latents):
 
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
-    model: str = ""  # fingerprint of the model the codes belong to; empty for a batch, which is no single object
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Codes):
             return NotImplemented
-        same = self.model == other.model and super().__eq__(other)
-        return same and (self.detail is other.detail or self.detail == other.detail)
+        return super().__eq__(other) and (self.detail is other.detail or self.detail == other.detail)
 
     __hash__ = Latents.__hash__
 
@@ -40,36 +38,29 @@ class Codes(Latents):
         """Return latents as codes without photo detail."""
         return cls(latents.shape, latents.texture, latents.shape_offsets, latents.texture_offsets)
 
-    def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
+    def mixed(self, second: "Codes", shape: float, texture: float) -> "Codes":
         """Interpolate linearly between two objects' codes and offsets.
 
-        ``shape`` and ``texture`` are positions from 0 (these codes) to 1 (the other's). The photo detail is that of the
-        nearer shape. Raises ``ValueError`` for codes of another model.
+        ``shape`` and ``texture`` are positions from 0 (these codes) to 1 (the second's). The photo detail is that of
+        the nearer shape.
         """
-        self._require_same_model(other)
-        detail = self.detail if shape <= 0.5 else other.detail
+        detail = self.detail if shape <= 0.5 else second.detail
         return Codes(
-            torch.lerp(self.shape, other.shape, shape),
-            torch.lerp(self.texture, other.texture, texture),
-            mixed_offsets(self.shape_offsets, other.shape_offsets, shape),
-            mixed_offsets(self.texture_offsets, other.texture_offsets, texture),
+            torch.lerp(self.shape, second.shape, shape),
+            torch.lerp(self.texture, second.texture, texture),
+            mixed_offsets(self.shape_offsets, second.shape_offsets, shape),
+            mixed_offsets(self.texture_offsets, second.texture_offsets, texture),
             detail,
-            self.model,
         )
 
-    def taking(self, kind: CodeKind, other: "Codes") -> "Codes":
+    def taking(self, kind: CodeKind, source: "Codes") -> "Codes":
         """Return these codes with the shape or the texture of another object, offsets included.
 
-        A shape comes with its photo detail. Raises ``ValueError`` for codes of another model.
+        A shape comes with its photo detail.
         """
-        self._require_same_model(other)
         if kind == "shape":
-            return replace(self, shape=other.shape, shape_offsets=other.shape_offsets, detail=other.detail)
-        return replace(self, texture=other.texture, texture_offsets=other.texture_offsets)
-
-    def _require_same_model(self, other: "Codes") -> None:
-        if self.model and other.model and self.model != other.model:
-            raise ValueError("codes of different models cannot be combined")
+            return replace(self, shape=source.shape, shape_offsets=source.shape_offsets, detail=source.detail)
+        return replace(self, texture=source.texture, texture_offsets=source.texture_offsets)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +129,6 @@ class CodeBook:
     objects: tuple[Entry, ...]
     collapsed: frozenset[int] = frozenset()
     """Objects that collapsed in training and show next to nothing: still indexed, but not part of the code spaces."""
-    model: str = ""  # fingerprint of the model that holds the book
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shapes).all() and torch.isfinite(self.textures).all()):
@@ -157,7 +147,7 @@ class CodeBook:
         if not 0 <= index < len(self.objects):
             raise ValueError(f"object must be 0 to {len(self.objects) - 1}, got {index}")
         entry = self.objects[index]
-        return Codes(self.shapes[entry.shape], self.textures[entry.texture], model=self.model)
+        return Codes(self.shapes[entry.shape], self.textures[entry.texture])
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -170,9 +160,9 @@ class CodeBook:
         return tuple(index for index in range(len(self.objects)) if index not in self.collapsed)
 
     @property
-    def first(self) -> tuple[str, Codes]:
-        """Name and codes of the first object; the mean object if there are none."""
-        return (self.objects[self.valid[0]].name, self[self.valid[0]]) if self.valid else ("mean", self.mean)
+    def first_name(self) -> str:
+        """Name of the first object that did not collapse; "mean" if there are none."""
+        return self.objects[self.valid[0]].name if self.valid else "mean"
 
     @cached_property
     def shape_space(self) -> CodeSpace:
@@ -187,7 +177,7 @@ class CodeBook:
     @property
     def mean(self) -> Codes:
         """The mean shape with the mean texture, where the paper's fit begins."""
-        return Codes(self.shape_space.mean, self.texture_space.mean, model=self.model)
+        return Codes(self.shape_space.mean, self.texture_space.mean)
 
     def sample(self, generator: torch.Generator) -> Codes:
         """Sample a pair of codes from normal distributions with the mean and variance of the two code spaces."""
@@ -195,7 +185,7 @@ class CodeBook:
             space.code(torch.randn(len(space.std), generator=generator))
             for space in (self.shape_space, self.texture_space)
         )
-        return Codes(shape, texture, model=self.model)
+        return Codes(shape, texture)
 
     def _valid_rows(self, codes: Float[Tensor, "rows latent"], rows: list[int]) -> Float[Tensor, "some latent"]:
         """Return the rows except those used by collapsed objects alone."""

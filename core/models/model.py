@@ -3,7 +3,7 @@
 import copy
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +23,7 @@ from core.models.field_config import FieldConfig
 from core.models.latents import CodeKind, Latents
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
 from core.models.part_head import PartHead
+from core.models.photo_detail import PhotoDetail
 from core.models.view_bank import ViewBank
 from core.runtime.files import atomic_file
 from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
@@ -84,9 +85,26 @@ class Model:
         if self.view_bank and not self.view_bank.fits(self.codes):
             raise ValueError("the view bank does not fit the codes")
         self.field.requires_grad_(False).eval()
-        object.__setattr__(self, "codes", replace(self.codes, model=self.fingerprint))
         if self.viewpoint_classifier:
             self.viewpoint_classifier.requires_grad_(False).eval()
+
+    def __getitem__(self, index: int) -> "Instance":
+        """Return a training object. Raises ``ValueError`` for an index outside the book of codes."""
+        return Instance(self, self.codes[index])
+
+    @property
+    def mean(self) -> "Instance":
+        """The object with the mean shape and the mean texture."""
+        return Instance(self, self.codes.mean)
+
+    @property
+    def first(self) -> "Instance":
+        """The first training object that did not collapse; the mean object if there are none."""
+        return self[self.codes.valid[0]] if self.codes.valid else self.mean
+
+    def sample(self, generator: torch.Generator) -> "Instance":
+        """Sample an object (:meth:`core.models.codes.CodeBook.sample`)."""
+        return Instance(self, self.codes.sample(generator))
 
     @property
     def noun(self) -> str:
@@ -156,6 +174,11 @@ class Model:
             digest.update(tensor.numpy().tobytes())
         return digest.hexdigest()[:16]
 
+    @property
+    def look(self) -> tuple[Hashable, ...]:
+        """All that renders of given codes depend on, as a comparable key."""
+        return self.fingerprint, self.field.config, self.extent, self.white_from_network, self.device
+
     def shares_codes_with(self, fingerprint: str) -> bool:
         """Return True if this model can show codes of the model with this fingerprint: it is or extends that model."""
         return fingerprint in (self.fingerprint, *self.extends)
@@ -167,7 +190,7 @@ class Model:
         Contrast does not change them.
         """
         with torch.inference_mode(False), torch.no_grad():  # cached
-            biases = self.field.biases(self.codes.shapes, self.codes.textures)
+            biases = self.field.shape_bias(self.codes.shapes), self.field.texture_bias(self.codes.textures)
             shape, texture = (bias.std(0, unbiased=False).clamp_min(_MIN_BIAS_STD) for bias in biases)
             return shape, texture
 
@@ -186,15 +209,6 @@ class Model:
         }
         tensors = {name: getattr(latents, name) for name in wanted}
         return all(tensor is None or tensor.shape == wanted[name] for name, tensor in tensors.items())
-
-    def adopt(self, codes: Codes) -> Codes:
-        """Return codes as those of this model, which may extend theirs.
-
-        Raises ``ValueError`` for codes of another model.
-        """
-        if not self.shares_codes_with(codes.model) or not self.fits(codes):
-            raise ValueError(f"it belongs to another model, not to this one of {self.category or 'unnamed objects'}")
-        return codes if codes.model == self.fingerprint else replace(codes, model=self.fingerprint)
 
     def biases(
         self, latents: Latents
@@ -266,6 +280,114 @@ class Model:
             part_head=head,
             view_bank=bank,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """An object: a model with codes. Everything else that is known of an object is a function of this value.
+
+    Compared by value: two are equal if their models render alike, and their codes and photos are equal.
+
+    Example:
+        >>> from core.models.library import load_model
+        >>> model = load_model("chairs")
+        >>> model[0].mixed(model[1], shape=0.0, texture=1.0) == model[0].with_texture(model[1])
+        True
+    """
+
+    model: Model
+    codes: Codes
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Instance):
+            return NotImplemented
+        return self is other or (self._hash == other._hash and self._is_like(other))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def _is_like(self, second: "Instance") -> bool:
+        if self.is_missing or second.is_missing:
+            same = self.fingerprint == second.fingerprint
+        else:
+            same = self.model is second.model or self.model.look == second.model.look
+        return same and self.codes == second.codes
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((self.fingerprint, self.codes))
+
+    @property
+    def fingerprint(self) -> str:
+        """The model's fingerprint, which identifies it in files."""
+        return self.model.fingerprint
+
+    @property
+    def is_missing(self) -> bool:
+        """True while the model is not open (:class:`core.models.missing.MissingInstance`)."""
+        return False
+
+    @property
+    def detail(self) -> PhotoDetail | None:
+        """Photos of a fitted object."""
+        return self.codes.detail
+
+    @property
+    def fitted(self) -> "Instance":
+        """The object as fitted to its photos, without them. Raises ``ValueError`` without photos."""
+        if self.detail is None:
+            raise ValueError("the object has no photos")
+        return self.with_codes(Codes.of(self.detail.fitted))
+
+    @property
+    def biases(self) -> tuple[Float[Tensor, "blocks width"], Float[Tensor, "more_blocks width"]]:
+        """Biases of the shape blocks and of the texture blocks."""
+        return self.model.biases(self.codes)
+
+    def with_codes(self, codes: Codes) -> "Instance":
+        """Return an object of the same model."""
+        return Instance(self.model, codes)
+
+    def changed(self, **fields: Tensor | PhotoDetail | None) -> "Instance":
+        """Return the object with other values of some fields of its codes (:class:`core.models.codes.Codes`)."""
+        return self.with_codes(replace(self.codes, **fields))  # type: ignore[arg-type]
+
+    def with_detail(self, detail: PhotoDetail | None) -> "Instance":
+        """Return the object with other photo detail; with None, in the colours of its codes alone."""
+        return self.changed(detail=detail)
+
+    def mixed(self, second: "Instance", shape: float, texture: float) -> "Instance":
+        """Interpolate linearly between two objects.
+
+        ``shape`` and ``texture`` are positions from 0 (this object) to 1 (the second). The photo detail is that of the
+        nearer shape. Raises ``ValueError`` for an object of another model.
+        """
+        self._require_same_model(second)
+        return self.with_codes(self.codes.mixed(second.codes, shape, texture))
+
+    def taking(self, kind: CodeKind, source: "Instance") -> "Instance":
+        """Return the object with the shape or the texture of another one.
+
+        A shape comes with its photo detail. Raises ``ValueError`` for an object of another model.
+        """
+        self._require_same_model(source)
+        return self.with_codes(self.codes.taking(kind, source.codes))
+
+    def with_shape(self, source: "Instance") -> "Instance":
+        """Return the object with the shape of another one, as :meth:`taking`."""
+        return self.taking("shape", source)
+
+    def with_texture(self, source: "Instance") -> "Instance":
+        """Return the object with the texture of another one, as :meth:`taking`."""
+        return self.taking("texture", source)
+
+    def moved(self, kind: CodeKind, by: Float[Tensor, "latent"]) -> "Instance":
+        """Return the object with a vector added to its shape or texture code."""
+        return self.changed(**{kind: getattr(self.codes, kind) + by})
+
+    def _require_same_model(self, second: "Instance") -> None:
+        if self.fingerprint != second.fingerprint:
+            raise ValueError("objects of different models cannot be combined")
 
 
 def singular(category: str) -> str:

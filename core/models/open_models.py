@@ -1,15 +1,15 @@
-"""The open models. The fingerprint in an object's codes identifies its model."""
+"""The open models, by fingerprint; objects that were read find theirs among them."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from core.models.codes import Codes
 from core.models.library import former_model
-from core.models.model import Model
+from core.models.missing import adopted
+from core.models.model import Instance, Model
 
 
 class OpenModels:
-    """Models by name, in the order of opening. No model is ever closed, so the models of codes in use stay available.
+    """Models by name, in the order of opening. No model is ever closed, so objects in use stay available.
 
     Args:
         load: reads the model of a shipped name or a path, such as :func:`core.models.library.load_model`.
@@ -48,23 +48,21 @@ class OpenModels:
         self._missing.clear()
 
     def expect(self, fingerprint: str, name: str) -> None:
-        """Note the name or path of the model with a fingerprint, which is opened when codes refer to it."""
+        """Note the name or path of the model with a fingerprint, which is opened when an object refers to it."""
         if name and self._expected.get(fingerprint) != name:
             self._expected[fingerprint] = name
             self._missing.discard(fingerprint)
 
     def is_former(self, model: Model) -> bool:
-        """True for a formerly shipped model, which opens when codes refer to it."""
+        """True for a formerly shipped model, which opens when an object refers to it."""
         return model.fingerprint in self._names  # its name in the library
 
-    def of(self, codes: Codes) -> Model:
-        """Return the model of an object. Raises ``ValueError`` if it is missing."""
-        return self[codes.model]
-
-    def can_show(self, codes: Codes) -> bool:
-        """Return whether an object's model is there, and the codes fit it."""
-        model = self.find(codes.model)
-        return model is not None and model.fits(codes)
+    def adopt(self, instance: Instance) -> Instance:
+        """Return an object as one of its model, or of an open one that extends it; as it is while there is none."""
+        if not instance.is_missing:
+            return instance
+        model = self.find(instance.fingerprint)
+        return adopted(model, instance) if model and model.fits(instance.codes) else instance
 
     def find(self, fingerprint: str) -> Model | None:
         """Return the open model with a fingerprint, else an open model that extends it.
@@ -108,9 +106,4 @@ class OpenModels:
 
     def of_category(self, category: str) -> Model | None:
         """Return the first open model of a category ("cars"), if any."""
-        return next((one for one in self if one.category == category), None)
-
-
-def model_of(models: Model | OpenModels, codes: Codes) -> Model:
-    """Return the model of an object: the given one, or that among the open models."""
-    return models if isinstance(models, Model) else models.of(codes)
+        return next((model for model in self if model.category == category), None)

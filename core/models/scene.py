@@ -1,4 +1,4 @@
-"""A scene: an object's codes and a camera. Saved as JSON, exact to float32.
+"""A scene: an object and a camera. Saved as JSON, exact to float32.
 
 A PNG image can embed the scene it shows as a text chunk, so the image alone restores the scene.
 """
@@ -17,7 +17,8 @@ from PIL import Image, PngImagePlugin
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.latents import read_offsets
-from core.models.model import Model
+from core.models.missing import MissingInstance, adopted
+from core.models.model import Instance, Model
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
@@ -31,13 +32,14 @@ _KEY = "CodeNeRF scene"
 class Scene:
     """The state of the editor. An edit makes a new scene."""
 
-    codes: Codes
+    instance: Instance
     camera: Camera
 
     @property
     def photo_camera(self) -> Camera:
         """The camera of the object's first photo; without photos, the scene's."""
-        return self.codes.detail.views[0].camera if self.codes.detail else self.camera
+        detail = self.instance.detail
+        return detail.views[0].camera if detail else self.camera
 
     def save(self, path: Path) -> None:
         """Write the scene as JSON, atomically. Raises ``ValueError`` for a path that cannot be written."""
@@ -46,15 +48,16 @@ class Scene:
 
     def to_json(self) -> str:
         """Return the scene as JSON text."""
+        codes = self.instance.codes
         camera = {name: getattr(self.camera, name) for name in Camera.__dataclass_fields__}
         about = {
-            "model": self.codes.model,
+            "model": self.instance.fingerprint,
             "camera": camera,
-            "shape": self.codes.shape.tolist(),
-            "texture": self.codes.texture.tolist(),
-        } | self.codes.offsets_json()
-        if self.codes.detail:
-            about["detail"] = self.codes.detail.to_json()
+            "shape": codes.shape.tolist(),
+            "texture": codes.texture.tolist(),
+        } | codes.offsets_json()
+        if codes.detail:
+            about["detail"] = codes.detail.to_json()
         return json.dumps(about, indent=1)
 
     @classmethod
@@ -73,11 +76,11 @@ class Scene:
         A scene of a model that ``model`` extends becomes a scene of ``model`` and looks nearly the same.
         """
         scene = cls.without_model(text)
-        return cls(model.adopt(scene.codes), scene.camera)
+        return cls(adopted(model, scene.instance), scene.camera)
 
     @classmethod
     def without_model(cls, text: str) -> "Scene":
-        """Parse JSON text whose model is missing, as :meth:`from_json` does."""
+        """Parse JSON text, as :meth:`from_json` does, to a scene of a :class:`core.models.missing.MissingInstance`."""
         about = typed(_About, parse_json(text), name="scene")
         detail = about.detail and about.detail.read()
         codes = Codes(
@@ -86,9 +89,8 @@ class Scene:
             read_offsets(about.shape_offsets),
             read_offsets(about.texture_offsets),
             detail,
-            about.model,
         )
-        return cls(codes, about.camera)
+        return cls(MissingInstance(about.model, codes), about.camera)
 
 
 class _View(NamedTuple):

@@ -5,7 +5,6 @@ Prototypes are clouds of surface points, splatted onto small images.
 
 import math
 from collections.abc import Generator
-from dataclasses import replace
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -67,7 +66,7 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
         yield 0.0
     azimuth, elevation = directions()
     rows = _prototypes(model)
-    mean = model.codes.mean
+    mean = model.mean
     # Preallocated: small results between large temporaries would keep the memory of these from being returned.
     shape = len(rows), len(azimuth)
     silhouettes = torch.empty(*shape, SIDE * SIDE // 8, dtype=torch.uint8)
@@ -76,8 +75,8 @@ def _build(model: Model) -> Generator[float, None, ViewBank]:
 
     def fill(number: int) -> bool:
         row = rows[number]
-        codes = mean if row < 0 else replace(mean, shape=model.codes.shapes[row])
-        points = surface_points(model, codes)[0].cpu()
+        prototype = mean if row < 0 else mean.changed(shape=model.codes.shapes[row])
+        points = surface_points(prototype)[0].cpu()
         for start in range(0, len(azimuth) if len(points) >= _MIN_POINTS else 0, _SPLATTED):
             views = slice(start, start + _SPLATTED)
             masks, size, offset = _splat(points, azimuth[views], elevation[views], model.distance)

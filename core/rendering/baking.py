@@ -21,9 +21,8 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera
 from core.models.cells import corners_of, divide, unravelled
-from core.models.codes import Codes
 from core.models.density import density_to_logits
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.baked_field import LOGITS, BakedField, cell_distances, colour_texels, logit_texels
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS, Occupancy, shape_occupancy
@@ -152,7 +151,7 @@ class BakedViews:
         return (weights / weights.sum()).float()
 
 
-def bake_views(model: Model, codes: Codes, cameras: Sequence[Camera], cells: int) -> Generator[None, None, BakedViews]:
+def bake_views(instance: Instance, cameras: Sequence[Camera], cells: int) -> Generator[None, None, BakedViews]:
     """Bake an object's shape and its colours for :func:`spread` cameras; yields after every few thousand corners.
 
     The shape is cached while memory is free, so that another texture bakes colours only.
@@ -161,11 +160,11 @@ def bake_views(model: Model, codes: Codes, cameras: Sequence[Camera], cells: int
         cells: of the grid, along each axis of the scene's box; a multiple of :data:`~core.rendering.occupancy.CELLS`.
     """
     with torch.inference_mode():
-        folded, occupancy = FoldedField(model, codes), shape_occupancy(model, codes)
-    key = model, codes.shape_key, outline(model, codes), cells
+        folded, occupancy = FoldedField.of(instance), shape_occupancy(instance)
+    key = instance.model, instance.codes.shape_key, outline(instance), cells
     shape: BakedShape | None = CACHE.get(CacheKind.VIEW, key)
     if shape is None:
-        shape = yield from _bake_shape(model, folded, occupancy, cells)
+        shape = yield from _bake_shape(instance.model, folded, occupancy, cells)
         if shape.size <= CACHE.limit - CACHE.used:
             CACHE.put(CacheKind.VIEW, key, shape, shape.size)
     cameras, colours = spread(cameras), list[Float[Tensor, "cameras some 3"]]()
@@ -186,11 +185,11 @@ def _seen_colours(
     return torch.stack([folded.colour(features, folded.direction_bias(one.to(folded.device))).cpu() for one in towards])
 
 
-def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
+def bake(instance: Instance) -> Iterator[BakedField | None]:
     """Bake an object with mean colours over four cameras: 64 cells per axis, then 128; None many times between."""
-    cameras = [model.camera(azimuth, _ELEVATION) for azimuth in _AROUND]
+    cameras = [instance.model.camera(azimuth, _ELEVATION) for azimuth in _AROUND]
     for divisions in _DIVISIONS:
-        views = yield from bake_views(model, codes, cameras, CELLS * divisions)
+        views = yield from bake_views(instance, cameras, CELLS * divisions)
         yield views.mean()
 
 

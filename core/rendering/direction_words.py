@@ -7,14 +7,13 @@ none.
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.models.codes import CodeKind, Codes
-from core.models.model import Model, Words
+from core.models.codes import CodeKind
+from core.models.model import Instance, Model, Words
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture
@@ -77,15 +76,15 @@ def direction_words(model: Model) -> Iterator[Words | None]:
         found = list[dict[str, float]]()
         steps = getattr(model.codes, f"{kind}_space").basis[:_COUNT]
         for step in steps:
-            less, more = (_measured(model, _moved(model.codes.mean, kind, side * _REACH * step)) for side in (-1, 1))
+            less, more = (_measured(model.mean.moved(kind, side * _REACH * step)) for side in (-1, 1))
             found.append({name: more[name] - less[name] for name in more} if less and more else {})
             yield None
         words[kind] = name_changes(found, table)
     yield words
 
 
-def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) -> Codes:
-    """Move codes along a named direction; the opposite word moves backwards.
+def moved(instance: Instance, words: Words, name: str, amount: float) -> Instance:
+    """Move an object along a named direction; the opposite word moves backwards.
 
     Args:
         words: from :func:`direction_words`.
@@ -101,7 +100,8 @@ def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) ->
     if name not in known:
         raise ValueError(f"no direction {name!r}; choose one of {', '.join(known)}")
     kind, number, sign = known[name]
-    return _moved(codes, kind, sign * amount * getattr(model.codes, f"{kind}_space").basis[number])
+    space = getattr(instance.model.codes, f"{kind}_space")
+    return instance.moved(kind, sign * amount * space.basis[number])
 
 
 def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:
@@ -127,13 +127,9 @@ def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str,
     return tuple(words)
 
 
-def _moved(codes: Codes, kind: CodeKind, by: Tensor) -> Codes:
-    return replace(codes, **{kind: getattr(codes, kind) + by})
-
-
-def _measured(model: Model, codes: Codes) -> dict[str, float]:
+def _measured(instance: Instance) -> dict[str, float]:
     """Return all measures of an object; empty if it has nearly no surface."""
-    points, colours = (part.cpu() for part in surface_points(model, codes))
+    points, colours = (part.cpu() for part in surface_points(instance))
     return {**_of_shape(points), **_of_colours(points, colours)} if len(points) >= _LEAST_POINTS else {}
 
 

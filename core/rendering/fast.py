@@ -7,7 +7,6 @@ the occupied cells.
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -16,9 +15,8 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, rays_at_pixels
-from core.models.codes import Codes
-from core.models.model import Model
-from core.rendering.folded_field import FoldedField
+from core.models.model import Instance, Model
+from core.rendering.folded_field import FoldedField, clear_folded
 from core.rendering.occupancy import Occupancy, Tolerances, shape_occupancy, tolerances
 from core.rendering.outline import Outline, outline
 from core.rendering.reference import Rendered
@@ -32,7 +30,7 @@ _BLOCK = 4096  # points evaluated at a time, so that activations stay in cache
 
 
 def render_steps(
-    model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
+    instance: Instance, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
 ) -> Generator[None, None, Rendered]:
     """Render like :func:`core.rendering.reference.render_exact`, many times faster.
 
@@ -45,19 +43,18 @@ def render_steps(
         complete: that of :func:`core.rendering.occupancy.shape_occupancy`.
         cutoff: limits for skipping parts of a ray; None: :func:`tolerances` of the samples.
     """
-    with torch.inference_mode():
-        folded = _folded_field(model, codes)
+    folded = FoldedField.of(instance)
 
     def shade(chunk: Chunk) -> tuple[Chunk, Float[Tensor, "rays 3"]]:
         with torch.inference_mode():
             return chunk, _shade(folded, chunk)
 
-    key = VisibilityKey.of(model, codes, camera, samples, complete, cutoff)
+    key = VisibilityKey.of(instance, camera, samples, complete, cutoff)
     known: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
-    seen, image = list[Chunk](), _blank(camera, model.device)
+    seen, image = list[Chunk](), _blank(camera, instance.model.device)
     if known is None:
-        visible, pixels = _visibility(folded, codes, key)
+        visible, pixels = _visibility(folded, instance, key)
         shaded = map_pieces(lambda some: shade(visible(some)), pixels)
     else:
         shaded = map_pieces(shade, known)
@@ -76,10 +73,10 @@ def render_steps(
 
 
 def render(
-    model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
+    instance: Instance, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
 ) -> Rendered:
     """Return the result of :func:`render_steps`, in one call."""
-    return run_to_end(render_steps(model, codes, camera, samples, complete, cutoff))
+    return run_to_end(render_steps(instance, camera, samples, complete, cutoff))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,21 +112,15 @@ class VisibilityKey(NamedTuple):
 
     @classmethod
     def of(
-        cls, model: Model, codes: Codes, camera: Camera, samples: int, complete: bool, cutoff: Tolerances | None = None
+        cls, instance: Instance, camera: Camera, samples: int, complete: bool, cutoff: Tolerances | None = None
     ) -> "VisibilityKey":
         """Return the key of an object seen from a camera."""
-        return cls(model, codes.shape_key, camera, samples, complete, cutoff, outline(model, codes))
+        return cls(instance.model, instance.codes.shape_key, camera, samples, complete, cutoff, outline(instance))
 
 
-def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
+def is_cached(instance: Instance, camera: Camera, samples: int, complete: bool = True) -> bool:
     """True if the visible intervals of the view are cached: a render with these arguments only evaluates colours."""
-    return CACHE.get(CacheKind.VIEW, VisibilityKey.of(model, codes, camera, samples, complete)) is not None
-
-
-@lru_cache(maxsize=4)
-def _folded_field(model: Model, codes: Codes) -> FoldedField:
-    """Return the folded field of an object, cached because new views reuse it."""
-    return FoldedField(model, codes)
+    return CACHE.get(CacheKind.VIEW, VisibilityKey.of(instance, camera, samples, complete)) is not None
 
 
 def clear_views() -> None:
@@ -140,13 +131,15 @@ def clear_views() -> None:
 def clear_cache() -> None:
     """Clear cached views, shapes and folded fields: the next render costs as much as a new shape."""
     CACHE.clear(CacheKind.VIEW, CacheKind.SHAPE)
-    _folded_field.cache_clear()
+    clear_folded()
 
 
-def _visibility(folded: FoldedField, codes: Codes, view: VisibilityKey) -> tuple[Callable[[slice], Chunk], list[slice]]:
+def _visibility(
+    folded: FoldedField, instance: Instance, view: VisibilityKey
+) -> tuple[Callable[[slice], Chunk], list[slice]]:
     """Return a function that finds the visible intervals of some rays, and the slices of rays to call it with."""
     with torch.inference_mode():
-        occupancy = shape_occupancy(view.model, codes, view.complete)
+        occupancy = shape_occupancy(instance, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
         pixel = (first < last).flatten().nonzero()[:, 0]
         first, last = (part.flatten().index_select(0, pixel) for part in (first, last))

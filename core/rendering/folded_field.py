@@ -1,11 +1,12 @@
 """A field with one object's codes folded in."""
 
+from functools import lru_cache
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
 from core.runtime.layers import relu_
@@ -18,13 +19,22 @@ class FoldedField:
     Raises ``ValueError`` for M1 and M2 (:mod:`core.models.architecture_variants`).
     """
 
-    def __init__(self, model: Model, codes: Codes) -> None:
-        self.field, self.device, self.dtype = model.field, model.device, matmul_dtype(model.device.type)
-        self._weights, self._outline = field_weights(model, self.dtype), outline(model, codes)
+    def __init__(self, instance: Instance) -> None:
+        model = instance.model
+        self.field = model.field
+        self.device = model.device
+        self.dtype = matmul_dtype(model.device.type)
+        self._weights = field_weights(model, self.dtype)
+        self._outline = outline(instance)
         with torch.no_grad():
-            shape, texture = model.biases(codes)
+            shape, texture = instance.biases
             self._shape = tuple(shape.to(self.dtype).unbind(-2))
             self._texture = tuple(texture.to(self.dtype).unbind(-2))
+
+    @classmethod
+    def of(cls, instance: Instance) -> "FoldedField":
+        """Return the folded field of an object, cached: its renders, bakes and meshes share it."""
+        return _folded(instance, matmul_dtype(instance.model.device.type))
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """Return the activations of the first layer, which depend on no code."""
@@ -52,3 +62,15 @@ class FoldedField:
     ) -> Float[Tensor, "points 3"]:
         """Return rgb from :meth:`density`'s features and the bias of each point's viewing direction."""
         return folded_colour(self.field, self._weights, features, direction_bias, self._texture)
+
+
+@lru_cache(maxsize=8)
+def _folded(instance: Instance, dtype: torch.dtype) -> FoldedField:
+    """Return a folded field by everything that it depends on."""
+    with torch.inference_mode(False):  # cached
+        return FoldedField(instance)
+
+
+def clear_folded() -> None:
+    """Clear the cached folded fields."""
+    _folded.cache_clear()

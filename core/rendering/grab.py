@@ -15,8 +15,7 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.geometry.rays import rays_at_pixels
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering.direction_words import AXES
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
@@ -47,7 +46,7 @@ class Pull(NamedTuple):
 
 
 @torch.no_grad()
-def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, float], count: int = 6) -> list[Pull]:
+def pulls_at(instance: Instance, camera: Camera, point: tuple[float, float], count: int = 6) -> list[Pull]:
     """Return the effects of the first shape directions around an image point, the largest first.
 
     Args:
@@ -56,6 +55,8 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
 
     Empty if the square around the point (a tenth of the image's height) shows no object.
     """
+    model = instance.model
+    codes = instance.codes
     basis = model.codes.shape_space.basis[:count].to(model.device)
     step = 2 * _HALF_SIDE * camera.height / (_SIDE_RAYS - 1)
     along = (torch.arange(_SIDE_RAYS, device=model.device) - (_SIDE_RAYS - 1) / 2) * step
@@ -63,7 +64,7 @@ def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, flo
     pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
     rays = rays_at_pixels(pixels - model.pixel_offset, camera, model.extent_tensor)[None, None]
     shape, texture = (code.to(model.device)[None] for code in (codes.shape, codes.texture))
-    shape_bias, texture_bias = model.biases(codes)
+    shape_bias, texture_bias = instance.biases
     dtype = model.field.density_layer.weight.dtype
     moves = BiasJacobians(
         model.field.shape_bias_jacobian(shape, basis).to(dtype),

@@ -7,8 +7,7 @@ from collections.abc import Generator
 from typing import Protocol
 
 from core.geometry.camera import Camera
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering import fast
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end
@@ -21,7 +20,7 @@ class Renderer(Protocol):
     """A renderer in steps: yields None wherever it can be abandoned, and returns the render."""
 
     def __call__(
-        self, model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True
+        self, instance: Instance, camera: Camera, samples: int, complete: bool = True
     ) -> Generator[None, None, Rendered]:
         """Render with ``samples`` intervals; without ``complete``, a preview of a changing shape may miss parts."""
 
@@ -30,12 +29,12 @@ render_steps: Renderer = fast.render_steps
 is_cached = fast.is_cached  # True if a render with the same arguments only evaluates colours
 
 
-def render_image(model: Model, codes: Codes, camera: Camera, samples: int | None = None) -> Rendered:
+def render_image(instance: Instance, camera: Camera, samples: int | None = None) -> Rendered:
     """Render in one call; exactly for the authors' checkpoints and for M1 and M2.
 
     Args:
         samples: intervals; None: :data:`SAMPLES`, or the paper's 64 if exact.
     """
-    if model.white_from_network or model.is_ablation:
-        return render_exact(model, codes, camera, samples or _EXACT_SAMPLES)
-    return run_to_end(render_steps(model, codes, camera, samples or SAMPLES))
+    if instance.model.white_from_network or instance.model.is_ablation:
+        return render_exact(instance, camera, samples or _EXACT_SAMPLES)
+    return run_to_end(render_steps(instance, camera, samples or SAMPLES))

@@ -18,9 +18,7 @@ from torch.nn import functional
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
-from core.models.codes import Codes
-from core.models.latents import Latents
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
@@ -157,29 +155,31 @@ class Occupancy:
         return near, far
 
 
-def shape_occupancy(model: Model, codes: Latents, complete: bool = True) -> Occupancy:
+def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
     """Return a shape's occupied cells, cached because they depend on neither view nor texture.
 
     Args:
         complete: False: if the shape is similar to the last one, evaluate mainly the corners around that; for
             continuously changing shapes.
     """
-    key = model, codes.shape_key
+    key = instance.model, instance.codes.shape_key
     known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if known is None or (complete and not known.complete):
-        folded = FoldedField(model, Codes(codes.shape, model.codes.mean.texture, codes.shape_offsets))
-        known = Occupancy(model, folded, None if complete else _similar_occupancy(model, codes))
+        previous = None if complete else _similar_occupancy(instance)
+        known = Occupancy(instance.model, FoldedField.of(instance), previous)
         CACHE.put(CacheKind.SHAPE, key, known, known.size)
     return known
 
 
-def _similar_occupancy(model: Model, codes: Latents) -> Occupancy | None:
+def _similar_occupancy(instance: Instance) -> Occupancy | None:
     """Return the occupied cells of the model's last rendered shape if this one is similar to it."""
+    codes = instance.codes
+    space = instance.model.codes.shape_space
     latent = codes.shape.shape[-1]
-    for (other, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
-        if other is model:
+    for (model, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
+        if model is instance.model:
             last = codes.shape.new_tensor(shape)
-            away = model.codes.shape_space.distance(codes.shape, last[:latent])
+            away = space.distance(codes.shape, last[:latent])
             offset = torch.zeros(()) if codes.shape_offsets is None else codes.shape_offsets.flatten().to(last)
             offset_away = (offset - last[latent:] if len(last) > latent else offset).square().mean().sqrt()
             return occupancy if max(float(away), float(offset_away)) < _SIMILAR_DISTANCE else None
@@ -278,7 +278,7 @@ def _corners(model: Model, dtype: torch.dtype) -> _Corners:
     turn = torch.where(likely, 0, torch.where(second, 1, 2)).flatten()
     corner = turn.argsort(stable=True)
     points = corner_points(model.extent_tensor, CELLS)[corner]
-    folded = FoldedField(model, model.codes.mean)
+    folded = FoldedField(model.mean)
     assert folded.dtype == dtype
     with torch.inference_mode():
         activations = torch.cat([folded.first_layer(part) for part in points.split(_BLOCK)])

@@ -19,9 +19,7 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
-from core.models.codes import Codes
-from core.models.latents import Latents
-from core.models.model import Model
+from core.models.model import Instance
 from core.models.photo_detail import BACKGROUND, PhotoView
 from core.rendering.folded_layers import batch_density
 from core.rendering.shape_cells import shape_cells
@@ -35,16 +33,17 @@ _GAIN_HEIGHT, _GAIN_SAMPLES = 192, 64  # height of the map of gains in px, and s
 _COHERENCE_SAMPLES = 64  # height of the image in px, and samples of a ray, for the coherence
 
 
-def shown_share(model: Model, codes: Codes) -> float:
+def shown_share(instance: Instance) -> float:
     """Return the effective strength of an object's photo detail, 0..1.
 
     Fades as the shape is edited, but not with the texture, which repaints the detail. 0 for the authors' checkpoints
     and for M1 and M2.
     """
-    detail = codes.detail
+    detail = instance.detail
+    model = instance.model
     if detail is None or model.white_from_network or model.is_ablation:
         return 0.0
-    away = float(model.codes.shape_space.distance(codes.shape, detail.shape))
+    away = float(model.codes.shape_space.distance(instance.codes.shape, detail.shape))
     return detail.strength * max(0.0, 1 - away / FADED)
 
 
@@ -53,8 +52,7 @@ class Silhouette(NamedTuple):
 
     view: PhotoView
     margin: float  # focal lengths
-    model: Model
-    fitted: Latents
+    fitted: Instance
 
     def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return 1 for points that project within half the margin of the mask, 0 beyond the margin, linear between."""
@@ -65,9 +63,8 @@ class Silhouette(NamedTuple):
         self, points: Float[Tensor, "*batch 3"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
         """Return :meth:`share`, and the factor, at least 1, that makes the fitted object opaque along a point's ray."""
-        distance, gain = _look_up(
-            _distances_and_gains(self.model, self.fitted, self.view), _distances(self.view)[0], points
-        )
+        camera, _ = _distances(self.view)
+        distance, gain = _look_up(_distances_and_gains(self.fitted, self.view), camera, points)
         return self._share(distance), gain
 
     def _share(self, distance: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
@@ -91,30 +88,30 @@ class Outline(NamedTuple):
         return share * (1 + self.strength * (gain - 1))
 
 
-def outline(model: Model, codes: Codes) -> Outline | None:
+def outline(instance: Instance) -> Outline | None:
     """Return the outline that bounds an object; None without photo detail, or if no photo bounds it.
 
     Margins widen without limit as photo detail fades, and gains shrink, so the outline vanishes with it.
     """
-    strength, detail = shown_share(model, codes), codes.detail
+    strength = shown_share(instance)
+    detail = instance.detail
     if not strength or detail is None:
         return None
-    bounding = [
-        Silhouette(view, view.outline_margin, model, detail.fitted) for view in detail.views if view.outline_margin
-    ]
-    mirrored = tuple(detail.other_side != "model" and _is_symmetric(one, model.extent) for one in bounding)
-    widened = tuple(one._replace(margin=one.margin / strength) for one in bounding)
+    fitted = instance.fitted
+    bounding = [Silhouette(view, view.outline_margin, fitted) for view in detail.views if view.outline_margin]
+    mirrored = tuple(detail.other_side != "model" and _is_symmetric(silhouette) for silhouette in bounding)
+    widened = tuple(silhouette._replace(margin=silhouette.margin / strength) for silhouette in bounding)
     return Outline(widened, mirrored, strength) if bounding else None
 
 
-def coherence(silhouette: Silhouette, extent: tuple[float, float, float]) -> float:
+def coherence(silhouette: Silhouette) -> float:
     """Return the fraction of the mask whose rays cross the mirrored mask within the scene's box.
 
     1 for a symmetric object and the right camera.
     """
     camera, _ = _distances(silhouette.view)
     wide = max(1, round(_COHERENCE_SAMPLES * camera.width / camera.height))
-    rays = camera_rays(camera.resized(wide, _COHERENCE_SAMPLES), torch.tensor(extent))
+    rays = camera_rays(camera.resized(wide, _COHERENCE_SAMPLES), torch.tensor(silhouette.fitted.model.extent))
     points = ray_points(rays, midpoints(uniform_edges(rays, _COHERENCE_SAMPLES)))
     on_mask = silhouette.share(points.select(-2, _COHERENCE_SAMPLES // 2)) == 1
     crossed = (silhouette.share(_mirror(points)) > 0).any(-1)
@@ -122,8 +119,8 @@ def coherence(silhouette: Silhouette, extent: tuple[float, float, float]) -> flo
 
 
 @lru_cache(maxsize=16)
-def _is_symmetric(silhouette: Silhouette, extent: tuple[float, float, float]) -> bool:
-    return coherence(silhouette, extent) >= _SYMMETRIC_ABOVE
+def _is_symmetric(silhouette: Silhouette) -> bool:
+    return coherence(silhouette) >= _SYMMETRIC_ABOVE
 
 
 @lru_cache(maxsize=16)
@@ -144,24 +141,23 @@ def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns
 
 @lru_cache(maxsize=16)
 @torch.no_grad()
-def _distances_and_gains(model: Model, fitted: Latents, view: PhotoView) -> Float[Tensor, "1 channels rows columns"]:
+def _distances_and_gains(fitted: Instance, view: PhotoView) -> Float[Tensor, "1 channels rows columns"]:
     """Return the map of distances, and beside it the gain at each pixel: 1 off the mask."""
     camera, distances = _distances(view)
     small = camera.resized(max(1, round(_GAIN_HEIGHT * camera.width / camera.height)), _GAIN_HEIGHT)
     on_mask = functional.adaptive_avg_pool2d((distances == 0).float(), (small.height, small.width))[0, 0] > 0.5
     gains = torch.ones(1, 1, *on_mask.shape)
-    gains[0, 0, on_mask] = (_OPAQUE / _optical_depth(model, fitted, small, on_mask)).clamp(1, _MAX_GAIN)
+    gains[0, 0, on_mask] = (_OPAQUE / _optical_depth(fitted, small, on_mask)).clamp(1, _MAX_GAIN)
     with torch.inference_mode(False):  # cached
         return torch.cat((distances, functional.interpolate(gains, distances.shape[2:], mode="bilinear")), 1)
 
 
-def _optical_depth(
-    model: Model, fitted: Latents, camera: Camera, pixels: Bool[Tensor, "rows columns"]
-) -> Float[Tensor, "some"]:
+def _optical_depth(fitted: Instance, camera: Camera, pixels: Bool[Tensor, "rows columns"]) -> Float[Tensor, "some"]:
     """Return the optical depth of a shape along the rays of some pixels, above 0."""
+    model = fitted.model
     rays = camera_rays(camera, model.extent_tensor)[pixels.to(model.device)]
     edges = uniform_edges(rays, _GAIN_SAMPLES)
-    bias = model.biases(fitted)[0][None]
+    bias = fitted.biases[0][None]
     points = ray_points(rays, midpoints(edges)).flatten(0, 1)
     density = batch_density(model, points[None], bias, shape_cells(model, bias)).reshape(-1, _GAIN_SAMPLES)
     return (density * edges.diff()).sum(-1).cpu().clamp_min(1e-6)

@@ -11,8 +11,7 @@ from jaxtyping import Float32, Int32, UInt8
 
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering.detail_maps import DetailMaps
 from core.rendering.ground_shadow import GroundShadow
 from core.rendering.images import SAMPLES, is_cached, render_steps
@@ -36,7 +35,7 @@ class RenderSettings:
 class RenderJob:
     """An image to render."""
 
-    codes: Codes
+    instance: Instance
     camera: Camera
     settings: RenderSettings = field(default_factory=RenderSettings)
     detail: DetailMaps | None = None  # photo detail to add
@@ -79,7 +78,7 @@ class Frame:
         return self.stage == self.stage_count - 1
 
 
-def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+def render_progressively(job: RenderJob) -> Iterator[Frame | None]:
     """Render from coarse to fine: yield a Frame after every stage, and None after every chunk of rays.
 
     To stop, abandon the iterator: a newer job waits for one chunk at most.
@@ -87,10 +86,10 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
     began = time.perf_counter()
     stages = _stages(job)
     # A new texture begins with the finest stage whose shape is cached.
-    cached = [at for at, stage in enumerate(stages) if is_cached(model, job.codes, *stage)]
+    cached = [at for at, stage in enumerate(stages) if is_cached(job.instance, *stage)]
     for at in range(max(cached, default=0), len(stages)):
         camera, samples, complete = stages[at]
-        rendered = yield from render_steps(model, job.codes, camera, samples, complete)
+        rendered = yield from render_steps(job.instance, camera, samples, complete)
         sources = None
         if job.detail:
             rendered, shares = job.detail.added(rendered, camera)
@@ -99,7 +98,7 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
-        shadow = shape_occupancy(model, job.codes, complete).shadow if job.shadow else None
+        shadow = shape_occupancy(job.instance, complete).shadow if job.shadow else None
         yield Frame(image, depth, opacity, at, len(stages), samples, seconds, evaluations, sources, shadow)
 
 

@@ -8,8 +8,7 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
 from core.runtime.pool import map_pieces
@@ -83,11 +82,12 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 
 
 @torch.no_grad()
-def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256) -> Rendered:
+def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rendered:
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
+    model = instance.model
     rays = exact_rays(model, camera)
-    given = *model.biases(codes), outline(model, codes)
+    bounded = *instance.biases, outline(instance)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
-    parts = list(map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *given), starts))
+    parts = list(map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts))
     return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))

@@ -10,8 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.models.cells import contains, divide, with_neighbours
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.runtime.layers import pad_rows
 
@@ -31,13 +30,14 @@ class _Grid(NamedTuple):
     block_activations: Float[Tensor, "some width"]  # at these blocks' centres
 
 
-def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
+def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
     """Return points on an object's surface (scene units) and their colours (0..1).
 
     The points are centres of grid cells inside the object with a neighbour outside. Each is seen along its ray to the
     scene's origin. Empty for an empty object.
     """
-    grid, field = _grid(model), FoldedField(model, codes)
+    grid = _grid(instance.model)
+    field = FoldedField.of(instance)
     with torch.no_grad():
         # Cells of empty blocks with empty neighbours are not evaluated.
         dense = torch.zeros_like(grid.blocks)
@@ -63,7 +63,7 @@ def _grid(model: Model) -> _Grid:
     if model.occupied_cells is not None:
         cells = model.occupied_cells[None].to(extent.device)
         blocks = contains(cells, middles.reshape(1, -1, 3), extent).reshape(counts)
-    field = FoldedField(model, model.codes.mean)
+    field = FoldedField(model.mean)
     return _Grid(cell, points, field.first_layer(points.reshape(-1, 3)), blocks, field.first_layer(middles[blocks]))
 
 

@@ -43,7 +43,7 @@ def on_card(model: Model) -> Model:
 def test_exact_renders_are_the_same():
     """Sums in another order: the last digits of float32, larger where a density is."""
     model = tiny_model()
-    cpu, gpu = (render_exact(tiny, tiny.codes[1], tiny.camera(0.7, 0.4)) for tiny in (model, on_card(model)))
+    cpu, gpu = (render_exact(tiny[1], tiny.camera(0.7, 0.4)) for tiny in (model, on_card(model)))
     torch.testing.assert_close(gpu.colour.cpu(), cpu.colour, rtol=0, atol=2e-3)
     torch.testing.assert_close(gpu.opacity.cpu(), cpu.opacity, rtol=0, atol=2e-3)
 
@@ -60,7 +60,7 @@ def test_shipped_objects_render_the_same(name: str, dtype: torch.dtype, least: f
 def test_a_fit_finds_the_same_camera_and_explains_the_photo_as_well():
     model = tiny_model()
     truth = model.camera(1.2, 0.3)
-    photo = photo_of(model, model.codes[0], truth)
+    photo = photo_of(model[0], truth)
     settings = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
     cpu, gpu = (list(fit(tiny, FitJob((photo,), settings)))[-1] for tiny in (model, on_card(model)))
     assert rotation_error(cpu.cameras[0], truth) < 10

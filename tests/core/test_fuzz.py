@@ -25,7 +25,7 @@ from tests.core.models.authors_reference import GOLDEN
 
 _CORRUPTIONS = 200
 _MODEL = random_model()
-_SCENE = Scene(_MODEL.codes[0], _MODEL.camera(0.3, 0.2))
+_SCENE = Scene(_MODEL[0], _MODEL.camera(0.3, 0.2))
 _INTERESTING = (
     b"\0",
     b"\xff",

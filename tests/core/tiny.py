@@ -11,10 +11,10 @@ import torch
 from safetensors.torch import load_file
 
 from core.geometry.camera import Camera
-from core.models.codes import CodeBook, Codes, Entry
+from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.view_bank import ViewBank
 from core.photos.photo import Photo
 from core.photos.view_bank import view_bank
@@ -41,7 +41,7 @@ def tiny_bank() -> ViewBank:
     return view_bank(tiny_model())
 
 
-def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:
+def photo_of(instance: Instance, camera: Camera) -> Photo:
     """An image of one of a model's objects, with its mask."""
-    frame = render_exact(model, codes, camera, 64)
+    frame = render_exact(codes, camera, 64)
     return Photo(frame.colour.clamp(0, 1), frame.opacity > 0.5)

@@ -16,10 +16,8 @@ from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.fitting.photo_views import with_photo_detail
-from core.models.codes import Codes
 from core.models.field_config import FieldConfig
-from core.models.model import Model
-from core.models.open_models import OpenModels
+from core.models.model import Instance, Model
 from core.photos.detector import Detection
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
@@ -48,34 +46,34 @@ def two_models() -> dict[str, Model]:
     return {"chairs": chairs, "cars": replace(cars, category="cars", codes=replace(cars.codes, objects=named))}
 
 
-def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+def quick_frames(job: RenderJob) -> Iterator[Frame | None]:
     """A disc whose colour follows the texture, its size the shape and the distance, its place the camera's angles."""
-    codes, camera, stages = job.codes, job.camera, job.settings.divisors
+    instance, camera, stages = job.instance, job.camera, job.settings.divisors
     for stage, divisor in enumerate(stages):
         width, height = max(1, camera.width // divisor), max(1, camera.height // divisor)
         y, x = np.mgrid[0:height, 0:width] / min(width, height)
         across, down = width / height / 2 + 0.2 * math.sin(camera.azimuth), 0.5 + 0.2 * math.sin(camera.elevation)
-        radius = (0.3 + 0.05 * math.tanh(float(codes.shape.sum()))) / camera.distance
+        radius = (0.3 + 0.05 * math.tanh(float(instance.codes.shape.sum()))) / camera.distance
         opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
-        colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (codes.texture.tolist() * 3)[:3]])
+        colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (instance.codes.texture.tolist() * 3)[:3]])
         image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
         yield None
         yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
 
 
 def quick_pictures(
-    model: Model, views: Sequence[View], background: Background | None, exact: bool = False, shadow: bool = False
+    views: Sequence[View], background: Background | None, exact: bool = False, shadow: bool = False
 ) -> Iterator[np.ndarray | None]:
     """Frames of :func:`quick_frames`, one for each view."""
-    for codes, camera in views:
-        for frame in quick_frames(model, RenderJob(codes, camera, RenderSettings(divisors=(1,)))):
+    for instance, camera in views:
+        for frame in quick_frames(RenderJob(instance, camera, RenderSettings(divisors=(1,)))):
             yield over(frame, background) if frame else None
 
 
-def small_video(models: OpenModels, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
+def small_video(views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
     """A film with a sixteenth of the pixels along each side."""
-    small = [View(codes, camera.resized(camera.width // 16, camera.height // 16)) for codes, camera in views]
-    return write_video(models, small, path, settings)
+    small = [View(instance, camera.resized(camera.width // 16, camera.height // 16)) for instance, camera in views]
+    return write_video(small, path, settings)
 
 
 def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
@@ -99,16 +97,16 @@ def crowded(path: Path, hints: Hints | None) -> CutOut:
     return replace(read_cut_out(path, None), detections=(found, other), white=False)
 
 
-def quick_paint(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Codes]:
+def quick_paint(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
     """The first numbers of the texture are the colour."""
     yield None
-    return replace(codes, texture=torch.cat((torch.tensor(wanted.colour), codes.texture[3:])))
+    return instance.changed(texture=torch.cat((torch.tensor(wanted.colour), instance.codes.texture[3:])))
 
 
-def quick_colour(model: Model, codes: Codes, part: str) -> Generator[None, None, Rgb]:
+def quick_colour(instance: Instance, part: str) -> Generator[None, None, Rgb]:
     """The colour that :func:`quick_paint` gives."""
     yield None
-    red, green, blue = codes.texture[:3].clamp(0, 1).tolist()
+    red, green, blue = instance.codes.texture[:3].clamp(0, 1).tolist()
     return red, green, blue
 
 
@@ -129,7 +127,7 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """
     given = [photo.camera for photo in job.photos]
     for step in range(10):
-        codes = model.codes.mean.mixed(model.codes[3], step / 9, step / 9)
+        instance = model.mean.mixed(model[3], step / 9, step / 9)
         loss, hypotheses = math.exp(-step), list[Hypothesis]()
         for start in range(4 if step < 5 else 2):
             height, width = job.photos[0].mask.shape
@@ -139,12 +137,12 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             at = tuple(known or found for known, found in zip(given, first, strict=True))
             hypotheses.append(
                 Hypothesis(
-                    begin.origin if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 4)
+                    begin.origin if begin else start, (1 + 0.1 * start) * loss, at, instance, torch.zeros(len(given), 4)
                 )
             )
         behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in hypotheses[0].cameras)
         yield FitStep(
-            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, hypotheses[0].cameras, codes, len(hypotheses)),
+            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, hypotheses[0].cameras, instance, len(hypotheses)),
             runner_up=RunnerUp(behind, 1.1 * loss),
             margin=math.log(1.1),
             uncertainty=1.0,
@@ -158,8 +156,8 @@ def detailed_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     yield from steps
     generator = torch.Generator().manual_seed(0)
     shape, texture = ((0.3 * torch.randn(std.shape, generator=generator)).half() for std in model.bias_std)
-    codes = replace(last.codes, shape_offsets=shape, texture_offsets=texture)
-    yield with_photo_detail(model, job.photos, replace(last, codes=codes, search_psnr=last.psnr))
+    instance = last.instance.changed(shape_offsets=shape, texture_offsets=texture)
+    yield with_photo_detail(job.photos, replace(last, instance=instance, search_psnr=last.psnr))
 
 
 class CheckedFit:
@@ -175,7 +173,7 @@ class CheckedFit:
         while not self.may_end.is_set():
             time.sleep(0.01)
             yield step
-        yield replace(step, step=20, cameras=first[-1].runner_up.cameras, codes=model.codes[4])
+        yield replace(step, step=20, cameras=first[-1].runner_up.cameras, instance=model[4])
 
 
 def endless_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -198,11 +196,13 @@ class Bakery:
     """Bakes nothing that is seen; counts its streams."""
 
     def __init__(self) -> None:
-        self.codes: list[Codes] = []
+        self.baked: list[Instance] = []
 
-    def __call__(self, model: Model, codes: Codes) -> Iterator[BakedField | None]:
-        self.codes.append(codes)
+    def __call__(self, instance: Instance) -> Iterator[BakedField | None]:
+        self.baked.append(instance)
         for cells in (64, 128):
             yield None
             texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
-            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, FieldConfig(), 0.0, len(texels) - 1)
+            yield BakedField(
+                texels, np.ones((64,) * 3, np.uint8), instance.model.extent, FieldConfig(), 0.0, len(texels) - 1
+            )

@@ -403,7 +403,7 @@ def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Ba
         assert len(list(tmp_path.glob("*.gif"))) == 3
         assert session.messages.errors == []
         assert not [one.text for one in session.messages.log if "model" in one.text]
-        seen = {state.scene.codes.model for state in editor.history.states}
+        seen = {state.scene.instance.fingerprint for state in editor.history.states}
         assert len(seen) == 2
         while editor.history.past:
             window.undo()

@@ -344,17 +344,17 @@ def test_the_window_does_not_wait_for_a_save(
 
 def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_path: Path) -> None:
     """Each state holds all strokes that were drawn before it; the file has each stroke once."""
-    codes = editor.scene.codes
+    instance = editor.scene.instance
     view = PhotoView.of(np.full((32, 32, 4), 255, np.uint8), editor.scene.camera.resized(32, 32))
-    detail = PhotoDetail((view,), codes.shape, codes.texture)
-    states = [replace(editor.state, scene=replace(editor.scene, codes=replace(codes, detail=detail)))]
+    detail = PhotoDetail((view,), instance.codes.shape, instance.codes.texture)
+    states = [replace(editor.state, scene=replace(editor.scene, instance=instance.with_detail(detail)))]
     numbers = random.Random(0)
     for step in range(500):
         if step % 5 == 0:
             points = tuple((numbers.random(), numbers.random()) for _ in range(40))
             detail = detail.erasing(0, (*detail.views[0].erased, Erasure(points, 0.04)))
         state = replace(editor.state, mix=editor.state.mix.with_amount("texture", step / 500))
-        states.append(replace(state, scene=replace(editor.scene, codes=replace(codes, detail=detail))))
+        states.append(replace(state, scene=replace(editor.scene, instance=instance.with_detail(detail))))
     editor.show_object("object 2")
     saved = session.project()
     saved = replace(saved, history=History.of(*states))
@@ -363,7 +363,7 @@ def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_
         assert file.getinfo("project.json").file_size < 1_000_000
     found = Project.load(tmp_path / "a.codenerf", session.models)
     assert found.history == saved.history
-    first, last = (found.history.states[at].scene.codes.detail for at in (-10, -1))
+    first, last = (found.history.states[at].scene.instance.detail for at in (-10, -1))
     assert first.views[0].erased[0] is last.views[0].erased[0]
 
 
@@ -373,10 +373,10 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once(launch: Launch, kill: 
     session.start()
     session.editor.show_object("object 3")
     finish(session, lambda: session.viewport.sharp)
-    codes, camera = session.editor.scene.codes, session.editor.scene.camera.resized(64, 64)
+    instance, camera = session.editor.scene.instance, session.editor.scene.camera.resized(64, 64)
 
     def tile(of: Session) -> Frame | None:
-        return of.thumbnails.get(codes, camera)
+        return of.thumbnails.get(instance, camera)
 
     finish(session, lambda: (found := tile(session)) is not None and found.resolution == (64, 64))
     shown = session.viewport.frame
@@ -404,7 +404,7 @@ def test_closing_writes_only_what_was_not_written_before(
     session.editor.show_object("object 3")
     finish(session, lambda: session.viewport.sharp)
     for _ in range(2):  # the project with the image of the view, then new tiles
-        session.thumbnails.of_object(session.editor.scene.codes)
+        session.thumbnails.of_object(session.editor.scene.instance)
         finish(session)
         clock.now += autosave_module.EVERY_PICTURES
         autosave.tick()

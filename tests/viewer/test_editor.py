@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import CodeBook
+from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from tests.conftest import open_models, random_model
@@ -60,14 +62,14 @@ def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:
 def test_shape_and_texture_slide_from_a_to_b_independently(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.set_b("object 2")
-    a, b = editor.objects["object 1"].codes, editor.objects["object 2"].codes
-    assert editor.scene.codes == a
+    a, b = editor.objects["object 1"].instance, editor.objects["object 2"].instance
+    assert editor.scene.instance == a
     editor.mix_both(1.0, 0.0)
-    torch.testing.assert_close(editor.code("shape"), b.shape)
-    assert torch.equal(editor.code("texture"), a.texture)
+    torch.testing.assert_close(editor.code("shape"), b.codes.shape)
+    assert torch.equal(editor.code("texture"), a.codes.texture)
     editor.mix_both(1.0, 0.5)
-    torch.testing.assert_close(editor.code("texture"), (a.texture + b.texture) / 2)
-    torch.testing.assert_close(editor.code("shape"), b.shape)
+    torch.testing.assert_close(editor.code("texture"), (a.codes.texture + b.codes.texture) / 2)
+    torch.testing.assert_close(editor.code("shape"), b.codes.shape)
 
 
 def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
@@ -77,25 +79,27 @@ def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
         editor.mix_both(amount, amount, gesture="pad")
     assert torch.equal(editor.code("texture"), edited)
     editor.mix_both(0.5, 0.5)
-    torch.testing.assert_close(editor.code("texture"), (edited + editor.objects[editor.state.mix.b].codes.texture) / 2)
+    torch.testing.assert_close(
+        editor.code("texture"), (edited + editor.objects[editor.state.mix.b].instance.codes.texture) / 2
+    )
     editor.show_object("object 1")
-    assert editor.unmixed == editor.objects["object 1"].codes
+    assert editor.unmixed == editor.objects["object 1"].instance
 
 
 def test_shape_and_texture_are_taken_from_different_objects(editor: Editor) -> None:
-    one, two = editor.objects["object 1"].codes, editor.objects["object 2"].codes
+    one, two = editor.objects["object 1"].instance, editor.objects["object 2"].instance
     editor.show_object("object 3")
     editor.mix_both(0.5, 0.5)
     editor.take("shape", "object 1")
-    assert torch.equal(editor.code("shape"), one.shape)
+    assert torch.equal(editor.code("shape"), one.codes.shape)
     assert (editor.state.mix.a, editor.state.mix.shape) == (("object 1", "object 3"), 0.0)
     assert editor.state.mix.texture == 0.5
     editor.take("texture", "object 2")
-    assert torch.equal(editor.code("texture"), two.texture)
+    assert torch.equal(editor.code("texture"), two.codes.texture)
     editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.0)
     editor.mix_both(0.2, 0.3)
     editor.reset()
-    assert torch.equal(editor.code("shape"), one.shape) and torch.equal(editor.code("texture"), two.texture)
+    assert torch.equal(editor.code("shape"), one.codes.shape) and torch.equal(editor.code("texture"), two.codes.texture)
     assert (editor.state.mix.shape, editor.state.mix.texture) == (0.0, 0.0)
 
 
@@ -103,7 +107,7 @@ def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.5, 0.5)
     editor.lock("shape", True)
-    assert all(torch.equal(end.shape, editor.code("shape")) for end in editor.mix_ends)
+    assert all(torch.equal(end.codes.shape, editor.code("shape")) for end in editor.mix_ends)
     shape, mix = editor.code("shape"), editor.state.mix
     edits = (
         lambda: editor.show_object("object 2"),
@@ -119,31 +123,31 @@ def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
     assert editor.state.mix.texture == 0.9
     editor.lock("shape", False)
     editor.show_object("object 2")
-    assert editor.scene.codes == editor.objects["object 2"].codes
+    assert editor.scene.instance == editor.objects["object 2"].instance
 
 
 def test_another_b_takes_over_what_is_mixed_in(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.0, 1.0)
     editor.set_b("object 3")
-    torch.testing.assert_close(editor.code("texture"), editor.objects["object 3"].codes.texture)
-    assert torch.equal(editor.code("shape"), editor.objects["object 1"].codes.shape)
+    torch.testing.assert_close(editor.code("texture"), editor.objects["object 3"].instance.codes.texture)
+    assert torch.equal(editor.code("shape"), editor.objects["object 1"].instance.codes.shape)
 
 
 def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
     empty = replace(model, codes=CodeBook(model.codes.shapes, model.codes.textures, ()))
     editor = Editor(open_models(empty), empty, torch.Generator())
     assert editor.objects.families == {empty.fingerprint: {"mean": ()}}
-    assert editor.scene.codes == empty.codes.mean
+    assert editor.scene.instance == empty.mean
 
 
 def fitted(model: Model) -> EditableObject:
     """An object with what its photo adds to its colours."""
-    codes, rgba = model.codes[1], np.full((20, 20, 4), 255, np.uint8)
+    instance, rgba = model[1], np.full((20, 20, 4), 255, np.uint8)
     rgba[5:15, 5:15, 1:3] = 0
     camera = model.camera(0.5, 0.2).resized(20, 20)
-    detail = PhotoDetail((PhotoView.of(rgba, camera),), codes.shape, codes.texture)
-    return EditableObject("fitted", replace(codes, detail=detail), True, 0.9)
+    detail = PhotoDetail((PhotoView.of(rgba, camera),), instance.codes.shape, instance.codes.texture)
+    return EditableObject("fitted", instance.with_detail(detail), True, 0.9)
 
 
 def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, model: Model) -> None:
@@ -151,18 +155,18 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     editor.add_and_show(one, editor.scene.camera)
     before = editor.state
     for strength in (0.8, 0.5, 1.0, 0.25):
-        editor.set_detail(replace(one.codes.detail, strength=strength), gesture="photo detail")
+        editor.set_detail(replace(one.instance.detail, strength=strength), gesture="photo detail")
     editor.end_gesture()
-    detail = editor.scene.codes.detail
+    detail = editor.scene.instance.detail
     assert detail is not None and detail.strength == 0.25
     editor.move_along(Direction.principal(model.codes, "texture", 0), 1.0)
-    assert editor.scene.codes.detail is detail
+    assert editor.scene.instance.detail is detail
     editor.take("texture", "object 2")
-    assert editor.scene.codes.detail is detail
+    assert editor.scene.instance.detail is detail
     editor.take("shape", "object 2")
-    assert editor.scene.codes.detail is None
+    assert editor.scene.instance.detail is None
     editor.take("shape", "fitted")
-    assert editor.scene.codes.detail == detail  # as it was left
+    assert editor.scene.instance.detail == detail  # as it was left
     for _ in range(5):
         editor.undo()
     assert editor.state == before
@@ -171,7 +175,7 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
 def test_the_photo_s_detail_comes_back_from_a_project(editor: Editor, session: Session, model: Model, tmp_path: Path):
     one = fitted(model)
     editor.add_and_show(one, editor.scene.camera)
-    editor.set_detail(replace(one.codes.detail, strength=0.5))
+    editor.set_detail(replace(one.instance.detail, strength=0.5))
     saved = session.project()
     saved.save(tmp_path / "p.codenerf", session.models)
     again = Project.load(tmp_path / "p.codenerf", session.models)
@@ -183,7 +187,7 @@ def test_the_photo_s_detail_comes_back_from_a_project(editor: Editor, session: S
 def test_a_fitted_object_is_first_seen_from_its_photo(editor: Editor, model: Model) -> None:
     name = editor.objects.add(one := fitted(model))
     editor.show_object(name)
-    assert orbit.same_direction(editor.scene.camera, one.codes.detail.views[0].camera)
+    assert orbit.same_direction(editor.scene.camera, one.instance.detail.views[0].camera)
     editor.set_camera(turned := orbit.turned(editor.scene.camera, 1.0, 0.0))
     for other in ("object 2", name):
         editor.show_object(other)
@@ -194,41 +198,41 @@ def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) 
     one = fitted(model)
     UserObjects(tmp_path).sync(open_models(model), [one])
     (again,) = UserObjects(tmp_path).open(model)
-    assert again.codes == one.codes and again.codes.detail == one.codes.detail
+    assert again.instance == one.instance and again.instance.detail == one.instance.detail
 
 
 def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, model: Model) -> None:
     one = fitted(model)
     name = editor.add_and_show(one, editor.scene.camera)
     editor.set_texture(editor.code("texture") + 1.0)
-    edited = editor.scene.codes
-    better = replace(one, codes=replace(one.codes, texture=one.codes.texture + 0.1), confidence=0.95)
+    edited = editor.scene.instance
+    better = replace(one, instance=one.instance.changed(texture=one.instance.codes.texture + 0.1), confidence=0.95)
     assert not editor.improve(name, better, editor.scene.camera)
-    assert editor.scene.codes == editor.objects[name].codes == edited
+    assert editor.scene.instance == editor.objects[name].instance == edited
     assert editor.objects[name].confidence == 0.95
     editor.show_unedited(name)
-    assert editor.scene.codes == editor.objects[name].codes == better.codes
+    assert editor.scene.instance == editor.objects[name].instance == better.instance
     editor.undo()
-    assert editor.objects[name].codes == edited
+    assert editor.objects[name].instance == edited
 
 
 @pytest.mark.parametrize("end", ("show again", "show another", "duplicate", "add", "undo and redo"))
 def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Editor, model: Model, end: str) -> None:
     name = editor.add_and_show(fitted(model), editor.scene.camera)
     editor.set_texture(editor.code("texture") + 1.0, gesture="paint")
-    edited = editor.scene.codes
+    edited = editor.scene.instance
     if end == "show again":
         editor.show_object(name)
     elif end == "show another":
         editor.show_object("object 3")
     elif end == "duplicate":
-        assert editor.objects[editor.duplicate(name)].codes == edited
+        assert editor.objects[editor.duplicate(name)].instance == edited
     elif end == "add":
         editor.add_and_show(fitted(model), editor.scene.camera)
     else:
         editor.undo()
         editor.redo()
-    assert editor.objects[name].codes == edited
+    assert editor.objects[name].instance == edited
 
 
 def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: Model) -> None:
@@ -236,7 +240,7 @@ def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: M
         editor = Editor(open_models(model), model, torch.Generator())
         editor.add_and_show(one, editor.scene.camera)
         if texture:
-            editor.set_texture(one.codes.texture + texture)
+            editor.set_texture(one.instance.codes.texture + texture)
         return editor
 
     one = fitted(model)
@@ -244,10 +248,10 @@ def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: M
         saved, editor = shown(there), shown(here)
         editor.restore(Project(saved.history, saved.objects.ever_added))
         assert editor.objects.own == ["fitted"]
-        assert editor.objects["fitted"].original == one.codes
-        assert editor.objects["fitted"].codes == editor.scene.codes == saved.scene.codes
-        ends = [editor.history.steps[branch.last].state.scene.codes for branch in editor.history.branches]
-        assert ends == ([replace(one.codes, texture=one.codes.texture + here)] if here else [])
+        assert editor.objects["fitted"].original == one.instance
+        assert editor.objects["fitted"].instance == editor.scene.instance == saved.scene.instance
+        ends = [editor.history.steps[branch.last].state.scene.instance for branch in editor.history.branches]
+        assert ends == ([one.instance.changed(texture=one.instance.codes.texture + here)] if here else [])
 
 
 @pytest.fixture
@@ -262,12 +266,12 @@ def test_objects_of_two_models_are_edited_in_one_history(both: Editor, model: Mo
     both.lock("shape", True)
     both.set_b("object 4")
     both.show_object("object 2 (2)")
-    assert both.model is cars and both.scene.codes == cars.codes[2]
+    assert both.model is cars and both.scene.instance == cars[2]
     assert both.locked == frozenset()  # of this model's objects nothing is
-    assert both.state.mix.b == "object 1 (2)" or both.models.of(both.objects[both.state.mix.b].codes) is cars
+    assert both.state.mix.b == "object 1 (2)" or both.objects[both.state.mix.b].instance.model is cars
     both.mix_both(0.0, 0.5)
     both.sample()
-    assert both.scene.codes.model == cars.fingerprint
+    assert both.scene.instance.fingerprint == cars.fingerprint
     both.show_object("object 3")
     assert both.model is model and both.state.mix.b == "object 4"
     assert both.locked == {"shape"} and torch.equal(both.code("shape"), model.codes[3].shape)
@@ -280,11 +284,25 @@ def test_objects_of_two_models_are_edited_in_one_history(both: Editor, model: Mo
 
 def test_objects_of_two_models_are_not_mixed_and_bring_mixes_of_their_own(both: Editor) -> None:
     _, cars = both.models
-    both.show(cars.codes[3], both.scene.camera)
-    assert all(both.models.of(both.objects[name].codes) is cars for name in both.state.mix.names)
+    both.show(cars[3], both.scene.camera)
+    assert all(both.objects[name].instance.model is cars for name in both.state.mix.names)
     both.mix_both(0.0, 0.5)
     assert both.model is cars
     both.show_object("object 3")
     assert both.is_mixable("object 2") and not both.is_mixable("object 2 (2)")
     with pytest.raises(ValueError, match="different models"):
         both.take("texture", "object 2 (2)")
+
+
+def test_keyframes_of_a_missing_model_wait_for_it(model: Model) -> None:
+    stools = replace(random_model(9), category="stools")
+    editor = Editor(open_models(model), model, torch.Generator())
+    waiting = View(MissingInstance(stools.fingerprint, stools.codes[2]), editor.scene.camera)
+    here = View(model[1], editor.scene.camera)
+    editor.set_timeline(Timeline((Keyframe(0.0, here), Keyframe(1.0, waiting))))
+    editor.sample()
+    assert [key.view for key in editor.playable.keys] == [here]
+    editor.models.add("stools", stools)
+    editor.add_model(stools)
+    assert [key.view.instance for key in editor.playable.keys] == [model[1], stools[2]]
+    assert editor.state.timeline is editor.history.past[-1].timeline  # states share it

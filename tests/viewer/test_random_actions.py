@@ -17,8 +17,7 @@ from imgui_bundle import ImVec2, imgui
 from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import detailed_fit
 from viewer import autosave
@@ -39,7 +38,7 @@ def varied_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     shift = float(job.photos[0].pixels.double().mean())
     for step in detailed_fit(model, job):
         time.sleep(0.03)
-        yield replace(step, codes=replace(step.codes, texture=step.codes.texture + shift))
+        yield replace(step, instance=step.instance.changed(texture=step.instance.codes.texture + shift))
 
 
 class Made:
@@ -55,7 +54,7 @@ class Made:
         if editor.history.gesture:
             return
         self._newest[0].update(key(one.original) for one in editor.objects.ever_added)
-        self._newest[1].update(key(state.scene.codes) for state, _ in editor.history.steps)
+        self._newest[1].update(key(state.scene.instance) for state, _ in editor.history.steps)
         if window.context.autosave.is_up_to_date:
             self.keep()
 
@@ -70,8 +69,8 @@ class Made:
         self._newest = set(), set()
 
 
-def key(codes: Codes) -> Key:
-    return codes.model, codes.shape.numpy().tobytes(), codes.texture.numpy().tobytes()
+def key(instance: Instance) -> Key:
+    return instance.fingerprint, instance.codes.shape.numpy().tobytes(), instance.codes.texture.numpy().tobytes()
 
 
 class Person:
@@ -291,7 +290,7 @@ def test_nothing_is_lost_and_no_error_is_logged(
         kept = [one for project in projects for one in project.objects] + list(window.session.editor.objects.added)
         states = [state for project in projects for state, _ in project.history.steps]
         assert made.objects <= {key(one.original) for one in kept}
-        assert made.shown <= {key(state.scene.codes) for state in states}
+        assert made.shown <= {key(state.scene.instance) for state in states}
 
     while time.monotonic() < end:
         drive(run, backend, random.choice(((1280, 800), (900, 600))), folder=folders[-1])

@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.scene import Scene, save_image
 from tests.conftest import open_models, random_model
 from tests.viewer.driver import finish
@@ -24,7 +24,7 @@ from viewer.values.project import Project
 
 
 def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: Editor, model: Model) -> None:
-    assert editor.scene.codes == model.codes[0]
+    assert editor.scene.instance == model[0]
     assert editor.scene.camera == orbit.home(model)
     assert session.viewport.frame.final
     assert session.messages.all == []
@@ -62,7 +62,7 @@ def test_scenes_come_back_exactly(session: Session, editor: Editor, tmp_path: Pa
     session.open_scene(tmp_path / "mine.json")
     assert editor.scene == scene
     assert editor.objects.own[0] == editor.state.mix.a.shape == editor.state.mix.a.texture == "mine"
-    assert editor.objects.added[0].codes == scene.codes
+    assert editor.objects.added[0].instance == scene.instance
 
 
 def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, editor: Editor, tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_photos_are_fitted_with_the_models_of_their_categories_in_turn(worker: W
     session.fitting.start(photo)
     session.fitting.start(blue := blue_block(photo))
     finish(session, lambda: not session.fitting.pending)
-    assert {one.name: editor.models.of(one.codes) for one in editor.objects.added} == {
+    assert {one.name: one.instance.model for one in editor.objects.added} == {
         "block": chairs,
         "block blue": cars,
     }
@@ -131,7 +131,7 @@ def test_a_person_may_fit_a_photo_as_another_category(worker: Worker, both: Back
     finish(session, lambda: not session.fitting.pending)
     session.fitting.refit(cars)
     finish(session, lambda: not session.fitting.pending)
-    assert [session.models.of(one.codes) for one in session.editor.objects.added] == [chairs, cars]
+    assert [one.instance.model for one in session.editor.objects.added] == [chairs, cars]
     shown = session.fitting.shown
     session.segmenting.open(shown.sources, 0, shown.model)
     session.segmenting.fit()  # cut out again, it is a car still
@@ -144,7 +144,7 @@ def test_a_model_file_joins_the_library(session: Session, editor: Editor, model:
     session.jobs.backend = replace(session.jobs.backend, load_model=lambda name: other)
     session.open_model("stools.safetensors")
     finish(session)
-    assert editor.model is other and editor.scene.codes == other.codes[0]
+    assert editor.model is other and editor.scene.instance == other[0]
     assert editor.history.past == (before.now,)
     editor.undo()
     assert editor.model is model
@@ -170,7 +170,7 @@ def test_a_model_that_cannot_be_opened_changes_nothing(session: Session, editor:
 def test_a_scene_of_any_open_model_opens(worker: Worker, both: Backend, tmp_path: Path) -> None:
     session = Session(worker, both, seed=0)
     cars, _ = session.models
-    scene = Scene(cars.codes[2], cars.camera(0.3, 0.2))
+    scene = Scene(cars[2], cars.camera(0.3, 0.2))
     scene.save(tmp_path / "a.json")
     save_image(np.zeros((8, 8, 3), np.uint8), tmp_path / "b.png", scene)
     for name in ("a.json", "b.png"):
@@ -209,7 +209,7 @@ def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Sessi
 def edited_stool(session: Session, stools: Model) -> tuple[int, int]:
     """Edit a stool twice, the second time from before the first; return both steps of undo, and show a chair."""
     editor = session.editor
-    editor.show_object(editor.objects.add(EditableObject("stool", stools.codes[1], True)))
+    editor.show_object(editor.objects.add(EditableObject("stool", stools[1], True)))
     for shift in (1.0, 2.0):
         editor.set_texture(stools.codes[1].texture + shift)
         editor.undo()
@@ -245,7 +245,7 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
         editor.go_to(number)
         assert editor.history == made  # it cannot be shown
     kept = editor.objects["stool"]
-    assert kept.codes == made.steps[last].state.scene.codes and kept.original == stools.codes[1]
+    assert kept.instance == made.steps[last].state.scene.instance and kept.original == stools[1]
     session.keep_edits(session.project())
     session.keep_user_objects()
     session.save_project(tmp_path / "b.codenerf")
@@ -254,18 +254,18 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
     session.tick()
     for number in (first, last):
         editor.go_to(number)
-        assert editor.scene.codes == replace(made.steps[number].state.scene.codes, model=after.fingerprint)
-        assert editor.objects["stool"].codes == editor.scene.codes
-    assert [codes.model for codes in editor.objects["stool"].versions] == [after.fingerprint] * 2
+        assert editor.scene.instance == Instance(after, made.steps[number].state.scene.instance.codes)
+        assert editor.objects["stool"].instance == editor.scene.instance
+    assert [instance.fingerprint for instance in editor.objects["stool"].versions] == [after.fingerprint] * 2
     editor.reset()
-    assert editor.scene.codes == replace(stools.codes[1], model=after.fingerprint)
+    assert editor.scene.instance == Instance(after, stools.codes[1])
 
     there["stools"] = stools
     session = Session(worker, backend, seed=0)
     session.models.open("stools")
     session.open_project(tmp_path / "b.codenerf")
     assert session.editor.history == made
-    assert session.editor.objects["stool"].codes == kept.codes
+    assert session.editor.objects["stool"].instance == kept.instance
 
 
 def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
@@ -273,27 +273,30 @@ def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
 ) -> None:
     stools = replace(random_model(9), category="stools")
     editor = Editor(open_models(model, stools), model, torch.Generator())
-    one = EditableObject("stool", stools.codes[1], True)
+    one = EditableObject("stool", stools[1], True)
     editor.show_object(editor.objects.add(one))
     editor.set_texture(stools.codes[1].texture + 1.0)
-    saved = Project(editor.history, editor.objects.ever_added)
+    Project(editor.history, editor.objects.ever_added).save(tmp_path / "a.codenerf", editor.models)
 
     editor = Editor(open_models(model), model, torch.Generator())
-    here = one.left_as(replace(one.codes, texture=one.codes.texture + 2.0))
+    saved = Project.load(tmp_path / "a.codenerf", editor.models)
+    one = EditableObject("stool", saved.objects[0].original, True)
+    here = one.left_as(one.instance.changed(texture=one.instance.codes.texture + 2.0))
     editor.objects.add(here)
     editor.restore(saved)
-    assert editor.objects["stool"].codes == saved.objects[0].codes
+    assert editor.objects["stool"].instance == saved.objects[0].instance
     (branch,) = editor.history.branches
     editor.models.add("stools", stools)
     editor.add_model(stools)
     editor.go_to(branch.last)
-    assert editor.scene.codes == here.codes == editor.objects["stool"].codes
+    assert not editor.scene.instance.is_missing
+    assert editor.scene.instance == here.instance == editor.objects["stool"].instance
 
 
 def test_without_any_state_that_can_be_shown_work_goes_on_after_them(model: Model) -> None:
     stools = replace(random_model(9), category="stools")
     editor = Editor(open_models(stools), stools, torch.Generator())
-    name = editor.objects.add(EditableObject("stool", stools.codes[1], True))
+    name = editor.objects.add(EditableObject("stool", stools[1], True))
     editor.show_object(name)
     editor.remove(name)
     saved = Project(editor.history, editor.objects.ever_added)

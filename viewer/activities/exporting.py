@@ -44,11 +44,11 @@ class Exporting:
         Nothing happens while another file is written, or for a video without keyframes. A name without an
         ending is a folder of frames; a PNG also holds the scene.
         """
-        timeline, backend, models = self._editor.playable, self._jobs.backend, self._jobs.models
+        timeline, backend = self._editor.playable, self._jobs.backend
         if settings.kind == "mesh":
             model, camera = self._editor.model, self._editor.scene.photo_camera
             about = settings.mesh_settings(model.metres)
-            self._begin("mesh", path, lambda scene: backend.mesh(model, scene.codes, path, about, camera))
+            self._begin("mesh", path, lambda scene: backend.mesh(scene.instance, path, about, camera))
         elif settings.kind == "page":
             self._begin("page", path, lambda scene: self._page(scene, path, settings))
         elif settings.kind == "picture":
@@ -57,8 +57,8 @@ class Exporting:
             other = self._editor.film_partner
 
             def write(scene: Scene) -> Iterator[float]:
-                views = settings.views(models, scene, timeline, other)
-                for done in backend.video(models, views, path, settings.video_settings):
+                views = settings.views(scene, timeline, other)
+                for done in backend.video(views, path, settings.video_settings):
                     yield done / len(views)
 
             self._begin(settings.kind, path, write)
@@ -71,15 +71,15 @@ class Exporting:
             self.path = None
 
     def _page(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
-        (codes, camera), *_ = settings.views(self._jobs.models, scene, self._editor.state.timeline)
+        (instance, camera), *_ = settings.views(scene, self._editor.state.timeline)
         name = self._editor.state.mix.a.words
-        for _ in self._jobs.backend.page(self._jobs.models.of(codes), codes, camera, path, name):
+        for _ in self._jobs.backend.page(instance, camera, path, name):
             yield 0.0
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
-        view = settings.views(self._jobs.models, scene, self._editor.playable)[0]
+        view = settings.views(scene, self._editor.playable)[0]
         about = settings.behind, settings.exact, settings.shows_shadow
-        for image in self._jobs.backend.pictures(self._jobs.models, [view], *about):
+        for image in self._jobs.backend.pictures([view], *about):
             if image is not None:
                 save_image(image, path, scene)
             yield float(image is not None)

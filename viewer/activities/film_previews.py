@@ -40,7 +40,7 @@ class FilmPreviews:
 
         def stream() -> Iterator[tuple[str, Frame, float] | None]:
             for film in films:
-                views = film.views(self._jobs.models, scene, timeline, other)
+                views = film.views(scene, timeline, other)
                 yield None
                 for index in range(_FRAMES):
                     view = views[index * len(views) // _FRAMES]
@@ -65,7 +65,7 @@ class FilmPreviews:
     def photo_shares(self, kind: str) -> tuple[float, float] | None:
         """Return the mean fractions of colours from the photo and from its mirror image; None until they are known."""
         frames = self._frames.get(kind, [])
-        if len(frames) < _FRAMES or self._editor.scene.codes.detail is None:
+        if len(frames) < _FRAMES or self._editor.scene.instance.detail is None:
             return None
         photo, mirrored = np.mean([frame.photo_shares for frame in frames], 0)
         return float(photo), float(mirrored)

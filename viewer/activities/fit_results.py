@@ -39,7 +39,7 @@ class FitResults:
     def improve(self, handed: Ready, better: EditableObject, camera: Camera) -> bool:
         """Replace the preliminary result ``handed`` by the final one; return whether their viewpoints differ."""
         name = handed.name
-        differs = better.codes != self._editor.objects[name].original
+        differs = better.instance != self._editor.objects[name].original
         own = self._editor.scene.camera
         turned = not orbit.same_direction(own, handed.camera)
         shown = self._editor.improve(name, better, own if turned else camera)
@@ -63,6 +63,6 @@ class FitResults:
             self.checking = Ready(to, self.checking.camera)
 
     def _forget_seen(self) -> None:
-        codes, objects = self._editor.scene.codes, self._editor.objects
-        for name in [name for name in self.unseen if objects[name].original == codes or name in objects.removed]:
+        instance, objects = self._editor.scene.instance, self._editor.objects
+        for name in [name for name in self.unseen if objects[name].original == instance or name in objects.removed]:
             del self.unseen[name]

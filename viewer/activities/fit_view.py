@@ -60,4 +60,4 @@ class FitView:
     def add_step(self, step: FitStep) -> None:
         """Add a step of the running fit, which a view that follows it shows."""
         self.history = self.history.with_step(step)
-        self._viewport.show_live(View(step.codes, self.camera_of(step)))
+        self._viewport.show_live(View(step.instance, self.camera_of(step)))

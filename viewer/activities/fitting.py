@@ -106,7 +106,7 @@ class Fitting:
         if not self.history.sources:
             self.view.show(history)
             added, last = self._editor.objects.added, history.last
-            if name := next((one.name for one in added if last and one.original == last.codes), ""):
+            if name := next((one.name for one in added if last and one.original == last.instance), ""):
                 self._keep_fit(name)
         self.queue = (*self.queue, *(request for request in pending if not request.problem))
         self.questions = (*self.questions, *(_failure(request) for request in pending if request.problem))
@@ -214,7 +214,7 @@ class Fitting:
             scene, cameras, index = self._editor.scene, list(initial.cameras), self.history.photo_index
             seen = scene.camera  # the object's size in the view is not its size in the photo
             cameras[index] = replace(cameras[index], azimuth=seen.azimuth, elevation=seen.elevation)
-            self.resume(replace(initial, cameras=tuple(cameras), codes=scene.codes))
+            self.resume(replace(initial, cameras=tuple(cameras), instance=scene.instance))
 
     @property
     def resume_point(self) -> Hypothesis | None:
@@ -383,12 +383,12 @@ class Fitting:
 
     def _with_detail(self, step: FitStep) -> FitStep:
         """Return a stopped fit's step with photo detail, which only full fits end with."""
-        if step.codes.detail or not step.hypotheses or not self.can_resume(step.hypotheses[0]):
+        if step.instance.detail or not step.hypotheses or not self.can_resume(step.hypotheses[0]):
             return step
-        return with_photo_detail(self.view.model, [fitted.photo for fitted in self.history.photos], step)
+        return with_photo_detail([fitted.photo for fitted in self.history.photos], step)
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        return EditableObject(self.history.name, step.codes, True, step.confidence)
+        return EditableObject(self.history.name, step.instance, True, step.confidence)
 
 
 def _failure(request: FitRequest, seen: SeenCutOut | None = None) -> Question:

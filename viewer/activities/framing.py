@@ -39,11 +39,11 @@ class Framing:
                 editor.join(self._last)
 
         def stream() -> Iterator[float]:
-            yield self._jobs.backend.distance(model, scene.codes, seen, SHARE)
+            yield self._jobs.backend.distance(scene.instance, seen, SHARE)
 
         self._jobs.submit(Job("framing", stream, found, self._jobs.reporting("Cannot frame the object"), urgent=True))
 
     def _look(self) -> None:
         scene, before, self._last = self._editor.scene, self._last, self._editor.scene
-        if scene.codes is before.codes and scene.camera.distance != before.camera.distance:
+        if scene.instance is before.instance and scene.camera.distance != before.camera.distance:
             self._zoomed = True

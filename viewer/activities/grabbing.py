@@ -36,9 +36,9 @@ class Grabbing:
     def look(self, place: Place) -> None:
         """Begin to find the pull at a place of the view."""
         request = self._viewport.request
-        if (at := (request.codes, request.camera, place)) == self._at:
+        if (at := (request.instance, request.camera, place)) == self._at:
             return
-        self._at, crop, model = at, request.crop(_DETAIL), self._editor.model
+        self._at, crop = at, request.crop(_DETAIL)
         point = place[0] * crop.width + crop.left, place[1] * crop.height + crop.top
         pulls = self._jobs.backend.pulls
 
@@ -46,8 +46,8 @@ class Grabbing:
             self.pull = found[0] if found else None
             self._found = (found, crop.camera, point) if found else None
 
-        ended, codes = self._jobs.reporting("Cannot grab the object"), request.codes
-        self._jobs.submit(Job("pull", lambda: (pulls(model, codes, crop.camera, point),), keep, ended, urgent=True))
+        ended, instance = self._jobs.reporting("Cannot grab the object"), request.instance
+        self._jobs.submit(Job("pull", lambda: (pulls(instance, crop.camera, point),), keep, ended, urgent=True))
 
     def drag(self, drag: tuple[float, float], words: Sequence[str] = ()) -> None:
         """Move the surface by ``drag`` px of the view (right, down) from where the pull began.

@@ -45,7 +45,7 @@ class IdleTurn:
     def _edited(self) -> bool:
         """True if the scene differs from the one to turn."""
         scene, of = self._editor.scene, self._of
-        return of is None or scene.codes is not of.codes or not orbit.same_direction(scene.camera, of.camera)
+        return of is None or scene.instance is not of.instance or not orbit.same_direction(scene.camera, of.camera)
 
     def _prepare(self) -> None:
         self._of, self._began, self._shown = self._editor.scene, None, None
@@ -58,7 +58,7 @@ class IdleTurn:
         elif self._edited:
             self._of = self._began = self._shown = None
         elif self._began is None:
-            ready = viewport.sharp and viewport.is_baked(scene.codes)
+            ready = viewport.sharp and viewport.is_baked(scene.instance)
             self._began = self._clock() + _REST if ready else None
         elif self.turning:
             azimuth = _SPEED * (self._clock() - self._began)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from core.detail.paint import CoarsePaint, Paint, Rgb, paint_parts
 from core.geometry.camera import Camera
-from core.models.codes import Codes
+from core.models.model import Instance
 from core.rendering.progressive import Frame
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -21,7 +21,7 @@ from viewer.services.worker import Job
 class _Choice(NamedTuple):
     """A chosen paint whose texture is not found yet."""
 
-    codes: Codes
+    instance: Instance
     paint: Paint
 
 
@@ -34,7 +34,7 @@ class Painting:
         self._choice: _Choice | None = None
         self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._shown: tuple[CoarsePaint, Rgb] | None = None  # on screen
-        self._known: tuple[Codes, str, Rgb | None] | None = None  # codes, part, and the part's colour once measured
+        self._known: tuple[Instance, str, Rgb | None] | None = None  # codes, part, and the part's colour once measured
         self._released = True  # no drag is in progress
 
     @property
@@ -57,19 +57,19 @@ class Painting:
 
         Until it is measured, the last known colour; None if there is none.
         """
-        codes, part = self._editor.scene.codes, self.part
-        if self._choice and codes is self._choice.codes and part == self._choice.paint.part:
+        instance, part = self._editor.scene.instance, self.part
+        if self._choice and instance is self._choice.instance and part == self._choice.paint.part:
             return self._choice.paint.colour
-        if self._known is None or self._known[0] != codes or self._known[1] != part:
+        if self._known is None or self._known[0] != instance or self._known[1] != part:
             before = self._known[2] if self._known else None
-            self._known = codes, part, before
-            measure, model = self._jobs.backend.paint_colour, self._editor.model
+            self._known = instance, part, before
+            measure = self._jobs.backend.paint_colour
 
             def stream() -> Iterator[Rgb | None]:
-                yield (yield from measure(model, codes, part))
+                yield (yield from measure(instance, part))
 
             def keep(colour: Rgb) -> None:
-                self._known = codes, part, colour
+                self._known = instance, part, colour
 
             def ended(error: Exception | None) -> None:
                 if not isinstance(error, ValueError):  # an object without a surface has no colour
@@ -85,8 +85,8 @@ class Painting:
 
     @property
     def _original(self) -> Tensor:
-        codes = self._editor.scene.codes
-        return codes.detail.texture if codes.detail else self._editor.original.texture
+        instance = self._editor.scene.instance
+        return instance.detail.texture if instance.detail else self._editor.original.codes.texture
 
     def restore(self) -> None:
         """Restore the original paint."""
@@ -95,7 +95,7 @@ class Painting:
     def paint(self, colour: Rgb) -> None:
         """Show the part in a colour, sRGB 0..1, coarsely; :meth:`release` gives it to the object."""
         self._jobs.cancel("paint")
-        self._choice = _Choice(self._editor.scene.codes, Paint(colour, self.part))
+        self._choice = _Choice(self._editor.scene.instance, Paint(colour, self.part))
         self._released, self._shown = False, None
         self.tick()
 
@@ -103,26 +103,26 @@ class Painting:
         """End a drag over colours: the object takes the last one, a step of undo."""
         if self._released or self._choice is None:
             return
-        self._released, choice, model = True, self._choice, self._editor.model
+        self._released, choice = True, self._choice
 
-        def stream() -> Iterator[Codes | None]:
-            yield (yield from self._jobs.backend.paint(model, choice.codes, choice.paint))
+        def stream() -> Iterator[Instance | None]:
+            yield (yield from self._jobs.backend.paint(choice.instance, choice.paint))
 
-        def keep(found: Codes) -> None:
+        def keep(found: Instance) -> None:
             states = (self._editor.state, *self._editor.history.past)
-            if not any(state.scene.codes is choice.codes for state in states):
+            if not any(state.scene.instance is choice.instance for state in states):
                 return  # undone meanwhile
-            if not torch.equal(self._editor.code("texture"), choice.codes.texture):
+            if not torch.equal(self._editor.code("texture"), choice.instance.codes.texture):
                 self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
                 return
-            self._editor.set_texture(found.texture)
+            self._editor.set_texture(found.codes.texture)
             self._jobs.cancel("paint colour")  # of the codes before
-            self._known = self._editor.scene.codes, choice.paint.part, choice.paint.colour
+            self._known = self._editor.scene.instance, choice.paint.part, choice.paint.colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)
             self._choice = None
-            if self._editor.scene.codes is choice.codes:
+            if self._editor.scene.instance is choice.instance:
                 self._viewport.repainted = None
 
         self._jobs.submit(Job("paint", stream, keep, ended, urgent=True))
@@ -132,7 +132,7 @@ class Painting:
         choice, view = self._choice, self._viewport
         if choice is None or not view.full_frame or not view.frame_request or view.source != "scene":
             return
-        if self._editor.scene.codes is not choice.codes or view.frame_request.codes is not choice.codes:
+        if self._editor.scene.instance is not choice.instance or view.frame_request.instance is not choice.instance:
             return
         (frame, crop), part = view.full_frame, choice.paint.part
         if self._coarse is None or self._coarse[:2] != (frame, part):
@@ -144,13 +144,13 @@ class Painting:
     def _find_coarse(self, frame: Frame, camera: Camera, choice: _Choice) -> None:
         """Begin to find where a frame of the chosen codes, seen from ``camera``, has paint."""
         self._coarse = frame, choice.paint.part, None
-        find, model = self._jobs.backend.coarse_paint, self._editor.model
+        find = self._jobs.backend.coarse_paint
 
         def found(coarse: CoarsePaint) -> None:
             self._coarse = frame, choice.paint.part, coarse
 
         def stream() -> Iterator[CoarsePaint]:
-            yield find(model, choice.codes, camera, frame, choice.paint.part)
+            yield find(choice.instance, camera, frame, choice.paint.part)
 
         self._jobs.submit(
             Job("coarse paint", stream, found, self._jobs.reporting("Cannot show the paint"), urgent=True)

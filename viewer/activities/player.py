@@ -97,7 +97,7 @@ class Player:
             room = seconds + (_STEP if timeline.loop else 0.0)
             timeline = replace(timeline, length=min(MAX_LENGTH, max(timeline.length, room)))
         scene = self._editor.scene
-        self._editor.set_timeline(timeline.added(seconds, View(scene.codes, scene.camera)))
+        self._editor.set_timeline(timeline.added(seconds, View(scene.instance, scene.camera)))
         self.seconds = seconds
         self._jobs.messages.notify(f"Keyframe {(self.key or 0) + 1} of {len(self.timeline.keys)}, at {seconds:.1f} s")
 
@@ -112,7 +112,7 @@ class Player:
         self.close()
         self.seconds = moved.keys[index].seconds
         self._editor.set_timeline(moved, gesture)
-        if self._jobs.models.can_show(moved.keys[index].view.codes):
+        if not moved.keys[index].view.instance.is_missing:
             self._editor.show(*moved.keys[index].view, gesture)
 
     def go_to_key(self, index: int) -> None:
@@ -141,5 +141,5 @@ class Player:
 
     def _show(self) -> None:
         view = self._editor.playable.at(self.seconds)
-        self._editor.show(view.codes, view.camera, gesture=_GESTURE)
+        self._editor.show(view.instance, view.camera, gesture=_GESTURE)
         self._last_scene, self._last_timeline = self._editor.scene, self.timeline

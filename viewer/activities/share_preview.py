@@ -24,7 +24,7 @@ class SharePreview:
 
     def update(self, settings: ShareSettings) -> None:
         """Update the preview; call once a frame while it is visible. A video without keyframes has none."""
-        scene, timeline, models = self._editor.scene, self._editor.playable, self._jobs.models
+        scene, timeline = self._editor.scene, self._editor.playable
         other, about = self._editor.film_partner, (settings.size, settings.exact, settings.shows_shadow)
         wanted = scene, timeline, other, settings.kind, settings.fill, settings.wide, *about
         unwanted = settings.kind == "video" and not timeline.keys
@@ -34,11 +34,11 @@ class SharePreview:
         self.seconds = None
 
         def stream() -> Iterator[tuple[Image, float | None] | None]:
-            views = settings.views(models, scene, timeline, other)
+            views = settings.views(scene, timeline, other)
             work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views, settings.exact))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))
-            for frame in self._jobs.frames(RenderJob(views[0].codes, camera, few, shadow=settings.shows_shadow)):
+            for frame in self._jobs.frames(RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)):
                 pace = frame.seconds / (camera.width * camera.height) if frame else 0.0
                 yield (over(frame, None, camera), work * pace or None) if frame else None
 

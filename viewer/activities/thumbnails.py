@@ -12,7 +12,7 @@ from jaxtyping import Float32
 
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
-from core.models.codes import Codes
+from core.models.model import Instance
 from core.models.photo_detail import PhotoDetail
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.services.jobs import TILES_SHARE, Jobs
@@ -45,8 +45,10 @@ class _Key(NamedTuple):
         return hashlib.blake2b(text + detail, digest_size=16).hexdigest()
 
 
-def _key(codes: Codes, camera: Camera, samples: int) -> _Key:
-    return _Key(codes.model, codes.shape_key, codes.texture_key, camera, samples, codes.detail)
+def _key(instance: Instance, camera: Camera, samples: int) -> _Key:
+    return _Key(
+        instance.fingerprint, instance.codes.shape_key, instance.codes.texture_key, camera, samples, instance.detail
+    )
 
 
 @lru_cache(maxsize=256)
@@ -57,9 +59,9 @@ def _detail_digest(detail: PhotoDetail) -> bytes:
     return hashlib.blake2b(about.encode(), digest_size=16).digest()
 
 
-def digest(codes: Codes, camera: Camera) -> str:
+def digest(instance: Instance, camera: Camera) -> str:
     """Return a hash of an image's inputs, for the names of stored images."""
-    return _key(codes, camera, 0).digest
+    return _key(instance, camera, 0).digest
 
 
 def frame_of(pixels: Pixels, samples: int = 0, stages: int = 1) -> Frame:
@@ -86,30 +88,30 @@ class Thumbnails:
         self._jobs = jobs
         self._stored = {digest: one for digest, one in (stored or {}).items() if len(one) <= SIZE}
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()  # cached thumbnails, the least recently used first
-        self._queue: dict[_Key, Codes] = {}  # requests of this frame
+        self._queue: dict[_Key, Instance] = {}  # requests of this frame
         self.rendered = 0  # thumbnails so far
         self._failed: set[_Key] = set()  # keys whose rendering failed, not tried again
 
-    def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
+    def of_object(self, instance: Instance, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
         """Return the thumbnail of an object from its model's first view, as :meth:`get`."""
-        camera = orbit.home(self._jobs.models.of(codes)).resized(size, size)
-        return self._get(_key(codes, camera, samples), codes)
+        camera = orbit.home(instance.model).resized(size, size)
+        return self._get(_key(instance, camera, samples), instance)
 
-    def get(self, codes: Codes, camera: Camera, soon: bool = False) -> Frame | None:
+    def get(self, instance: Instance, camera: Camera, soon: bool = False) -> Frame | None:
         """Return the thumbnail at the camera's size, or None until it is rendered; call in every frame that shows it.
 
         Args:
             soon: render before other requests.
         """
-        return self._get(_key(codes, camera, _SAMPLES), codes, soon)
+        return self._get(_key(instance, camera, _SAMPLES), instance, soon)
 
-    def _get(self, key: _Key, codes: Codes, soon: bool = False) -> Frame | None:
+    def _get(self, key: _Key, instance: Instance, soon: bool = False) -> Frame | None:
         if key not in self._frames and (found := self._stored.get(key.digest)) is not None:
             self._frames[key] = frame_of(found, key.samples)
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
-        wanted = {key: codes}
+        wanted = {key: instance}
         self._queue = wanted | self._queue if soon else self._queue | wanted
         return None
 
@@ -140,9 +142,9 @@ class Thumbnails:
         """Stop rendering."""
         self._jobs.cancel("thumbnails")
 
-    def _render(self, batch: list[tuple[_Key, Codes]]) -> Iterator[tuple[_Key, Frame] | None]:
-        for key, codes in batch:
-            for frame in self._jobs.frames(RenderJob(codes, key.camera, RenderSettings(key.samples, divisors=(1,)))):
+    def _render(self, batch: list[tuple[_Key, Instance]]) -> Iterator[tuple[_Key, Frame] | None]:
+        for key, instance in batch:
+            for frame in self._jobs.frames(RenderJob(instance, key.camera, RenderSettings(key.samples, divisors=(1,)))):
                 yield (key, frame) if frame else None
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:

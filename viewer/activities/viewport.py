@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from core.export.keyframes import View
 from core.geometry.camera import Camera
-from core.models.codes import Codes
+from core.models.model import Instance
 from core.models.scene import Scene
 from core.rendering.baked_field import BakedField
 from core.rendering.frame_budget import FrameBudget
@@ -45,7 +45,7 @@ class Viewport:
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw
         self.baked_frame: orbit.PanelCrop | None = None  # crop of :attr:`baked` on screen; None: the frame is on screen
-        self._baked_of: Codes | None = None  # codes that are baked or being baked
+        self._baked_of: Instance | None = None  # codes that are baked or being baked
         self._last_orbit = 0.0  # s on the monotonic clock of the last change of :attr:`baked_frame`
         self._last_render: float | None = None  # s on the monotonic clock when a preview was finished
         self._live: View | None = None  # newest object of the fit, from the photo's camera at the model's size
@@ -84,12 +84,12 @@ class Viewport:
     def request(self) -> ViewRequest:
         """The inputs of the current image: the scene or the followed fit, and the settings."""
         scene, live = self._editor.scene, self._live if self.source == "fit" else None
-        return self._request_live(live) if live else ViewRequest(scene.codes, scene.camera, self.settings)
+        return self._request_live(live) if live else ViewRequest(scene.instance, scene.camera, self.settings)
 
     def _request_live(self, live: View) -> ViewRequest:
         """Return the inputs of a fit's image, from the photo's camera until a person turns the view."""
         camera = self._editor.scene.camera if self.turned else live.camera
-        return ViewRequest(live.codes, camera, self.settings)
+        return ViewRequest(live.instance, camera, self.settings)
 
     def change(self, **settings: Any) -> None:
         """Change fields of :class:`~viewer.values.view_request.ViewSettings`; render again if needed."""
@@ -107,7 +107,7 @@ class Viewport:
     def reset_view(self) -> None:
         """Return to the object's first view, that of its photo or the model's, centred and framed."""
         self.change(pan=(0.0, 0.0))
-        detail, model = self._editor.scene.codes.detail, self._editor.model
+        detail, model = self._editor.scene.instance.detail, self._editor.model
         first = orbit.photo_camera(detail.views[0].camera, model) if detail else orbit.home(model)
         self._editor.set_camera(first)
         self.framing.frame(self.settings.panel)
@@ -124,12 +124,12 @@ class Viewport:
             return
         self._last_render, self.sharp = None, False
         request = self.request
-        if self.is_baked(request.codes):
+        if self.is_baked(request.instance):
             self._jobs.cancel("view")
             self._show_baked(request)
             return
         self.baked_frame = None
-        if self._baked_of not in (None, request.codes):
+        if self._baked_of not in (None, request.instance):
             self._jobs.cancel("bake")
             self.baked = self._baked_of = None
         self._submit(request, request.preview, self.budget.divisors(request.preview), urgent=True)
@@ -139,7 +139,7 @@ class Viewport:
         now, request = time.monotonic(), self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
-                self._bake(request.codes)
+                self._bake(request.instance)
             if self.baked_frame and now - self._last_orbit >= _EXACT_DELAY:
                 # at full size, as OpenGL's image already is, unless a fit needs the time
                 self._submit(request, request.preview if self._jobs.busy("fit") else request.full)
@@ -150,9 +150,9 @@ class Viewport:
 
     # Baked by core, drawn by OpenGL
 
-    def is_baked(self, codes: Codes) -> bool:
+    def is_baked(self, instance: Instance) -> bool:
         """Return whether OpenGL can draw an object now."""
-        return self.settings.baked and self.baked is not None and codes == self._baked_of
+        return self.settings.baked and self.baked is not None and instance == self._baked_of
 
     def show_turned(self, camera: Camera) -> None:
         """Let OpenGL draw the scene's object, which :meth:`is_baked`, from another camera."""
@@ -162,18 +162,18 @@ class Viewport:
         self.baked_frame, self.sharp = request.crop(request.full), False
         self._last_orbit = time.monotonic()
 
-    def _bake(self, codes: Codes) -> None:
+    def _bake(self, instance: Instance) -> None:
         """Begin to bake an object, unless it is baked or being baked."""
-        if codes == self._baked_of:
+        if instance == self._baked_of:
             return
-        self._baked_of = codes
+        self._baked_of = instance
 
         def baked(found: BakedField) -> None:
             self.baked = found
 
-        bake, model = self._jobs.backend.bake, self._jobs.models.of(codes)
+        bake = self._jobs.backend.bake
         ended = self._jobs.reporting("Cannot bake the object")
-        self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=TILES_SHARE))
+        self._jobs.submit(Job("bake", lambda: bake(instance), baked, ended, share=TILES_SHARE))
 
     # Frames of a fit
 
@@ -181,7 +181,7 @@ class Viewport:
     def following(self) -> bool:
         """True while a fit is followed: no codes were edited since it began."""
         since = self._followed_since
-        return since is not None and self._editor.scene.codes is since.codes
+        return since is not None and self._editor.scene.instance is since.instance
 
     @property
     def turned(self) -> bool:
@@ -219,7 +219,7 @@ class Viewport:
             return
         request = self._request_live(self._live)
         crop = request.crop(self._live.camera.height)
-        job = RenderJob(request.codes, crop.camera, LIVE, shadow=True)
+        job = RenderJob(request.instance, crop.camera, LIVE, shadow=True)
 
         def rendered(frame: Frame) -> None:
             if self.following:
@@ -256,7 +256,7 @@ class Viewport:
         """
         crop = request.crop(detail)
         render = RenderSettings(request.settings.samples, stages)
-        job = RenderJob(request.codes, crop.camera, render, shadow=True)
+        job = RenderJob(request.instance, crop.camera, render, shadow=True)
 
         def rendered(frame: Frame) -> None:
             self._show(frame, crop, request)
@@ -278,4 +278,4 @@ class Viewport:
 
 
 def _picture(request: ViewRequest) -> str:
-    return f"view {digest(request.codes, request.camera)}"
+    return f"view {digest(request.instance, request.camera)}"

@@ -121,7 +121,7 @@ def _draw_candidate(context: PanelContext, hypothesis: Hypothesis, rank: int, si
         fitting.resume(hypothesis)
     tooltip(_label(hypothesis, rank, preferable))
     camera = hypothesis.cameras[0].resized(_SIZE, _SIZE)
-    frame = context.session.thumbnails.get(hypothesis.codes, replace(camera, focal=_CLOSER * camera.focal))
+    frame = context.session.thumbnails.get(hypothesis.instance, replace(camera, focal=_CLOSER * camera.focal))
     object_tiles.paint_frame(context, frame, corner, side)
     if rank == 0:
         object_tiles.outline(corner, side, context.palette.accent)

@@ -133,4 +133,4 @@ def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | Non
     """Return a state's thumbnail from its camera; None during a drag, which changes the state in every frame."""
     scene, now = state.scene, state is context.session.editor.state
     camera = scene.camera.resized(SIZE, SIZE)
-    return None if moving else context.session.thumbnails.get(scene.codes, camera, soon=now)
+    return None if moving else context.session.thumbnails.get(scene.instance, camera, soon=now)

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.models.codes import Codes
+from core.models.model import Instance
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, WARM, packed
 from viewer.values.mixes import STEPS, mixes
@@ -22,8 +22,8 @@ class MixPanel(Panel):
     dock = "Right"
 
     def __init__(self) -> None:
-        self._ends: tuple[Codes, Codes] | None = None  # A and B of the previews
-        self._previews: dict[tuple[int, int], Codes] = {}  # mixes by column and row, counted from A's corner
+        self._ends: tuple[Instance, Instance] | None = None  # A and B of the previews
+        self._previews: dict[tuple[int, int], Instance] = {}  # mixes by column and row, counted from A's corner
 
     def draw(self, context: PanelContext) -> None:
         """Draw B above the pad."""
@@ -65,9 +65,9 @@ class MixPanel(Panel):
         self._follow(context)
         cell, last = side / STEPS, STEPS - 1
         object_tiles.shade(corner, side, context.palette.raised)
-        for (column, row), codes in self._previews.items():
+        for (column, row), instance in self._previews.items():
             place = corner + ImVec2(column, last - row) * cell
-            preview = context.session.thumbnails.of_object(codes, _PREVIEW, _SAMPLES)
+            preview = context.session.thumbnails.of_object(instance, _PREVIEW, _SAMPLES)
             object_tiles.paint_frame(context, preview, place, cell)
             if (column, row) == over:
                 object_tiles.outline(place, cell, context.palette.accent)

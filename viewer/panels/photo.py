@@ -100,7 +100,7 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
         imgui.same_line()
         _draw_again(context, fitting, shown)
     _draw_verdict(context, fitting, shown)
-    if detail := session.editor.scene.codes.detail:
+    if detail := session.editor.scene.instance.detail:
         _draw_tools(context, detail)
     draw_paint(context)
     if detail:

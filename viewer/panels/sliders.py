@@ -2,7 +2,8 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.models.codes import CODE_KINDS, CodeKind, Codes
+from core.models.codes import CODE_KINDS, CodeKind
+from core.models.model import Instance
 from core.rendering.direction_words import OPPOSITES
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
@@ -29,7 +30,7 @@ class SlidersPanel(Panel):
     dock = "Right"
 
     def __init__(self) -> None:
-        self._basis: Codes | None = None  # base of the thumbnails: the object before the drag began
+        self._basis: Instance | None = None  # base of the thumbnails: the object before the drag began
         self._compared: tuple[Frame, Frame] | None = None  # the object at less and at more of a direction
         self.influence: CodeInfluence | None = None  # the difference between these
 
@@ -37,7 +38,7 @@ class SlidersPanel(Panel):
         """Draw the buttons (random, reset, locks), then the sliders."""
         editor = context.session.editor
         if not editor.history.gesture:
-            self._basis = editor.scene.codes
+            self._basis = editor.scene.instance
         action_button(context, "sample", f"{_DICE}  Random")
         flow(f"{_RESET}  Reset")
         action_button(context, "reset", f"{_RESET}  Reset")
@@ -88,8 +89,8 @@ class SlidersPanel(Panel):
         """Overlay the object with the influence of a standard deviation to either side; describe it in words."""
         editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
-        codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
-        ends = (direction.moved(codes, mean, value + step) for step in (-1.0, 1.0))
+        instance, value = editor.scene.instance, editor.strength(direction)
+        ends = (direction.moved(instance, value + step) for step in (-1.0, 1.0))
         low, high = (context.session.thumbnails.get(one, camera, soon=True) for one in ends)
         if low is None or high is None:
             return ""
@@ -106,7 +107,7 @@ class SlidersPanel(Panel):
         assert self._basis is not None
         for number, to in enumerate(_STEPS):
             frame = context.session.thumbnails.get(
-                direction.moved(self._basis, model.codes.mean, float(to)),
+                direction.moved(self._basis, float(to)),
                 orbit.home(model).resized(SIZE, SIZE),
                 soon=True,
             )

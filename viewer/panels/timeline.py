@@ -87,12 +87,14 @@ def _draw_key(
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):
         player.move_key(index, player.timeline.keys[index].seconds + across / width * player.timeline.length)
     end_gesture(context)
-    if not context.session.models.can_show(key.view.codes):
-        tooltip(f"Key {index + 1} needs {context.session.model_name(key.view.codes.model)}, which is not there")
+    if key.view.instance.is_missing:
+        tooltip(
+            f"Key {index + 1} needs {context.session.model_name(key.view.instance.fingerprint)}, which is not there"
+        )
         missing_tiles.paint(context, "", corner, side)
         return
     tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it in time; Delete removes the shown one")
-    thumbnail = context.session.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
+    thumbnail = context.session.thumbnails.get(key.view.instance, key.view.camera.resized(SIZE, SIZE), soon=True)
     object_tiles.paint_frame(context, thumbnail, corner, side)
     quiet = mixed(context.palette.panel, context.palette.text, 0.4)
     object_tiles.outline(corner, side, context.palette.accent if player.key == index else quiet)

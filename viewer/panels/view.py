@@ -180,7 +180,7 @@ def _badge(context: PanelContext, frame: Frame) -> str:
         return "Painting …"
     if viewport.baked_frame or viewport.frame_request is None:
         return ""
-    if viewport.frame_request.codes != session.editor.scene.codes and not session.editor.history.gesture:
+    if viewport.frame_request.instance != session.editor.scene.instance and not session.editor.history.gesture:
         return "Rendering …"
     return "Sharpening …" if min(frame.resolution) < _ENOUGH * min(viewport.settings.panel) else ""
 

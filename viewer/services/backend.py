@@ -14,10 +14,8 @@ from core.export.video import VideoSettings, write_video
 from core.export.video_frames import Image, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
 from core.geometry.camera import Camera
-from core.models.codes import Codes
 from core.models.library import load_model
-from core.models.model import Model
-from core.models.open_models import OpenModels
+from core.models.model import Instance, Model
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
@@ -41,18 +39,18 @@ class Backend:
     load_model: Callable[[str], Model] = load_model
     cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out
     frame_photo: Callable[[CutOut, Model, PhotoSource], Photo] = frame_photo
-    frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
+    frames: Callable[[RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
-    video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
+    video: Callable[[list[View], Path, VideoSettings], Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
-    page: Callable[[Model, Codes, Camera, Path, str], Iterator[None]] = write_page
+    page: Callable[[Instance, Camera, Path, str], Iterator[None]] = write_page
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
-    bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
-    pulls: Callable[[Model, Codes, Camera, tuple[float, float]], list[Pull]] = pulls_at
-    paint_colour: Callable[[Model, Codes, str], Generator[None, None, Rgb]] = paint_colour
-    coarse_paint: Callable[[Model, Codes, Camera, Frame, str], CoarsePaint] = coarse_paint
-    paint: Callable[[Model, Codes, Paint], Generator[None, None, Codes]] = paint
-    distance: Callable[[Model, Codes, Camera, float], float] = filling_distance
+    bake: Callable[[Instance], Iterator[BakedField | None]] = bake
+    pulls: Callable[[Instance, Camera, tuple[float, float]], list[Pull]] = pulls_at
+    paint_colour: Callable[[Instance, str], Generator[None, None, Rgb]] = paint_colour
+    coarse_paint: Callable[[Instance, Camera, Frame, str], CoarsePaint] = coarse_paint
+    paint: Callable[[Instance, Paint], Generator[None, None, Instance]] = paint
+    distance: Callable[[Instance, Camera, float], float] = filling_distance

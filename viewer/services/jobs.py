@@ -26,8 +26,8 @@ class Jobs:
     models: OpenModels
 
     def frames(self, job: RenderJob) -> Iterator[Frame | None]:
-        """Render an object with its model, coarse to fine."""
-        return self.backend.frames(self.models.of(job.codes), job)
+        """Render an object, coarse to fine."""
+        return self.backend.frames(job)
 
     def submit(self, job: Job) -> None:
         """Start a job as :meth:`Worker.submit` does."""

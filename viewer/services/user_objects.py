@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.missing import adopted
+from core.models.model import Instance, Model
 from core.models.open_models import OpenModels
 from core.models.scene import Scene, scene_model
 from core.runtime.files import atomic_file
@@ -42,28 +42,28 @@ class UserObjects:
 
     def open(self, model: Model) -> tuple[EditableObject, ...]:
         """Return a model's stored objects, the oldest first; unreadable files are skipped."""
-        return self._read_again(model.adopt, lambda codes: model.shares_codes_with(codes.model))
+        return self._read_again(partial(adopted, model), lambda instance: model.shares_codes_with(instance.fingerprint))
 
     def missing(self, models: OpenModels) -> tuple[EditableObject, ...]:
         """Return the stored objects whose models are missing, the oldest first."""
 
-        def unchanged(codes: Codes) -> Codes:
-            if models.find(codes.model):
+        def unchanged(instance: Instance) -> Instance:
+            if models.find(instance.fingerprint):
                 raise ValueError("its model is open")
-            return codes
+            return instance
 
-        return self._read_again(unchanged, lambda codes: models.find(codes.model) is None)
+        return self._read_again(unchanged, lambda instance: models.find(instance.fingerprint) is None)
 
     def _read_again(
-        self, adopted: Callable[[Codes], Codes], is_wanted: Callable[[Codes], bool]
+        self, adopt: Callable[[Instance], Instance], is_wanted: Callable[[Instance], bool]
     ) -> tuple[EditableObject, ...]:
-        """Return the objects of all files but unreadable ones and those that ``adopted`` refuses."""
+        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses."""
         with self._lock:
-            self._stored = {name: one for name, one in self._stored.items() if not is_wanted(one.about.codes)}
+            self._stored = {name: one for name, one in self._stored.items() if not is_wanted(one.about.instance)}
             found = list[EditableObject]()
             files = self._folder.glob("*.json") if self._folder else ()
             for path in sorted(files, key=lambda path: path.stat().st_mtime):
-                if one := optional(partial(_read, path, adopted)):
+                if one := optional(partial(_read, path, adopt)):
                     name = unique_name(one.name, self._stored)  # another window may have used the same name
                     found.append(replace(one, name=name))
                     self._stored[name] = _Stored(path, found[-1])
@@ -83,7 +83,7 @@ class UserObjects:
             originals = {id(one.original) for one in wanted.values()}
             for name in self._stored.keys() - wanted.keys():
                 its = self._stored[name].about.original
-                if models.find(its.model) or id(its) not in originals:  # else it has another name here
+                if models.find(its.fingerprint) or id(its) not in originals:  # else it has another name here
                     self._stored.pop(name).path.unlink(missing_ok=True)
 
     def update(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
@@ -100,15 +100,15 @@ class UserObjects:
         """Store an object unless its file has it, or its model is missing."""
         stored = self._stored.get(one.name)
         is_new = stored is None or not _is_same(stored.about, one)
-        if is_new and all(map(models.can_show, one.versions)):
+        if is_new and not any(version.is_missing for version in one.versions):
             path = stored.path if stored else folder / _file_name(one.name)
-            model = models.of(one.codes)
+            model = one.instance.model
             _write(path, one, model, models.files.get(model.fingerprint, ""))
             self._stored[one.name] = _Stored(path, one)
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
-    same = first.codes is second.codes and first.unedited is second.unedited
+    same = first.instance is second.instance and first.unedited is second.unedited
     return same and first.confidence == second.confidence
 
 
@@ -118,20 +118,20 @@ def _file_name(name: str) -> str:
 
 
 def _write(path: Path, one: EditableObject, model: Model, model_file: str) -> None:
-    about = _scene(one.codes, model)
+    about = _scene(one.instance, model)
     about |= {"name": one.name, "confidence": one.confidence, "model_file": model_file}
     if one.unedited:
         about["unedited"] = _scene(one.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
     before = path.stat() if path.exists() else None
-    with atomic_file(path, partial(_read, adopted=model.adopt)) as written:
+    with atomic_file(path, partial(_read, adopt=partial(adopted, model))) as written:
         written.write_text(json.dumps(about))
     if before:  # an edited object keeps its place in the order
         os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
-def _scene(codes: Codes, model: Model) -> dict:
-    return json.loads(Scene(codes, orbit.home(model)).to_json())
+def _scene(instance: Instance, model: Model) -> dict:
+    return json.loads(Scene(instance, orbit.home(model)).to_json())
 
 
 class _About(NamedTuple):
@@ -148,12 +148,12 @@ def _model_file(path: Path) -> str:
     return about.model_file if about else ""
 
 
-def _read(path: Path, adopted: Callable[[Codes], Codes]) -> EditableObject:
+def _read(path: Path, adopt: Callable[[Instance], Instance]) -> EditableObject:
     with reading(path, "an object"):
         text = read_text(path)
         about = typed(_About, parse_json(text), name="object")
-        codes = adopted(Scene.without_model(text).codes)
-        unedited = about.unedited and adopted(Scene.without_model(json.dumps(about.unedited)).codes)
-        if unedited and unedited.detail == codes.detail:
-            unedited = replace(unedited, detail=codes.detail)  # photos take memory
-        return EditableObject(about.name, codes, True, about.confidence, unedited)
+        instance = adopt(Scene.without_model(text).instance)
+        unedited = about.unedited and adopt(Scene.without_model(json.dumps(about.unedited)).instance)
+        if unedited and unedited.detail == instance.detail:
+            unedited = unedited.changed(detail=instance.detail)  # photos take memory
+        return EditableObject(about.name, instance, True, about.confidence, unedited)

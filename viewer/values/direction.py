@@ -1,11 +1,12 @@
 """Principal directions of the latent codes, along which sliders move an object."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from jaxtyping import Float
 from torch import Tensor
 
-from core.models.codes import CodeBook, CodeKind, Codes
+from core.models.codes import CodeBook, CodeKind
+from core.models.model import Instance
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +22,11 @@ class Direction:
         space = book.shape_space if kind == "shape" else book.texture_space
         return cls(kind, space.basis[index])
 
-    def strength(self, codes: Codes, mean: Codes) -> float:
-        """Return the position of codes along the direction, in standard deviations from ``mean``."""
-        way = getattr(codes, self.kind) - getattr(mean, self.kind)
+    def strength(self, instance: Instance) -> float:
+        """Return an object's position along the direction, in standard deviations from its model's mean."""
+        way = getattr(instance.codes, self.kind) - getattr(instance.model.codes.mean, self.kind)
         return float(way @ self.step / self.step.square().sum())
 
-    def moved(self, codes: Codes, mean: Codes, to: float) -> Codes:
-        """Return the codes moved along the direction to the position ``to``, in standard deviations."""
-        by = to - self.strength(codes, mean)
-        return replace(codes, **{self.kind: getattr(codes, self.kind) + by * self.step})
+    def moved(self, instance: Instance, to: float) -> Instance:
+        """Return an object moved along the direction to the position ``to``, in standard deviations."""
+        return instance.moved(self.kind, (to - self.strength(instance)) * self.step)

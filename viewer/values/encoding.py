@@ -13,11 +13,15 @@ from jaxtyping import AbstractArray
 from PIL import Image
 from torch import Tensor
 
-from core.export.keyframes import Timeline
+from core.export.keyframes import Timeline, View
+from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
+from core.models.missing import MissingInstance, adopted
+from core.models.model import Instance
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView, decompressed
+from core.models.scene import Scene
 from core.photos.photo import Photo
 from core.runtime.reading import field_types, first_line, open_image, reading, typed, whole
 from viewer.values.fit_history import FitRequest, FittedPhoto
@@ -33,6 +37,8 @@ class Original(NamedTuple):
 
 
 _SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
+_OF_AN_INSTANCE = Scene, View, EditableObject, FitStep, Hypothesis
+"""Types with a field ``instance``, which files call ``codes``: codes with the fingerprint of their model."""
 _SEPARATE = EditableObject, FitRequest, Original  # types of items of which an unreadable one leaves the others
 _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
 
@@ -71,6 +77,8 @@ def encode(value: Any, store: BlobStore) -> Any:
         image = store.number(value, store.photos, lambda: encode_photo(value))
         fine = value.fine and store.number(value.fine, store.photos, lambda: value.fine)
         return {"image": image, "fine": fine} | {name: encode(getattr(value, name), store) for name in _BESIDE_IMAGE}
+    if isinstance(value, Instance):
+        return _encode_fields(value.codes, store) | {"model": value.fingerprint}
     if isinstance(value, FittedPhoto):
         return {"source": encode(value.source, store), "photo": encode(value.photo, store)}
     if isinstance(value, Original):
@@ -178,18 +186,18 @@ def _decode_original(about: Any, store: BlobStore) -> Original:
     return Original(str(about["name"]), reasons, _part(store.photos, about["content"]))
 
 
-def _decode_codes(about: Any, store: BlobStore) -> Codes:
-    """Decode codes, as those of the open model that extends theirs; they stay as they are if their model is missing.
+def _decode_instance(about: Any, store: BlobStore) -> Instance:
+    """Decode an object of its open model or of one that extends it; without a model if that is missing.
 
-    Raises ``ValueError`` if they do not fit their model.
+    Raises ``ValueError`` if the codes do not fit their model.
     """
-    codes: Codes = _decode_in_place(Codes, about, store)
-    codes = codes if codes.model else replace(codes, model=store.model)
+    fingerprint = typed(str, typed(dict, about, name="codes").get("model", ""), name="codes.model") or store.model
+    instance = MissingInstance(fingerprint, _decode_in_place(Codes, about, store))
     assert store.models is not None, "no models"
-    if model := store.models.find(codes.model):
-        return model.adopt(codes)
-    store.missing.add(codes.model)
-    return codes
+    if model := store.models.find(fingerprint):
+        return adopted(model, instance)
+    store.missing.add(fingerprint)
+    return instance
 
 
 def _decode_shared(kind: Any, about: Any, store: BlobStore) -> Any:
@@ -205,6 +213,8 @@ def _decode_shared(kind: Any, about: Any, store: BlobStore) -> Any:
 def _decode_in_place(kind: Any, about: Any, store: BlobStore) -> Any:
     if kind is PhotoView:
         return _decode_view(typed(dict, about, name="view"), store)
+    if kind in _OF_AN_INSTANCE and isinstance(about, dict):
+        about = {"instance" if name == "codes" else name: value for name, value in about.items()}
     return typed(kind, about, lambda one: None if one is kind else _reader(one, store), kind.__name__.lower())
 
 
@@ -220,8 +230,9 @@ _SPECIAL: dict[Any, Callable[[Any, BlobStore], Any]] = {
     FittedPhoto: _decode_fitted_photo,
     PhotoDetail: lambda about, store: readable(store, partial(_decode_in_place, PhotoDetail, about, store)),
     Original: _decode_original,
-    Codes: _decode_codes,
+    Instance: _decode_instance,
 }
+_SPECIAL |= {kind: partial(_decode_in_place, kind) for kind in _OF_AN_INSTANCE}
 _SPECIAL |= {kind: partial(_decode_shared, kind) for kind in _SHARED}
 _SPECIAL |= {tuple[kind, ...]: partial(_decode_separately, kind) for kind in _SEPARATE}  # type: ignore[valid-type]
 
@@ -232,7 +243,8 @@ def _names(kind: Any) -> tuple[str, ...]:
 
 
 def _encode_fields(value: Any, store: BlobStore) -> dict:
-    return {name: encode(getattr(value, name), store) for name in _names(value.__class__)}
+    fields_json = {name: encode(getattr(value, name), store) for name in _names(value.__class__)}
+    return {"codes" if name == "instance" else name: field_json for name, field_json in fields_json.items()}
 
 
 def _tensor(value: Any, kind: Any) -> Any:

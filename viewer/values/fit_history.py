@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from jaxtyping import UInt8
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
+from core.models.model import Instance
 from core.photos.decode import IMAGE_SUFFIXES, upright_size
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
@@ -79,6 +80,19 @@ class FitHistory:
     def progress(self) -> float:
         """The finished fraction of the fit's steps, 0..1."""
         return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
+
+    def converted(self, change: Callable[[Instance], Instance]) -> FitHistory:
+        """Return the history with changed objects; the same one if none is missing its model."""
+        if not any(step.instance.is_missing for step in self.steps):
+            return self
+
+        def of_hypothesis(hypothesis: Hypothesis) -> Hypothesis:
+            return replace(hypothesis, instance=change(hypothesis.instance))
+
+        def of_step(step: FitStep) -> FitStep:
+            return replace(step, instance=change(step.instance), hypotheses=tuple(map(of_hypothesis, step.hypotheses)))
+
+        return replace(self, steps=tuple(map(of_step, self.steps)))
 
     def with_step(self, step: FitStep) -> FitHistory:
         """Return the history with another step; above :data:`MAX_STEPS`, every other older step is dropped."""

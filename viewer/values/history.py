@@ -82,7 +82,7 @@ class State:
             return mix.a.words
         if (mix.shape, mix.texture) != (was.shape, was.texture):
             return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        now, then = self.scene.codes, before.scene.codes
+        now, then = self.scene.instance.codes, before.scene.instance.codes
         kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
         return " and ".join(kinds) or self._aside_from(before)
 
@@ -96,8 +96,8 @@ class State:
 
     def is_edit_of(self, before: State) -> bool:
         """Return whether the codes differ from an earlier state's."""
-        codes, then = self.scene.codes, before.scene.codes
-        return codes is not then and codes != then
+        instance, then = self.scene.instance, before.scene.instance
+        return instance is not then and instance != then
 
     def carrying(self, before: State, after: State) -> State:
         """Return the state after a change of timeline and removed objects from ``before`` to ``after``."""

@@ -7,8 +7,7 @@ from operator import attrgetter
 
 import torch
 
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from viewer.values.printable import printable
 from viewer.values.variety import families
 
@@ -18,33 +17,33 @@ class EditableObject:
     """An object that can be shown and mixed. An added object keeps its edits and the codes before them."""
 
     name: str
-    codes: Codes  # as the object was left
+    instance: Instance  # as the object was left
     fitted: bool = False  # to a photo
     confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
-    unedited: Codes | None = None  # as fitted or opened; None: as left
+    unedited: Instance | None = None  # as fitted or opened; None: as left
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
             raise ValueError(f"a confidence is 0 to 1, got {self.confidence}")
 
     @property
-    def original(self) -> Codes:
+    def original(self) -> Instance:
         """The codes as fitted or opened."""
-        return self.unedited or self.codes
+        return self.unedited or self.instance
 
     @property
-    def versions(self) -> tuple[Codes, Codes]:
+    def versions(self) -> tuple[Instance, Instance]:
         """The codes as fitted or opened, and as left."""
-        return self.original, self.codes
+        return self.original, self.instance
 
-    def left_as(self, codes: Codes) -> "EditableObject":
+    def left_as(self, instance: Instance) -> "EditableObject":
         """Return the object with its newest edit."""
-        return replace(self, codes=codes, unedited=None if codes == self.original else self.original)
+        return replace(self, instance=instance, unedited=None if instance == self.original else self.original)
 
     def refitted(self, better: "EditableObject") -> "EditableObject":
         """Return the object with the codes and the confidence of a better fit; its edits stay."""
         left = replace(better, name=self.name)
-        return left.left_as(self.codes) if self.unedited else left
+        return left.left_as(self.instance) if self.unedited else left
 
 
 class ObjectLibrary:
@@ -64,11 +63,11 @@ class ObjectLibrary:
     def add_model(self, model: Model) -> None:
         """Add the objects that a model was trained on, or its mean object if there are none."""
         book, names = model.codes, dict[str, str]()
-        objects = [(book.objects[index].name, book[index]) for index in book.valid] or [("mean", book.mean)]
-        for wanted, codes in objects:
+        objects = [(book.objects[index].name, model[index]) for index in book.valid] or [("mean", model.mean)]
+        for wanted, instance in objects:
             names[unique_name(wanted, names)] = name = unique_name(wanted, self)
-            self._trained[name] = EditableObject(name, codes)
-        groups = families(list(names), torch.stack([codes.shape for _, codes in objects]))
+            self._trained[name] = EditableObject(name, instance)
+        groups = families(list(names), torch.stack([instance.codes.shape for _, instance in objects]))
         self.families[model.fingerprint] = {
             names[head]: tuple(names[one] for one in variants) for head, variants in groups.items()
         }
@@ -94,13 +93,13 @@ class ObjectLibrary:
         Args:
             model: the model's fingerprint.
         """
-        if name in self and self[name].codes.model == model:
+        if name in self and self[name].instance.fingerprint == model:
             return name
         return self._names.get(model, {}).get(re.sub(r" \(\d+\)$", "", name))
 
     def families_of(self, name: str) -> dict[str, tuple[str, ...]]:
         """Return the families (:attr:`families`) of an object's model; none for an added object."""
-        return {} if name in self._added else self.families[self[name].codes.model]
+        return {} if name in self._added else self.families[self[name].instance.fingerprint]
 
     @property
     def added(self) -> tuple[EditableObject, ...]:
@@ -124,18 +123,18 @@ class ObjectLibrary:
         self._added[name] = self._added[name].refitted(better)
         self.version += 1
 
-    def convert(self, change: Callable[[Codes], Codes]) -> None:
+    def convert(self, change: Callable[[Instance], Instance]) -> None:
         """Change the codes of added objects, also those before their edits."""
         for name, one in self._added.items():
-            codes = change(one.codes)
-            if codes is not one.codes:
-                self._added[name] = replace(one, codes=codes, unedited=one.unedited and change(one.unedited))
+            instance = change(one.instance)
+            if instance is not one.instance:
+                self._added[name] = replace(one, instance=instance, unedited=one.unedited and change(one.unedited))
         self.version += 1
 
-    def leave(self, name: str, codes: Codes) -> None:
+    def leave(self, name: str, instance: Instance) -> None:
         """Keep the newest edit of an added object; nothing happens for any other object."""
-        if name in self._added and self._added[name].codes != codes:
-            self._added[name] = self._added[name].left_as(codes)
+        if name in self._added and self._added[name].instance != instance:
+            self._added[name] = self._added[name].left_as(instance)
 
     def unlist(self, removed: frozenset[str]) -> None:
         """List all added objects but the removed ones; lookup by name finds these too."""

@@ -90,7 +90,7 @@ class Project:
     def load(cls, path: Path, models: OpenModels) -> "Project":
         """Read a project and open its models.
 
-        Codes of a missing model stay as they are. If another part cannot be read, the project is without it and holds
+        Objects of a missing model stay as they are. If another part cannot be read, the project is without it and holds
         the whole file as one of its :attr:`originals`. Raises ``ValueError`` if the file is damaged as a whole.
         """
         with reading(path, "a project"):
@@ -213,8 +213,8 @@ def _first_state(store: BlobStore) -> State:
     """Return a state that shows the first object of the first open model."""
     assert store.models is not None
     model = next(iter(store.models))
-    name, codes = model.codes.first
-    return State(Scene(codes, orbit.home(model)), Mix(Pair(name, name), name), is_a=True)
+    name = model.codes.first_name
+    return State(Scene(model.first, orbit.home(model)), Mix(Pair(name, name), name), is_a=True)
 
 
 def _branching(about: dict, store: BlobStore) -> dict:

@@ -9,8 +9,7 @@ from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.page import SUFFIX, first_camera
 from core.export.video import WHITE, VideoSettings
-from core.models.codes import Codes
-from core.models.open_models import OpenModels
+from core.models.model import Instance
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient, Rgb
 
@@ -102,7 +101,7 @@ class ShareSettings:
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
-    def film_of(self, scene: Scene, other: Codes | None) -> "ShareSettings":
+    def film_of(self, scene: Scene, other: Instance | None) -> "ShareSettings":
         """Return the settings with a film that the object can have: the first one if it cannot have the chosen one.
 
         Args:
@@ -111,7 +110,7 @@ class ShareSettings:
         films = films_of(scene, other)
         return self if self.kind not in FILMS or self.kind in films else replace(self, kind=films[0])
 
-    def views(self, models: OpenModels, scene: Scene, timeline: Timeline, other: Codes | None = None) -> list[View]:
+    def views(self, scene: Scene, timeline: Timeline, other: Instance | None = None) -> list[View]:
         """Return the views to render, in order. Pages and films, but for the timeline, start at the photo's camera.
 
         With ``fill``, a video's cameras share one zoom in, and a turntable's start no nearer than the training
@@ -121,28 +120,28 @@ class ShareSettings:
             other: the object that ``morph`` leads to and back from.
         """
         if self.kind == "page":
-            first = first_camera(models, scene.codes, scene.photo_camera)
-            return [View(scene.codes, first.resized(self.size, self.size))]
-        shots = timeline.views(RATE) if self.kind == "video" else self._shots(models, scene, other)
+            first = first_camera(scene.instance, scene.photo_camera)
+            return [View(scene.instance, first.resized(self.size, self.size))]
+        shots = timeline.views(RATE) if self.kind == "video" else self._shots(scene, other)
         width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
-        shots = [View(codes, camera.resized(width, self.size)) for codes, camera in shots]
-        return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
+        shots = [shot._replace(camera=shot.camera.resized(width, self.size)) for shot in shots]
+        return filling_frame(shots, zoom_out=self.kind != "video") if self.fill else shots
 
-    def _shots(self, models: OpenModels, scene: Scene, other: Codes | None) -> list[View]:
+    def _shots(self, scene: Scene, other: Instance | None) -> list[View]:
         """Return the views of an image or of a film around the object, at the size of its camera."""
         if self.kind == "picture":
-            return [View(scene.codes, scene.camera)]
+            return [View(scene.instance, scene.camera)]
         camera, known = scene.camera, scene.photo_camera
         if self.fill:
-            camera = replace(known, distance=max(models.of(scene.codes).distance, known.distance))
+            camera = replace(known, distance=max(scene.instance.model.distance, known.distance))
         else:
             camera = replace(camera, azimuth=known.azimuth, elevation=known.elevation)
         if self.kind == "morph" and other is not None:
-            return morph(scene.codes, other, camera)
-        return swing(scene.codes, camera) if self.kind == "swing" else turntable(scene.codes, camera)
+            return morph(scene.instance, other, camera)
+        return swing(scene.instance, camera) if self.kind == "swing" else turntable(scene.instance, camera)
 
 
-def films_of(scene: Scene, other: Codes | None) -> tuple[str, ...]:
+def films_of(scene: Scene, other: Instance | None) -> tuple[str, ...]:
     """Return the films that an object can have, the usual one first: a swing needs a photo, a turn with B a B."""
-    missing = ("swing",) * (scene.codes.detail is None) + ("morph",) * (other is None)
+    missing = ("swing",) * (scene.instance.detail is None) + ("morph",) * (other is None)
     return tuple(kind for kind in FILMS if kind not in missing)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from core.geometry.camera import Camera
-from core.models.codes import Codes
+from core.models.model import Instance
 from viewer.values import orbit
 
 
@@ -34,7 +34,7 @@ class ViewSettings:
 class ViewRequest:
     """An object, the camera that sees it, and the settings of the view."""
 
-    codes: Codes
+    instance: Instance
     camera: Camera
     settings: ViewSettings = ViewSettings()
 

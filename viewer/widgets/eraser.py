@@ -21,7 +21,7 @@ class Eraser:
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw stroke and brush over the view, imgui's last item; return whether the tool takes the mouse."""
-        found, detail = photo_place(context, corner, size), context.session.editor.scene.codes.detail
+        found, detail = photo_place(context, corner, size), context.session.editor.scene.instance.detail
         if found is None or detail is None:
             self._points = []
             return False

@@ -21,7 +21,7 @@ _WIDE = 60  # characters of a tooltip's line
 def draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2) -> None:
     """Draw an object whose model is missing; a click or its menu asks for the model's file."""
     session = context.session
-    model = session.editor.objects[name].codes.model
+    model = session.editor.objects[name].instance.fingerprint
     file = session.model_name(model)
 
     def find() -> None:
@@ -42,8 +42,8 @@ def draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2) 
 def draw_state(context: PanelContext, state: State, words: str, name: str, side: float) -> None:
     """Draw a state of the history that cannot be shown, described in words; a click asks for the model's file."""
     session, corner = context.session, imgui.get_cursor_screen_pos()
-    model = state.scene.codes.model
-    if session.models.can_show(state.scene.codes):
+    model = state.scene.instance.fingerprint
+    if not state.scene.instance.is_missing:
         object_tiles.tile_button(name, (side, side))
         tooltip(f"Cannot be shown, as one of its objects is missing: {words}")
     else:

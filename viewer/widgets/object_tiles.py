@@ -23,7 +23,9 @@ ICONS: dict[CodeKind, str] = {
 
 def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
     """Draw an object's thumbnail in a square of ``side`` px, empty until it is rendered."""
-    paint_frame(context, context.session.thumbnails.of_object(context.session.editor.objects[name].codes), corner, side)
+    paint_frame(
+        context, context.session.thumbnails.of_object(context.session.editor.objects[name].instance), corner, side
+    )
 
 
 def paint_frame(context: PanelContext, image: Frame | np.ndarray | None, corner: ImVec2, side: float) -> None:
@@ -79,8 +81,8 @@ def dropped(context: PanelContext) -> str:
     imgui.end_drag_drop_target()
     session, name = context.session, context.dragged
     if payload and not session.editor.is_mixable(name):
-        show, codes = Button("Show it", lambda: session.editor.show_object(name)), session.editor.scene.codes
-        about = {"buttons": (show,), "relevant": lambda: session.editor.scene.codes is codes}
+        show, instance = Button("Show it", lambda: session.editor.show_object(name)), session.editor.scene.instance
+        about = {"buttons": (show,), "relevant": lambda: session.editor.scene.instance is instance}
         session.messages.notify(unmixable(context, name), MessageKind.NOTE, **about)
         return ""
     return name if payload else ""
@@ -90,7 +92,7 @@ def unmixable(context: PanelContext, name: str) -> str:
     """Return the message that an object cannot be mixed with the shown one."""
     editor = context.session.editor
     return (
-        f"A {editor.models.of(editor.objects[name].codes).noun} cannot be mixed with a {editor.model.noun}: "
+        f"A {editor.objects[name].instance.model.noun} cannot be mixed with a {editor.model.noun}: "
         "show it to begin with it"
     )
 

@@ -26,8 +26,8 @@ class Welcome:
     def is_due(context: PanelContext) -> bool:
         """Return whether nothing was made, edited or begun yet; turning the object is no edit."""
         editor, fitting = context.session.editor, context.session.fitting
-        first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
-        edited = timeline.keys or any(state.scene.codes is not first for state, _ in editor.history.steps)
+        first, timeline = editor.history.states[0].scene.instance, editor.state.timeline
+        edited = timeline.keys or any(state.scene.instance is not first for state, _ in editor.history.steps)
         return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:

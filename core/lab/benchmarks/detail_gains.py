@@ -21,8 +21,7 @@ from core.lab.datasets.srn import ObjectEntry
 from core.lab.evaluation.protocol import as_photo
 from core.lab.evaluation.statistics import Mean, mean_of
 from core.metrics import psnr, rotation_error
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoView
 from core.rendering.detail_maps import MIN_OPACITY, DetailMaps
 from core.rendering.images import render_image
@@ -92,20 +91,20 @@ def measure_detail(
                 continue
             views = entry.read()
             *_, last = fit(model, FitJob((as_photo(views, input_view, camera == "known"),)))
-            truth, codes = views.cameras[input_view], last.codes
-            maps = run_to_end(detail_maps(model, last.codes))
-            detail = last.codes.detail
+            truth = views.cameras[input_view]
+            maps = run_to_end(detail_maps(last.instance))
+            detail = last.instance.detail
             assert detail is not None
             row = DetailView(
                 *(model.category, renderer, camera, entry.name, input_view, 0.0),
                 *(rotation_error(last.cameras[0], truth), last.confidence, 0.0, 0.0, 0.0),
             )
-            rows = [_input_row(model, codes, maps, detail.views[0], last.cameras[0], row)]
+            rows = [_input_row(last.instance, maps, detail.views[0], last.cameras[0], row)]
             for view in range(0, len(views.cameras), stride):
                 if view == input_view:
                     continue
                 seen, image = views.cameras[view], torch.from_numpy(views.images[view]).float() / 255
-                plain, direct, full = _scores(model, codes, maps, seen, image)
+                plain, direct, full = _scores(last.instance, maps, seen, image)
                 rows.append(
                     replace(row, view=view, angle=rotation_error(seen, truth), plain=plain, direct=direct, full=full)
                 )
@@ -113,13 +112,13 @@ def measure_detail(
 
 
 def _scores(
-    model: Model, codes: Codes, maps: DetailMaps | None, camera: Camera, image: Float[Tensor, "h w 3"]
+    instance: Instance, maps: DetailMaps | None, camera: Camera, image: Float[Tensor, "h w 3"]
 ) -> tuple[float, float, float]:
     """Return the PSNR without detail, without mirroring and with all of it."""
-    plain = psnr(render_image(model, replace(codes, detail=None), camera).colour.clamp(0, 1).cpu(), image)
+    plain = psnr(render_image(instance.with_detail(None), camera).colour.clamp(0, 1).cpu(), image)
     if maps is None:
         return plain, plain, plain
-    rendered = render_image(model, codes, camera)
+    rendered = render_image(instance, camera)
     full, direct = (
         psnr(one.added(rendered, camera)[0].colour.cpu(), image) for one in (maps, replace(maps, other_side="model"))
     )
@@ -127,17 +126,17 @@ def _scores(
 
 
 def _input_row(
-    model: Model, codes: Codes, maps: DetailMaps | None, photo: PhotoView, camera: Camera, row: DetailView
+    instance: Instance, maps: DetailMaps | None, photo: PhotoView, camera: Camera, row: DetailView
 ) -> DetailView:
     """Return the row of the photo itself, at its fitted camera and the size of the model's images."""
-    size, wide = model.image_size, round(photo.camera.focal / camera.focal * camera.height)
+    size, wide = instance.model.image_size, round(photo.camera.focal / camera.focal * camera.height)
     rgba = torch.from_numpy(photo.pixels()).float().movedim(-1, 0) / 255
     beside, below = (wide - photo.camera.width) // 2, (wide - photo.camera.height) // 2
     white = functional.pad(rgba[:3], (beside, beside, below, below), value=1.0)
     image = functional.adaptive_avg_pool2d(white, (size, size)).movedim(0, -1)
     seen = replace(photo.camera, width=wide, height=wide).resized(size, size)
-    rendered = render_image(model, replace(codes, detail=None), seen)
+    rendered = render_image(instance.with_detail(None), seen)
     left = 1 - rendered.opacity[..., None].cpu()
     bound = torch.where(left < 1 - MIN_OPACITY, torch.maximum(image, left), rendered.colour.clamp(0, 1).cpu())
-    plain, direct, full = _scores(model, codes, maps, seen, image)
+    plain, direct, full = _scores(instance, maps, seen, image)
     return replace(row, bound=psnr(bound, image), plain=plain, direct=direct, full=full)

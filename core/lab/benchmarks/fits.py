@@ -127,10 +127,10 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
-    scores = [score_view(model, last.codes, views, other) for other in others]
-    whole = [score_view(model, last.codes, target.whole, other) for other in others] if target.whole else scores
+    scores = [score_view(last.instance, views, other) for other in others]
+    whole = [score_view(last.instance, target.whole, other) for other in others] if target.whole else scores
     symmetric = errors[-1] > _FAR and is_symmetric_view(
-        model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
+        target.instance, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
     )
     return FitTrial(
         preset,

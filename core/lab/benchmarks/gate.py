@@ -51,16 +51,18 @@ class Ratio:
 
 def measure_ratios(model: Model) -> Iterator[Ratio]:
     """Yield each ratio; takes under a minute on an idle machine."""
-    ((_, codes),) = evenly_spaced_objects(model, 1)
+    (instance,) = evenly_spaced_objects(model, 1)
     camera = model.camera(0.9, 0.4)
     with use_dtype(torch.float32):
-        exact = _timed(lambda: render_exact(model, codes, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time)
+        exact = _timed(lambda: render_exact(instance, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time)
         rendered = _timed(
-            lambda: fast.render(model, codes, camera, RenderSettings().samples), time.process_time, fast.clear_views
+            lambda: fast.render(instance, camera, RenderSettings().samples),
+            time.process_time,
+            fast.clear_views,
         )
     yield Ratio("a render against an exact one", rendered / exact)
     with use_dtype(torch.float32):
-        photo = Photo(*render_on_white(model, codes, camera))
+        photo = Photo(*render_on_white(instance, camera))
         naive = _timed(lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)), time.process_time)
         fitted = _timed(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)), time.process_time)
     yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)

@@ -15,8 +15,7 @@ from core.lab.datasets.splits import evenly_spaced
 from core.lab.datasets.srn import ObjectEntry, ObjectViews
 from core.lab.evaluation.protocol import as_photo
 from core.metrics import psnr, rotation_error
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.images import render_image
 
 HELD_OUT_VIEWS = 4  # other views of each object that score its fit
@@ -32,7 +31,7 @@ class HeldOutView:
 
     views: ObjectViews
     index: int  # of the fitted view
-    codes: Codes
+    instance: Instance
     """the object's own; of an object that the model was not trained on, fitted to a few views with their cameras"""
     whole: ObjectViews | None = None  # the same views at the dataset's size; None: that is the model's
 
@@ -53,12 +52,14 @@ class HeldOutView:
 
 def training_object_views(model: Model, count: int, generator: torch.Generator) -> Iterator[HeldOutView]:
     """Yield training objects, evenly spaced over the model, rendered from random cameras on the upper hemisphere."""
-    for name, codes in evenly_spaced_objects(model, count):
+    for index in evenly_spaced(model.codes.valid, count):
+        name = model.codes.objects[index].name
+        instance = model[index]
         cameras = tuple(random_camera(model, generator) for _ in range(1 + HELD_OUT_VIEWS))
-        renders = [render_on_white(model, codes, camera) for camera in cameras]
+        renders = [render_on_white(instance, camera) for camera in cameras]
         images = np.stack([(colour * 255 + 0.5).byte().numpy() for colour, _ in renders])
         masks = np.stack([mask.numpy() for _, mask in renders])
-        yield HeldOutView(ObjectViews(name, name, name, images, masks, cameras), 0, codes)
+        yield HeldOutView(ObjectViews(name, name, name, images, masks, cameras), 0, instance)
 
 
 def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
@@ -70,13 +71,12 @@ def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch
         photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
         *_, last = fit(model, FitJob(photos, PRESETS["draft"]))
         index = int(torch.randint(len(views.cameras), (), generator=generator))
-        yield HeldOutView(views, index, last.codes, whole)
+        yield HeldOutView(views, index, last.instance, whole)
 
 
-def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
-    """Return names and codes of ``count`` evenly spaced objects of the model, without those of collapsed training."""
-    some = evenly_spaced(model.codes.valid, count)
-    return [(model.codes.objects[index].name, model.codes[index]) for index in some]
+def evenly_spaced_objects(model: Model, count: int) -> list[Instance]:
+    """Return ``count`` evenly spaced objects of the model, without those of collapsed training."""
+    return [model[index] for index in evenly_spaced(model.codes.valid, count)]
 
 
 def random_camera(model: Model, generator: torch.Generator) -> Camera:
@@ -85,7 +85,7 @@ def random_camera(model: Model, generator: torch.Generator) -> Camera:
     return model.camera(2 * math.pi * turn, math.asin(height))
 
 
-def is_symmetric_view(model: Model, codes: Codes, found: Camera, truth: Camera, degrees: float) -> bool:
+def is_symmetric_view(instance: Instance, found: Camera, truth: Camera, degrees: float) -> bool:
     """Return whether both cameras show an object alike: as when the true one turns by ``degrees``.
 
     A round stool has several right cameras; the one that rendered its image is no better than the others.
@@ -95,14 +95,14 @@ def is_symmetric_view(model: Model, codes: Codes, found: Camera, truth: Camera, 
         replace(truth, azimuth=truth.azimuth + math.radians(degrees)),
         replace(truth, elevation=truth.elevation + lift),
     )
-    seen, image = (render_on_white(model, codes, camera)[0] for camera in (found, truth))
-    return psnr(seen, image) >= min(psnr(render_on_white(model, codes, camera)[0], image) for camera in turned)
+    seen, image = (render_on_white(instance, camera)[0] for camera in (found, truth))
+    return psnr(seen, image) >= min(psnr(render_on_white(instance, camera)[0], image) for camera in turned)
 
 
 def render_on_white(
-    model: Model, codes: Codes, camera: Camera
+    instance: Instance, camera: Camera
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
     """Return an image in [0, 1] and the object's mask."""
-    rendered = render_image(model, codes, camera)
+    rendered = render_image(instance, camera)
     colour = rendered.colour.clamp(0, 1).cpu()
-    return colour, (colour < _BACKGROUND).any(-1) if model.white_from_network else rendered.opacity.cpu() > 0.5
+    return colour, (colour < _BACKGROUND).any(-1) if instance.model.white_from_network else rendered.opacity.cpu() > 0.5

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from core.export.keyframes import View
 from core.geometry.camera import Camera
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering import fast
 from core.rendering.baked_field import BakedField, render_baked
 from core.rendering.baking import bake
@@ -73,19 +73,13 @@ def median_turns(rows: Iterable[RenderTiming]) -> dict[str, tuple[RenderTiming, 
     return {curve: tuple(one for one in timings if one.curve == curve) for curve in CURVES}
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    codes: Codes
-    camera: Camera
-
-
 class _Setting(NamedTuple):
     curve: str
     recipe: str
     size: int  # px
     samples: int
-    views: Sequence[_View]
-    render: Callable[[Model, _View], Tensor]
+    views: Sequence[View]
+    render: Callable[[View], Tensor]
     turns: int = TURNS
     warm: bool = True
     """Rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
@@ -95,18 +89,18 @@ def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] =
     """Yield each row as it is measured, except those whose keys are done."""
 
     @cache
-    def truth(view: _View) -> Tensor:
-        return _exact(model, view, REFERENCE_SAMPLES)
+    def truth(view: View) -> Tensor:
+        return _exact(view, REFERENCE_SAMPLES)
 
     settings = _settings(_views(model, views))
     for turn in range(TURNS):
         for setting in settings:
             key = (*setting[:4], turn)
             if turn < setting.turns and key not in done:
-                yield _measure(model, setting, turn, truth)
+                yield _measure(setting, turn, truth)
 
 
-def _settings(views: Sequence[_View]) -> list[_Setting]:
+def _settings(views: Sequence[View]) -> list[_Setting]:
     """Return all settings that take turns."""
     fastest, default = matmul_dtype("cpu"), RenderSettings().samples
     name = f"fast, {str(fastest).removeprefix('torch.')}"
@@ -128,17 +122,17 @@ def _settings(views: Sequence[_View]) -> list[_Setting]:
         for part, cutoff in _ablations(default).items()
     ]
     for size in SIZES:
-        some = [_View(view.codes, view.camera.resized(size, size)) for view in views[:1]]
-        settings.append(_Setting("sizes", name, size, default, some, _fast(default)))
+        resized = [view._replace(camera=view.camera.resized(size, size)) for view in views[:1]]
+        settings.append(_Setting("sizes", name, size, default, resized, _fast(default)))
     return settings
 
 
-def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View], Tensor]) -> RenderTiming:
+def _measure(setting: _Setting, turn: int, truth: Callable[[View], Tensor]) -> RenderTiming:
     """Time a turn of a setting over all of its views."""
     seconds, quality, off = [], [], []
     for view in setting.views:
         exact = truth(view)
-        image, spent = _timed(setting, model, view)
+        image, spent = _timed(setting, view)
         seconds.append(spent)
         quality.append(psnr(image, exact))
         off.append(float((image - exact).abs().max()))
@@ -146,19 +140,23 @@ def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View]
     return RenderTiming(*setting[:4], turn, ms, mean, min(quality), max(off))
 
 
-def _views(model: Model, count: int) -> list[_View]:
+def _views(model: Model, count: int) -> list[View]:
     """Return evenly spaced objects of the model, from cameras evenly over the upper hemisphere."""
-    some = evenly_spaced_objects(model, count)
-    directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (len(some) + 0.9))) for index in range(len(some))]
-    return [_View(codes, model.camera(*angles)) for (_, codes), angles in zip(some, directions, strict=True)]
+    instances = evenly_spaced_objects(model, count)
+    directions = [
+        (2.4 * index + 0.9, math.asin((index + 0.7) / (len(instances) + 0.9))) for index in range(len(instances))
+    ]
+    return [View(instance, model.camera(*angles)) for instance, angles in zip(instances, directions, strict=True)]
 
 
-def _exact(model: Model, view: _View, samples: int) -> Tensor:
+def _exact(view: View, samples: int) -> Tensor:
     """Render all pixels of a small image, 64 x 64 of a large one: the exact renderer is slow."""
     every = _every(view.camera)
     if every == 1:
-        return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
-    biases, rows = model.biases(view.codes), exact_rays(model, view.camera)
+        return render_exact(view.instance, view.camera, samples).colour.clamp(0, 1).cpu()
+    model = view.instance.model
+    biases = view.instance.biases
+    rows = exact_rays(model, view.camera)
     with torch.no_grad():
         parts = [
             render_rays(model, rows[row, ::every], samples, *biases).colour for row in range(0, len(rows.near), every)
@@ -171,45 +169,45 @@ def _every(camera: Camera) -> int:
     return camera.height // _COMPARED if camera.height > _SIZE else 1
 
 
-def _naive(samples: int) -> Callable[[Model, _View], Tensor]:
-    return lambda model, view: _exact(model, view, samples)
+def _naive(samples: int) -> Callable[[View], Tensor]:
+    return lambda view: _exact(view, samples)
 
 
-def _fast(samples: int, cutoff: Tolerances | None = None) -> Callable[[Model, _View], Tensor]:
+def _fast(samples: int, cutoff: Tolerances | None = None) -> Callable[[View], Tensor]:
     """Render a new view of a known shape."""
 
-    def render(model: Model, view: _View) -> Tensor:
+    def render(view: View) -> Tensor:
         fast.clear_views()
-        return fast.render(model, view.codes, view.camera, samples, cutoff=cutoff).colour.clamp(0, 1)
+        return fast.render(view.instance, view.camera, samples, cutoff=cutoff).colour.clamp(0, 1)
 
     return render
 
 
-def _in_float32(render: Callable[[Model, _View], Tensor]) -> Callable[[Model, _View], Tensor]:
-    def forced(model: Model, view: _View) -> Tensor:
+def _in_float32(render: Callable[[View], Tensor]) -> Callable[[View], Tensor]:
+    def forced(view: View) -> Tensor:
         with use_dtype(torch.float32):
-            return render(model, view)
+            return render(view)
 
     return forced
 
 
-def _baked(level: int) -> Callable[[Model, _View], Tensor]:
+def _baked(level: int) -> Callable[[View], Tensor]:
     """Draw a baked field as OpenGL does while an object is turned, by torch; baking is not timed."""
 
     @cache
-    def baked(model: Model, codes: Codes) -> BakedField:
-        return [field for field in bake(model, codes) if field][level]
+    def baked(instance: Instance) -> BakedField:
+        return [field for field in bake(instance) if field][level]
 
-    return lambda model, view: render_baked(baked(model, view.codes), view.camera).colour.clamp(0, 1)
+    return lambda view: render_baked(baked(view.instance), view.camera).colour.clamp(0, 1)
 
 
-def _timed(setting: _Setting, model: Model, view: _View) -> tuple[Tensor, float]:
+def _timed(setting: _Setting, view: View) -> tuple[Tensor, float]:
     if setting.warm:
         fast.clear_cache()
-        setting.render(model, view)
-    clock = time.perf_counter if model.device.type == "cuda" else time.process_time
+        setting.render(view)
+    clock = time.perf_counter if view.instance.model.device.type == "cuda" else time.process_time
     began = clock()
-    image = setting.render(model, view).cpu()  # waits for a graphics card to finish
+    image = setting.render(view).cpu()  # waits for a graphics card to finish
     seconds = clock() - began
     every = _every(view.camera)
     return image[::every, ::every], seconds

@@ -23,9 +23,8 @@ from core.lab.benchmarks.held_out_views import HeldOutView, is_symmetric_view, r
 from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor
 from core.lab.evaluation.statistics import Mean, mean_of
 from core.metrics import rotation_error
-from core.models.codes import Codes
 from core.models.library import load_model, shipped_models
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import cut_out
 from core.rendering.surface import surface_points
@@ -120,7 +119,7 @@ def measure_robustness(
         trial, stressor = RobustnessTrial(name, level, preset, views[number].views.name), STRESSORS[name]
         if trial.key in done:
             continue
-        seen = _view(model, views[number], stressor.camera(views[number].camera, level))
+        seen = _view(views[number], stressor.camera(views[number].camera, level))
         image = _corrupted(model, seen, stressor, level, seed + number)
         yield _fit(model, _Attempt(image, seen, PRESETS[preset], seed + number, stressor, level), trial)
 
@@ -133,11 +132,11 @@ class _Seen(NamedTuple):
     view: HeldOutView
 
 
-def _view(model: Model, view: HeldOutView, camera: Camera) -> _Seen:
+def _view(view: HeldOutView, camera: Camera) -> _Seen:
     """Return the object from a camera: the image taken from there or close by, else a render of its codes."""
     index = view.nearest(camera)
     if index is None:
-        return _Seen(_cutout(*map(np.asarray, render_on_white(model, view.codes, camera))), camera, view)
+        return _Seen(_cutout(*map(np.asarray, render_on_white(view.instance, camera))), camera, view)
     image = view.views.images[index].astype(np.float32) / 255
     return _Seen(_cutout(image, view.views.masks[index]), view.views.cameras[index], view)
 
@@ -150,9 +149,8 @@ def _corrupted(model: Model, seen: _Seen, stressor: Stressor, level: float, seed
     cutout = seen.cutout
     if stressor.other_category:
         other = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
-        codes = other.codes[seed % len(other.codes.objects)]
         camera = other.camera(seen.camera.azimuth, seen.camera.elevation)
-        cutout = _cutout(*map(np.asarray, render_on_white(other, codes, camera)))
+        cutout = _cutout(*map(np.asarray, render_on_white(other[seed % len(other.codes.objects)], camera)))
     return stressor.corrupt(cutout, level, np.random.default_rng(seed))
 
 
@@ -172,7 +170,7 @@ class _Attempt(NamedTuple):
         photo, initial = prepare_photo(cut, model), None
         if self.stressor.init and isinstance(self.settings, PaperSettings):
             camera = self.stressor.init(self.seen.camera, self.level)
-            initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 4))
+            initial = Hypothesis(0, math.inf, (camera,), model.mean, torch.zeros(1, 4))
         return FitJob((photo,), self.settings, self.seed, initial)
 
 
@@ -189,17 +187,17 @@ def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: RobustnessTria
     if attempt.stressor.no_object:
         doubted = last.confidence is not None and last.confidence < DOUBTFUL
         return replace(trial, outcome="doubted" if doubted else "believed")
-    camera, truth, codes = last.cameras[0], attempt.seen.camera, attempt.seen.view.codes
+    camera, truth, instance = last.cameras[0], attempt.seen.camera, attempt.seen.view.instance
     rotation, name = rotation_error(camera, truth), name_camera(camera, truth)
-    if name in ("opposite", "wrong") and is_symmetric_view(model, codes, camera, truth, SUCCESS_DEGREES):
+    if name in ("opposite", "wrong") and is_symmetric_view(instance, camera, truth, SUCCESS_DEGREES):
         rotation, name = 0.0, "symmetric"
-    size = _longest_side(model, last.codes) / _longest_side(model, codes) - 1
+    size = _longest_side(last.instance) / _longest_side(instance) - 1
     return replace(trial, rotation=rotation, size_error=size, outcome=name)
 
 
-def _longest_side(model: Model, codes: Codes) -> float:
+def _longest_side(instance: Instance) -> float:
     """Return the length in scene units; NaN if the object is empty."""
-    points, _ = surface_points(model, codes)
+    points, _ = surface_points(instance)
     return float((points.amax(0) - points.amin(0)).max()) if len(points) else math.nan
 
 

@@ -57,19 +57,20 @@ class _Views(NamedTuple):
     compared: Sequence[int]
 
 
-_Render = Callable[[Model, _Views], tuple[float, float, list[Image]]]
+_Render = Callable[[_Views], tuple[float, float, list[Image]]]
 """Renders a video: its setting, s, and the compared frames."""
 
 
 def measure_videos(model: Model, objects: int = 2, done: Collection[Hashable] = ()) -> Iterator[VideoTiming]:
     """Yield each row as it is measured, except those whose keys are done. Needs OpenGL."""
-    some = [codes for _, codes in evenly_spaced_objects(model, objects)]
     camera = model.camera(0.9, 0.35).resized(SIZE, SIZE)
-    turns = [filling_frame(model, turntable(codes, camera, FRAMES)) for codes in some]
+    turns = [filling_frame(turntable(instance, camera, FRAMES)) for instance in evenly_spaced_objects(model, objects)]
     shown = {
         "turn": [_Views(views, COMPARED) for views in turns],
         "morph": [_Views(views, COMPARED) for views in map(_morph, turns, turns[1:] + turns[:1])],
-        "image": [_Views([View(one[0].codes, one[0].camera.resized(IMAGE_SIZE, IMAGE_SIZE))], [0]) for one in turns],
+        "image": [
+            _Views([turn[0]._replace(camera=turn[0].camera.resized(IMAGE_SIZE, IMAGE_SIZE))], [0]) for turn in turns
+        ],
     }
     finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _default)
     turned: list[tuple[str, int, _Render]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
@@ -77,7 +78,7 @@ def measure_videos(model: Model, objects: int = 2, done: Collection[Hashable] = 
 
     @cache
     def truth(what: str, number: int) -> list[Image]:
-        return _exact(REFERENCE_SAMPLES)(model, shown[what][number])[2]
+        return _exact(REFERENCE_SAMPLES)(shown[what][number])[2]
 
     for what, recipes in (("turn", [*turned, default]), ("morph", [finest, default]), ("image", [finest, default])):
         for recipe, setting, make in recipes:
@@ -85,40 +86,44 @@ def measure_videos(model: Model, objects: int = 2, done: Collection[Hashable] = 
                 continue
             chosen, seconds, quality = [], [], []
             for number, views in enumerate(shown[what]):
-                found, spent, frames = make(model, views)
+                found, spent, frames = make(views)
                 chosen.append(found)
                 seconds.append(spent)
                 quality += [psnr(one / 255, of / 255) for one, of in zip(frames, truth(what, number), strict=True)]
             yield VideoTiming(what, recipe, median(chosen), mean(seconds), mean(quality), min(quality))
 
 
-def _morph(turn: Sequence[View], other: Sequence[View]) -> Sequence[View]:
+def _still(view: View) -> View:
+    return view._replace(camera=view.camera.resized(IMAGE_SIZE, IMAGE_SIZE))
+
+
+def _morph(turn: Sequence[View], second: Sequence[View]) -> Sequence[View]:
     """Return as many views as a turn has, from the first object to the second and back."""
-    return morph(turn[0].codes, other[0].codes, turn[0].camera, len(turn))
+    return morph(turn[0].instance, second[0].instance, turn[0].camera, len(turn))
 
 
 def _exact(samples: int) -> _Render:
-    def render(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
+    def render(shown: _Views) -> tuple[float, float, list[Image]]:
         frames, began = [], time.process_time()
         for index in shown.compared:
             job = RenderJob(*shown.views[index], RenderSettings(samples, (1,)))
-            frames += [frame.image for frame in render_progressively(model, job) if frame]
+            frames += [frame.image for frame in render_progressively(job) if frame]
         return samples, (time.process_time() - began) * len(shown.views) / len(shown.compared), frames
 
     return render
 
 
-def _default(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
+def _default(shown: _Views) -> tuple[float, float, list[Image]]:
     few = are_few(shown.views)
-    return (_exact(FEW_SAMPLES) if few else _baked(CELLS))(model, shown)
+    return (_exact(FEW_SAMPLES) if few else _baked(CELLS))(shown)
 
 
 def _baked(cells: int) -> _Render:
     """Draw from a grid of ``cells`` along an axis."""
 
-    def render(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
+    def render(shown: _Views) -> tuple[float, float, list[Image]]:
         began = time.process_time()
-        stream = baked_frames(model, shown.views, (255, 255, 255), cells=cells)
+        stream = baked_frames(shown.views, (255, 255, 255), cells=cells)
         frames = [image for image in stream if image is not None]
         return cells, time.process_time() - began, [frames[index] for index in shown.compared]
 

@@ -5,7 +5,7 @@ by name, provide the codes. Any other object whose shape and texture both occur 
 """
 
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from core.lab.datasets.srn import ObjectEntry, ObjectViews
 from core.lab.evaluation.protocol import as_photo, fit_first_last, score_view
 from core.lab.evaluation.statistics import Mean, mean_of
 from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.images import render_image
 
 _RENDERED_VIEWS = 12  # of a pair, evenly spaced
@@ -83,35 +83,35 @@ def score_pairs(model: Model, chosen: Sequence[ShapeTexturePair], seed: int = 0)
 
 def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: int) -> PairScore:
     views, book = pair.entry.read(), model.codes
-    codes = Codes(book.shapes[pair.shape], book.textures[pair.texture])
+    instance = Instance(model, Codes(book.shapes[pair.shape], book.textures[pair.texture]))
     indices = range(len(views.cameras))
     rendered = evenly_spaced(indices, _RENDERED_VIEWS)
     rest = [view for view in indices if view not in rendered] or rendered
-    fitted = None if model.is_ablation else _fit_codes(model, views, rest, seed)
-    edited = Codes(codes.shape, book.textures[other_texture])
-    before, after = (render_image(model, either, views.cameras[0], _EDIT_SAMPLES) for either in (codes, edited))
+    fitted = None if model.is_ablation else _fit(model, views, rest, seed)
+    edited = Instance(model, Codes(instance.codes.shape, book.textures[other_texture]))
+    before, after = (render_image(version, views.cameras[0], _EDIT_SAMPLES) for version in (instance, edited))
     background = before.opacity < _BACKGROUND_OPACITY
     change = (before.colour - after.colour).abs().amax(-1)[background]
-    image = to_bytes(render_image(model, codes, views.cameras[0]).colour)
+    image = to_bytes(render_image(instance, views.cameras[0]).colour)
     return PairScore(
         pair,
-        *_mean_score(model, codes, views, rendered),
-        None if fitted is None else _mean_score(model, fitted, views, rendered),
+        *_mean_score(instance, views, rendered),
+        None if fitted is None else _mean_score(fitted, views, rendered),
         float((before.opacity - after.opacity).abs().max()),
         float(change.max()) if len(change) else 0.0,
-        fitted,
+        None if fitted is None else fitted.codes,
         np.hstack((views.images[0], image)),
     )
 
 
-def _mean_score(model: Model, codes: Codes, views: ObjectViews, rendered: Sequence[int]) -> tuple[float, float]:
-    psnr, ssim = np.mean([score_view(model, codes, views, index) for index in rendered], axis=0)[:2]
+def _mean_score(instance: Instance, views: ObjectViews, rendered: Sequence[int]) -> tuple[float, float]:
+    psnr, ssim = np.mean([score_view(instance, views, index) for index in rendered], axis=0)[:2]
     return float(psnr), float(ssim)
 
 
-def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed: int) -> Codes:
+def _fit(model: Model, views: ObjectViews, candidates: Sequence[int], seed: int) -> Instance:
     photos = tuple(as_photo(views, index, True) for index in evenly_spaced(candidates, _FITTED_VIEWS))
-    return replace(fit_first_last(model, FitJob(photos, seed=seed))[1].codes, detail=None)
+    return fit_first_last(model, FitJob(photos, seed=seed))[1].instance.with_detail(None)
 
 
 # Leaks

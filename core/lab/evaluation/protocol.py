@@ -13,8 +13,7 @@ from core.geometry.camera import Camera
 from core.lab.datasets.srn import ObjectViews
 from core.lab.evaluation.statistics import Mean, mean_of
 from core.metrics import haze, psnr, rotation_error, silhouette_overlap, ssim, translation_error
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.photos.photo import Photo
 from core.rendering.images import render_image
 
@@ -93,7 +92,7 @@ def _score_object(model: Model, views: ObjectViews, protocol: EvaluationProtocol
     photos = tuple(as_photo(views, index, not protocol.estimate) for index in protocol.inputs)
     job = FitJob(photos, PRESETS[protocol.preset], protocol.seed)
     first, last = fit_first_last(model, job)
-    scores = [score_view(model, last.codes, views, index) for index in rest]
+    scores = [score_view(last.instance, views, index) for index in rest]
     poses = tuple(
         _pose_score(view, views.cameras[view], estimated, initial)
         for view, estimated, initial in zip(protocol.inputs, last.cameras, first.cameras, strict=True)
@@ -127,9 +126,9 @@ class ViewScore(NamedTuple):
     haze: float
 
 
-def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> ViewScore:
+def score_view(instance: Instance, views: ObjectViews, index: int) -> ViewScore:
     """Compare a rendered view, its colours clipped to [0, 1], with the true one."""
-    rendered = render_image(model, codes, views.cameras[index])
+    rendered = render_image(instance, views.cameras[index])
     colour, opacity = rendered.colour.clamp(0, 1).cpu(), rendered.opacity.cpu().numpy()
     truth = torch.from_numpy(views.images[index]).float() / 255
     overlap = silhouette_overlap(opacity, views.masks[index])

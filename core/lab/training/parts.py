@@ -16,8 +16,7 @@ from torch.nn import functional
 from core.export.mesh import extract_mesh
 from core.export.normals import face_normals
 from core.lab.datasets.splits import evenly_spaced
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.part_head import PartHead
 from core.rendering.folded_field import FoldedField
 from core.streams import run_to_end
@@ -48,7 +47,7 @@ def labelled_places(model: Model, teacher: Model, count: int) -> Iterator[Places
     generator = np.random.default_rng(0)
     for index in evenly_spaced(shared, count):
         name = model.codes.objects[index].name
-        yield _places(model, model.codes[index], *_labelled(teacher, teacher.codes[known[name]]), generator)
+        yield _places(model[index], *_labelled(teacher[known[name]]), generator)
 
 
 def fit_part_head(names: tuple[str, ...], places: list[Places]) -> PartHead:
@@ -71,31 +70,30 @@ def fit_part_head(names: tuple[str, ...], places: list[Places]) -> PartHead:
         return PartHead(names, weight / std, bias - weight @ (mean / std))
 
 
-def _labelled(teacher: Model, codes: Codes) -> tuple[Float[np.ndarray, "faces 3"], Int[np.ndarray, "faces"]]:
+def _labelled(instance: Instance) -> tuple[Float[np.ndarray, "faces 3"], Int[np.ndarray, "faces"]]:
     """Return the middles of the teacher's triangles, and their parts."""
-    assert teacher.part_head
-    mesh = run_to_end(extract_mesh(teacher, codes, _RESOLUTION))
+    assert instance.model.part_head
+    mesh = run_to_end(extract_mesh(instance, _RESOLUTION))
     names, counts = zip(*mesh.parts, strict=True)
-    part = np.repeat([teacher.part_head.names.index(name) for name in names], counts)
+    part = np.repeat([instance.model.part_head.names.index(name) for name in names], counts)
     return mesh.vertices[mesh.faces].mean(1), part
 
 
 def _places(
-    model: Model,
-    codes: Codes,
+    instance: Instance,
     known: Float[np.ndarray, "faces 3"],
     part: Int[np.ndarray, "faces"],
     generator: np.random.Generator,
 ) -> Places:
     """Sample points evenly on the field's surface, each with the part of the nearest known point."""
-    mesh = run_to_end(extract_mesh(model, codes, _RESOLUTION))
+    mesh = run_to_end(extract_mesh(instance, _RESOLUTION))
     normals = face_normals(mesh.vertices, mesh.faces)
     area = np.linalg.norm(normals, axis=1)
     chosen = generator.choice(len(area), _PLACES, p=area / area.sum())
     weights = generator.dirichlet((1, 1, 1), _PLACES)[..., None]
     places = (weights * mesh.vertices[mesh.faces[chosen]]).sum(1)
     inside = torch.from_numpy(places - _DEPTH * normals[chosen] / area[chosen, None]).float()
-    folded = FoldedField(model, codes)
+    folded = FoldedField.of(instance)
     with torch.inference_mode():
         features = folded.density(inside.to(folded.device))[1].float().cpu()
     return features.clone(), torch.from_numpy(part[cKDTree(known).query(places)[1]])

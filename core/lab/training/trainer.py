@@ -287,9 +287,9 @@ def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
     """Return the mean PSNR (dB) of a model's training objects over held-out whole images."""
     index, found = model.codes.index, list[float]()
     for views in dataset.objects:
-        codes = model.codes[index[views.name]]
+        instance = model[index[views.name]]
         for image, camera in zip(views.images, views.cameras, strict=True):
-            colour = render_exact(model, codes, camera, samples).colour.clamp(0, 1)
+            colour = render_exact(instance, camera, samples).colour.clamp(0, 1)
             found.append(psnr(colour, torch.from_numpy(image).float() / 255))
     return sum(found) / len(found)
 

@@ -78,7 +78,7 @@ def write_pose(model: Model) -> None:
 def test_render_draws_objects_scenes_and_the_mean_fast_or_exactly(file: str, model: Model):
     place = "--azimuth 30 --elevation 10 --distance 2"
     run(f"render --model {file} --object 2 {place} --size 24 --out a.png")
-    Scene(model.codes[2], model.camera(np.radians(30), np.radians(10))).save(Path("s.json"))
+    Scene(model[2], model.camera(np.radians(30), np.radians(10))).save(Path("s.json"))
     run(f"render --model {file} --scene s.json --size 24 --out b.png")
     run(f"render --model {file} --scene s.json --size 24 --out exact.png --exact")
     run(f"render --model {file} --size 36x24 --out mean.png")
@@ -105,7 +105,7 @@ def test_a_swing_starts_at_the_photos_camera_not_at_the_last_view(file: str, cap
     model = load_model(file)
     known = model.camera(0.3, 0.1).resized(24, 24)
     detail = PhotoDetail.of((PhotoView.of(np.full((24, 24, 4), 255, np.uint8), known),), model.codes[0])
-    Scene(replace(model.codes[0], detail=detail), model.camera(2.0, 0.6)).save(Path("s.json"))
+    Scene(model[0].with_detail(detail), model.camera(2.0, 0.6)).save(Path("s.json"))
     about = f"--model {file} --scene s.json --distance 1.5 --size 24"
     run(f"turntable {about} --frames 4 --exact --swing --out t.frames")
     for number, angle in enumerate((0, 70, 0, -70)):
@@ -378,8 +378,8 @@ def fit_ends(monkeypatch: pytest.MonkeyPatch) -> Callable[[FitStep], None]:
 @pytest.mark.parametrize("margin, said", [(-9.0, "doubtful"), (9.0, "")])
 def test_a_low_confidence_is_said_in_words(margin, said, file, model, capsys, fit_ends):
     runner_up = RunnerUp((model.camera(3.4, 0.3),), 0.5)
-    cameras, codes = (model.camera(0.3, 0.3),), model.codes[0]
-    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, cameras, codes, runner_up=runner_up, margin=margin, uncertainty=1.5)
+    cameras, instance = (model.camera(0.3, 0.3),), model[0]
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, cameras, instance, runner_up=runner_up, margin=margin, uncertainty=1.5)
     fit_ends(step)
     run(f"fit a.png --model {file}")
     printed = capsys.readouterr()
@@ -393,7 +393,7 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, capsys, fi
 
 
 def test_that_several_photos_have_no_confidence_is_said(file, model, capsys, fit_ends):
-    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 2, model.codes[0]))
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 2, model[0]))
     run(f"fit a.png a.png --model {file}")
     printed = capsys.readouterr()
     assert json.loads(printed.out)["confidence"] is None
@@ -411,7 +411,7 @@ def test_a_chair_and_a_car_are_not_fitted_as_one_object_unless_a_model_is_named(
             return replace(cut_out(Image.open("a.png").convert("RGBA")), categories={"chairs": 0.1, "cars": 0.8})
         return replace(cut_out(image), categories={"chairs": 0.9, "cars": 0.05})
 
-    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model.codes[0]))
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model[0]))
     monkeypatch.setattr(fitting, "cut_out", cut_and_guess)
     said = "b.png: this looks like a car, the first image like a chair: the images of one fit show one object"
     advice = "Fit each object by itself, or choose one model with --model"
@@ -451,7 +451,7 @@ def test_the_number_of_an_object_says_which_and_a_second_one_is_mentioned(file, 
         return replace(cut, confidence=0.8, detections=two)
 
     monkeypatch.setattr(fitting, "cut_out", find)
-    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (load_model(file).camera(0.3, 0.3),), load_model(file).codes[0]))
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (load_model(file).camera(0.3, 0.3),), load_model(file)[0]))
     run(f"fit a.png --model {file} --object 2")
     assert given == [Hints(object=1)]
     assert capsys.readouterr().err == ""

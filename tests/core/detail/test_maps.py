@@ -12,8 +12,7 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
 from core.metrics import psnr
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering import progressive
 from core.rendering.baked_field import render_baked
@@ -29,15 +28,17 @@ SIZE = 192
 SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"
 
 
-def striped(model: Model, camera: Camera) -> Codes:
+def striped(model: Model, camera: Camera) -> Instance:
     """Codes whose photo has a dark stripe across the object."""
-    seen = render_exact(model, model.codes[0], camera, 96)
+    seen = render_exact(model[0], camera, 96)
     colour = seen.colour.clamp(0, 1).clone()
     rows = slice(int(0.50 * SIZE), int(0.54 * SIZE))
     colour[rows] = torch.lerp(colour[rows], torch.tensor([0.1, 0.1, 0.6]), seen.opacity[rows, :, None])
     rgba = to_bytes(torch.cat((colour, seen.opacity[..., None]), -1))
-    codes = model.codes[0]
-    return replace(codes, detail=PhotoDetail((PhotoView.of(rgba, camera),), codes.shape, codes.texture))
+    instance = model[0]
+    return instance.changed(
+        detail=PhotoDetail((PhotoView.of(rgba, camera),), instance.codes.shape, instance.codes.texture)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -46,106 +47,106 @@ def camera(tiny: Model) -> Camera:
 
 
 @pytest.fixture(scope="module")
-def codes(tiny: Model, camera: Camera) -> Codes:
+def instance(tiny: Model, camera: Camera) -> Instance:
     return striped(tiny, camera)
 
 
-def test_the_photos_own_view_becomes_the_photo(tiny: Model, codes: Codes, camera: Camera) -> None:
-    photo = codes.detail.views[0].pixels()[..., :3] / 255
-    plain, shown = (render_frame(tiny, one, camera).image / 255 for one in (replace(codes, detail=None), codes))
+def test_the_photos_own_view_becomes_the_photo(tiny: Model, instance: Instance, camera: Camera) -> None:
+    photo = instance.detail.views[0].pixels()[..., :3] / 255
+    plain, shown = (render_frame(one, camera).image / 255 for one in (instance.with_detail(None), instance))
     assert psnr(shown, photo) > psnr(plain, photo) + 4
 
 
-def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, codes: Codes, camera: Camera) -> None:
+def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, instance: Instance, camera: Camera) -> None:
     beside = tiny.camera(2.6, 0.3).resized(SIZE, SIZE)
     other = striped(tiny, beside).detail
-    both = replace(codes, detail=replace(codes.detail, views=(*codes.detail.views, *other.views)))
+    both = instance.changed(detail=replace(instance.detail, views=(*instance.detail.views, *other.views)))
     for view, seen_from in zip(both.detail.views, (camera, beside), strict=True):
         photo = view.pixels()[..., :3] / 255
-        plain, shown = (render_frame(tiny, one, seen_from).image / 255 for one in (replace(codes, detail=None), both))
+        plain, shown = (render_frame(one, seen_from).image / 255 for one in (instance.with_detail(None), both))
         assert psnr(shown, photo) > psnr(plain, photo) + 4
 
 
-def test_what_is_erased_is_as_the_model_has_it_and_density_stays(tiny: Model, codes: Codes, camera: Camera) -> None:
-    gone = codes.detail.erasing(0, (Erasure(((0.0, 0.52), (1.0, 0.52)), 0.06),))
+def test_what_is_erased_is_as_the_model_has_it_and_density_stays(
+    tiny: Model, instance: Instance, camera: Camera
+) -> None:
+    gone = instance.detail.erasing(0, (Erasure(((0.0, 0.52), (1.0, 0.52)), 0.06),))
     plain, shown, erased = (
-        render_frame(tiny, replace(codes, detail=one), camera).image[int(0.47 * SIZE) : int(0.57 * SIZE)].astype(int)
-        for one in (None, codes.detail, gone)
+        render_frame(instance.with_detail(one), camera).image[int(0.47 * SIZE) : int(0.57 * SIZE)].astype(int)
+        for one in (None, instance.detail, gone)
     )
     assert np.abs(shown - plain).max() > 40
     assert np.abs(erased - plain).max() <= 2
     beside = tiny.camera(1.5, 0.5).resized(72, 96)
-    plain, shown = (render_frame(tiny, one, beside) for one in (replace(codes, detail=None), codes))
+    plain, shown = (render_frame(one, beside) for one in (instance.with_detail(None), instance))
     assert (plain.image != shown.image).any()
     assert np.array_equal(plain.opacity, shown.opacity) and np.array_equal(plain.depth, shown.depth)
 
 
-def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, codes: Codes) -> None:
-    assert codes.detail is not None
+def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, instance: Instance) -> None:
+    assert instance.detail is not None
     behind = tiny.camera(np.pi - 1.1, 0.3).resized(SIZE, SIZE)
-    frames = [
-        render_frame(tiny, replace(codes, detail=replace(codes.detail, other_side=side)), behind) for side in SIDES
-    ]
+    frames = [render_frame(instance.with_detail(replace(instance.detail, other_side=side)), behind) for side in SIDES]
     mirrored, soft, own = (frame.sources[..., 1].sum() for frame in frames if frame.sources is not None)
     assert mirrored > 1.05 * soft > own == 0
     assert (frames[0].image != frames[1].image).any()
 
 
-def test_frames_tell_where_colours_are_from(tiny: Model, codes: Codes, camera: Camera) -> None:
-    front, behind = (render_frame(tiny, codes, one) for one in (camera, tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)))
+def test_frames_tell_where_colours_are_from(tiny: Model, instance: Instance, camera: Camera) -> None:
+    front, behind = (render_frame(instance, one) for one in (camera, tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)))
     for frame in (front, behind):
         assert frame.sources is not None and frame.sources.shape == (*frame.opacity.shape, 2)
         assert frame.sources.min() >= 0 and (frame.sources.sum(-1) <= frame.opacity + 1e-5).all()
     assert front.sources[..., 0].mean() > behind.sources[..., 0].mean()
     assert behind.sources[..., 1].mean() > front.sources[..., 1].mean()
-    assert render_frame(tiny, replace(codes, detail=None), camera).sources is None
+    assert render_frame(instance.with_detail(None), camera).sources is None
 
 
-def test_the_stripe_turns_with_the_surface(tiny: Model, codes: Codes) -> None:
+def test_the_stripe_turns_with_the_surface(tiny: Model, instance: Instance) -> None:
     """From 30 degrees beside the photo, the places that the stripe darkens are those that it is painted on."""
     beside = tiny.camera(1.1 + 0.5, 0.3).resized(SIZE, SIZE)
-    plain, shown = (render_frame(tiny, one, beside) for one in (replace(codes, detail=None), codes))
+    plain, shown = (render_frame(one, beside) for one in (instance.with_detail(None), instance))
     darker = torch.from_numpy(plain.image[..., 0].astype(int) - shown.image[..., 0] > 25)
     assert darker.sum() > 60
     rays = camera_rays(beside, tiny.extent_tensor)
     points = (rays.origins + rays.directions * torch.from_numpy(shown.depth)[..., None])[darker]
-    rows = codes.detail.views[0].camera.project(points)[:, 1] / codes.detail.views[0].camera.height
+    rows = instance.detail.views[0].camera.project(points)[:, 1] / instance.detail.views[0].camera.height
     assert float(((rows - 0.52 + 0.02).abs() < 0.05).float().mean()) > 0.8
 
 
-def test_edits_of_the_shape_fade_it(tiny: Model, codes: Codes) -> None:
+def test_edits_of_the_shape_fade_it(tiny: Model, instance: Instance) -> None:
     space = tiny.codes.shape_space
     way = torch.tensor([1.0, 0.5])
     unit = way / float(space.distance(way, torch.zeros(2)))
     shares = [
-        shown_share(tiny, replace(codes, shape=codes.shape + distance * unit))
+        shown_share(instance.changed(shape=instance.codes.shape + distance * unit))
         for distance in (0.0, FADED / 2, FADED, 2 * FADED)
     ]
     assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)
 
 
 def test_without_a_photo_every_frame_is_as_it_was(tiny: Model) -> None:
-    job = RenderJob(tiny.codes[1], tiny.camera(0.2, 0.3), RenderSettings(divisors=(2, 1)))
+    job = RenderJob(tiny[1], tiny.camera(0.2, 0.3), RenderSettings(divisors=(2, 1)))
     frames = []
     for stream in (render_progressively, progressive.render_progressively):
         clear_cache()
-        frames.append(list(filter(None, stream(tiny, job))))
+        frames.append(list(filter(None, stream(job))))
     one, other = frames
     assert all(np.array_equal(a.image, b.image) for a, b in zip(one, other, strict=True))
 
 
-def test_every_stage_shows_it(tiny: Model, codes: Codes, camera: Camera) -> None:
+def test_every_stage_shows_it(tiny: Model, instance: Instance, camera: Camera) -> None:
     settings = RenderSettings(divisors=(2, 1, 1))
     frames = []
-    for one in (codes, replace(codes, detail=None)):
+    for one in (instance, instance.with_detail(None)):
         clear_cache()
-        frames.append(list(filter(None, render_progressively(tiny, RenderJob(one, camera, settings)))))
+        frames.append(list(filter(None, render_progressively(RenderJob(one, camera, settings)))))
     assert len(frames[0]) == 3
     assert all((a.image != b.image).any() for a, b in zip(*frames, strict=True))
 
 
-def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, codes: Codes) -> None:
-    *_, shadowed = filter(None, bake(tiny, codes))
+def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, instance: Instance) -> None:
+    *_, shadowed = filter(None, bake(instance))
     baked = replace(shadowed, shadow=None)
     beside = tiny.camera(1.4, 0.4).resized(96, 96)
     try:
@@ -168,7 +169,7 @@ def test_the_main_paint_changes_evenly_and_rough_places_that_hardly_change_stay(
     change[:, 30:34, 8:12] = 0
     texels = SurfaceTexels(full > 1, torch.zeros(0, 8), torch.zeros(0, 8))
     one = ComparedPhoto(
-        *(camera, tiny.codes[0], grey, grey, full, full, full, 0.1 * (1 - left), left),
+        *(camera, tiny[0], grey, grey, full, full, full, 0.1 * (1 - left), left),
         *(torch.zeros(4, 64, 64), texels, ColourMatch()),
     )
     moved = one.repainted(change) - grey

@@ -39,7 +39,7 @@ def test_blender_sees_the_object_as_the_camera_does(tmp_path: Path) -> None:
         pytest.skip("BPY_PYTHON names no Python that has bpy")
     model = tiny_model()
     camera = model.camera(0.7, 0.4).resized(96, 64)
-    list(export_mesh(model, model.codes[0], tmp_path / "stool.glb", MeshSettings(32), camera))
+    list(export_mesh(model[0], tmp_path / "stool.glb", MeshSettings(32), camera))
     arguments = (str(_SCRIPT), str(tmp_path / "stool.glb"), str(tmp_path / "seen.json"))
     subprocess.run((python, "-c", _SEEN, *arguments), check=True, timeout=600)
     found = json.loads((tmp_path / "seen.json").read_text())

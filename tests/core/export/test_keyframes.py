@@ -9,11 +9,12 @@ import torch
 from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View, morph, swing, turntable
 from core.geometry.camera import Camera
 from core.models.codes import Codes
+from core.models.missing import MissingInstance
 
 
 def shot(azimuth: float = 0.0, elevation: float = 0.2, distance: float = 1.3, code: float = 0.0) -> View:
     camera = Camera(azimuth, elevation, distance, 131.25, 128, 128)
-    return View(Codes(torch.full((3,), code), torch.full((2,), -code)), camera)
+    return View(MissingInstance("", Codes(torch.full((3,), code), torch.full((2,), -code))), camera)
 
 
 def timeline(*shots: View, **about) -> Timeline:
@@ -26,7 +27,9 @@ def seam(made: Timeline) -> float:
     """The step from the last frame to the first, relative to the longest step between other frames."""
     rows = torch.stack(
         [
-            torch.tensor([math.cos(one.camera.azimuth), math.sin(one.camera.azimuth), *one.codes.shape.tolist()])
+            torch.tensor(
+                [math.cos(one.camera.azimuth), math.sin(one.camera.azimuth), *one.instance.codes.shape.tolist()]
+            )
             for one in made.views(24)
         ]
     )
@@ -42,14 +45,14 @@ def test_every_key_is_met(loop: bool) -> None:
         assert found.camera.azimuth == pytest.approx(expected.camera.azimuth, abs=1e-9)
         assert found.camera.elevation == pytest.approx(expected.camera.elevation)
         assert found.camera.distance == pytest.approx(expected.camera.distance)
-        torch.testing.assert_close(found.codes.shape, expected.codes.shape)
-        torch.testing.assert_close(found.codes.texture, expected.codes.texture)
+        torch.testing.assert_close(found.instance.codes.shape, expected.instance.codes.shape)
+        torch.testing.assert_close(found.instance.codes.texture, expected.instance.codes.texture)
 
 
 def test_a_path_meets_its_middle_and_takes_the_short_way_round_the_sphere() -> None:
     made = timeline(shot(distance=1.0, code=0.0), shot(distance=4.0, code=2.0), loop=False)
     halfway = made.at(0.5)
-    torch.testing.assert_close(halfway.codes.shape, torch.ones(3))
+    torch.testing.assert_close(halfway.instance.codes.shape, torch.ones(3))
     assert halfway.camera.distance == pytest.approx(2.0)
     made = timeline(shot(3.0), shot(-3.0), loop=False)
     for step in range(21):
@@ -68,13 +71,13 @@ def test_loops_go_all_round_and_turns_are_added() -> None:
     made = timeline(shot(code=0.0), shot(code=2.0), turns=1)
     quarter = made.at(0.5)
     assert quarter.camera.azimuth == pytest.approx(math.pi / 2)
-    torch.testing.assert_close(quarter.codes.shape, torch.ones(3))
+    torch.testing.assert_close(quarter.instance.codes.shape, torch.ones(3))
     assert seam(made) < 1.5
 
 
 def test_smooth_has_no_corner_and_stays_off_the_pole() -> None:
     made = timeline(shot(code=0.0), shot(code=1.0), shot(code=0.0), shot(code=-1.0))
-    before, at, after = (float(made.at(1.0 + d).codes.shape[0]) for d in (-0.01, 0.0, 0.01))
+    before, at, after = (float(made.at(1.0 + d).instance.codes.shape[0]) for d in (-0.01, 0.0, 0.01))
     assert abs((after - at) - (at - before)) / 0.01 < 0.1  # of straight lines it would be 2
     high = math.radians(88)
     made = timeline(shot(elevation=0.0), shot(elevation=high), shot(elevation=high), shot(elevation=0.0))
@@ -90,9 +93,9 @@ def test_a_loop_has_no_seam_and_ends_before_its_beginning() -> None:
     two = shot(code=0.0), shot(code=1.0)
     looped, ended = timeline(*two, loop=True).views(12), timeline(*two, loop=False).views(12)
     assert len(looped) == len(ended) == 24
-    assert looped[0].codes == ended[0].codes
-    assert looped[-1].codes != looped[0].codes
-    torch.testing.assert_close(ended[-1].codes.shape, two[1].codes.shape)
+    assert looped[0].instance == ended[0].instance
+    assert looped[-1].instance != looped[0].instance
+    torch.testing.assert_close(ended[-1].instance.codes.shape, two[1].instance.codes.shape)
 
 
 def test_edits_make_new_timelines_and_keep_keys_apart() -> None:
@@ -126,25 +129,26 @@ def test_what_is_no_timeline_is_refused() -> None:
 @pytest.mark.parametrize("loop", [True, False])
 def test_between_objects_of_two_models_it_cuts_and_the_camera_goes_on(loop: bool) -> None:
     def of(view: View, model: str, size: int) -> View:
-        return View(replace(view.codes, shape=view.codes.shape.repeat(size), model=model), view.camera)
+        codes = view.instance.codes
+        return View(MissingInstance(model, replace(codes, shape=codes.shape.repeat(size))), view.camera)
 
     plain = shot(0.0, code=0.0), shot(0.5, code=1.0), shot(1.0, code=2.0), shot(1.5, code=3.0)
     cut = timeline(
         *(of(view, "chairs" if n < 2 else "cars", 1 if n < 2 else 2) for n, view in enumerate(plain)), loop=loop
     )
     whole = timeline(*plain, loop=loop)
-    assert [cut.at(t).codes.model for t in (0.0, 1.0, 1.99, 2.0, 3.0, 3.9)] == ["chairs"] * 3 + ["cars"] * 3
+    assert [cut.at(t).instance.fingerprint for t in (0.0, 1.0, 1.99, 2.0, 3.0, 3.9)] == ["chairs"] * 3 + ["cars"] * 3
     for seconds in (0.0, 0.7, 1.5, 2.2, 3.5):
         assert cut.at(seconds).camera == whole.at(seconds).camera
-    torch.testing.assert_close(cut.at(1.7).codes.shape, torch.ones(3))  # rests on the last key before the cut
-    assert 2.0 < float(cut.at(2.5).codes.shape[0]) < 3.0 and len(cut.at(2.5).codes.shape) == 6
+    torch.testing.assert_close(cut.at(1.7).instance.codes.shape, torch.ones(3))  # rests on the last key before the cut
+    assert 2.0 < float(cut.at(2.5).instance.codes.shape[0]) < 3.0 and len(cut.at(2.5).instance.codes.shape) == 6
     assert not loop or abs(cut.views(24)[-1].camera.azimuth - cut.views(24)[0].camera.azimuth) < 0.15
 
 
 def test_a_swing_starts_at_the_camera_slows_at_either_end_and_has_no_seam() -> None:
-    codes, camera = shot(2.9)
-    views = swing(codes, camera, 48)
-    assert views[0] == (codes, camera)
+    instance, camera = shot(2.9)
+    views = swing(instance, camera, 48)
+    assert views[0] == (instance, camera)
     angles = [math.degrees(math.remainder(view.camera.azimuth - 2.9, 2 * math.pi)) for view in views]
     assert (max(angles), min(angles)) == (pytest.approx(70.0), pytest.approx(-70.0))
     steps = [abs(after - before) for before, after in pairwise([*angles, angles[0]])]
@@ -155,9 +159,9 @@ def test_a_swing_starts_at_the_camera_slows_at_either_end_and_has_no_seam() -> N
 
 
 def test_a_morph_turns_once_and_is_the_other_object_halfway() -> None:
-    (codes, camera), (other, _) = shot(0.4, code=0.0), shot(code=2.0)
-    views = morph(codes, other, camera, 8)
-    assert (views[0].codes, views[4].codes) == (codes, other)
+    (instance, camera), (other, _) = shot(0.4, code=0.0), shot(code=2.0)
+    views = morph(instance, other, camera, 8)
+    assert (views[0].instance, views[4].instance) == (instance, other)
     turned = [math.remainder(view.camera.azimuth - 0.4, 2 * math.pi) for view in views]
     assert turned[2] == pytest.approx(math.pi / 2) and turned[6] == pytest.approx(-math.pi / 2)
 

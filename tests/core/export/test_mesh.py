@@ -17,9 +17,8 @@ from core.export import mesh as module
 from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh
 from core.geometry.camera import WORLD_FROM_GLTF
-from core.models.codes import Codes
 from core.models.library import load_model
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import unchecked_shapes
@@ -61,7 +60,7 @@ def ball(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize("resolution", [40, 64, 97])
 def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    found = run_to_end(extract_mesh(model, model.codes[0], resolution))
+    found = run_to_end(extract_mesh(model[0], resolution))
     assert solid(found).is_watertight
     assert solid(found).is_winding_consistent
     assert solid(found).volume == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.06)
@@ -74,11 +73,11 @@ def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: M
 
 def test_surfaces_are_closed_without_specks_and_hollows(ball, model: Model):
     ball(((0.3, 0.0, 0.0), 0.2))
-    found = run_to_end(extract_mesh(model, model.codes[0], 48))
+    found = run_to_end(extract_mesh(model[0], 48))
     assert solid(found).is_watertight
     assert found.vertices[:, 0].max() == pytest.approx(model.extent[0], abs=0.02)
     ball(((0.0, 0.0, 0.0), 0.2), ((0.0, 0.2, 0.35), 0.04), ((0.2, -0.2, -0.35), 0.013), hollow=0.1)
-    found = solid(run_to_end(extract_mesh(model, model.codes[0], 96)))
+    found = solid(run_to_end(extract_mesh(model[0], 96)))
     pieces = found.split(only_watertight=False)
     assert sorted(round(float(piece.extents[0]), 2) for piece in pieces) == [0.08, 0.4]
     assert found.is_watertight
@@ -101,7 +100,7 @@ def test_surfaces_are_closed_where_the_last_bits_of_two_evaluations_differ(
         return value * (1 + 1e-6 * (next(calls) % 7)), y
 
     monkeypatch.setattr(module.FoldedField, "density", density)
-    found = run_to_end(extract_mesh(model, model.codes[0], resolution))
+    found = run_to_end(extract_mesh(model[0], resolution))
     assert edges_without_two_triangles(found.faces) == 0
     assert solid(found).is_winding_consistent
 
@@ -119,7 +118,7 @@ def test_surfaces_are_closed_where_corners_lie_on_the_surface(ball, model: Model
     monkeypatch.setattr(module.FoldedField, "density", density)
     monkeypatch.setattr(module.Occupancy, "contains", lambda self, points: torch.ones(points.shape[:-1]) > 0)
     for _ in range(4):
-        found = run_to_end(extract_mesh(model, model.codes[0], 20))
+        found = run_to_end(extract_mesh(model[0], 20))
         assert len(found.faces) > 1000
         assert edges_without_two_triangles(found.faces) == 0
 
@@ -138,15 +137,15 @@ def test_every_edge_of_a_trained_object_has_two_triangles(
     with use_dtype(dtype), unchecked_shapes():
         for index in indices:
             for resolution in resolutions:
-                found = run_to_end(extract_mesh(trained, trained.codes[index], resolution))
+                found = run_to_end(extract_mesh(trained[index], resolution))
                 assert edges_without_two_triangles(found.faces) == 0, (index, resolution)
 
 
 def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):
-    found = run_to_end(extract_mesh(tiny, tiny.codes[1], 64))
+    found = run_to_end(extract_mesh(tiny[1], 64))
     assert solid(found).is_watertight
     camera = tiny.camera(1.1, 0.4)
-    drawn = render_frame(tiny, tiny.codes[1], camera)
+    drawn = render_frame(tiny[1], camera)
     columns, rows = camera.project(torch.from_numpy(found.vertices)).long().T.numpy()
     covered = np.zeros((40, 40), bool)
     covered[rows, columns] = True
@@ -161,11 +160,11 @@ def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
 def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_path: Path):
     path = tmp_path / f"stool{suffix}"
-    shares = list(export_mesh(tiny, tiny.codes[0], path, MeshSettings(32)))
+    shares = list(export_mesh(tiny[0], path, MeshSettings(32)))
     assert all(before <= after for before, after in pairwise(shares))
     assert shares[-1] == 1.0
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    found = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
+    found = run_to_end(extract_mesh(tiny[0], 32))
     read = next(iter(trimesh.load_scene(path, process=False).geometry.values()))
     y_up = suffix in (".glb", ".obj")
     expected = found.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if y_up else found.vertices
@@ -197,21 +196,21 @@ def read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_files_for_printers_are_closed_and_in_millimetres(tiny: Model, tmp_path: Path):
     for name in ("stool.stl", "stool.3mf"):
-        list(export_mesh(tiny, tiny.codes[0], tmp_path / name, MeshSettings(32, metres=0.5)))
+        list(export_mesh(tiny[0], tmp_path / name, MeshSettings(32, metres=0.5)))
     read = trimesh.load_mesh(tmp_path / "stool.stl")
     assert read.is_watertight and read.volume > 0
     assert (read.extents.max(), read.bounds[0, 2]) == pytest.approx((500, 0), abs=1e-2)
     vertices, faces, colours = read_3mf(tmp_path / "stool.3mf")
     printed = trimesh.Trimesh(vertices, faces, process=False)
     assert printed.is_watertight and printed.volume == pytest.approx(read.volume, rel=1e-3)
-    found = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
+    found = run_to_end(extract_mesh(tiny[0], 32))
     np.testing.assert_allclose(colours, found.colours[found.faces], atol=3e-3)
 
 
 @pytest.mark.parametrize("texture", [0, 64])
 def test_a_mesh_has_no_more_triangles_than_wanted(texture: int, tiny: Model, tmp_path: Path):
-    full = run_to_end(extract_mesh(tiny, tiny.codes[0], 48))
-    list(export_mesh(tiny, tiny.codes[0], tmp_path / "stool.glb", MeshSettings(48, texture=texture, triangles=1500)))
+    full = run_to_end(extract_mesh(tiny[0], 48))
+    list(export_mesh(tiny[0], tmp_path / "stool.glb", MeshSettings(48, texture=texture, triangles=1500)))
     (read,) = trimesh.load_scene(tmp_path / "stool.glb").geometry.values()
     assert 1000 < len(read.faces) <= 1500 < len(full.faces) / 2
     assert read.area == pytest.approx(solid(full).area, rel=0.05)
@@ -221,7 +220,7 @@ def test_a_mesh_has_no_more_triangles_than_wanted(texture: int, tiny: Model, tmp
 @pytest.mark.parametrize("settings", [MeshSettings(32, metres=0.9), MeshSettings(32, texture=64), MeshSettings(32)])
 def test_the_camera_of_a_glb_sees_the_object_where_the_photo_does(settings: MeshSettings, tiny: Model, tmp_path: Path):
     path, camera = tmp_path / "stool.glb", tiny.camera(0.7, 0.4).resized(96, 64)
-    list(export_mesh(tiny, tiny.codes[0], path, settings, camera))
+    list(export_mesh(tiny[0], path, settings, camera))
     written = path.read_bytes()
     about = json.loads(written[20 : 20 + int.from_bytes(written[12:16], "little")])
     (node,) = (one for one in about["nodes"] if "camera" in one)
@@ -233,7 +232,7 @@ def test_the_camera_of_a_glb_sees_the_object_where_the_photo_does(settings: Mesh
     share = local[:, :2] / -local[:, 2:3] / np.tan(lens["yfov"] / 2)  # of half the image's height, y up
     seen = np.c_[48 + 32 * share[:, 0], 32 - 32 * share[:, 1]]
     kept = MeshSettings(32, texture=settings.texture)
-    list(export_mesh(tiny, tiny.codes[0], tmp_path / "plain.glb", kept))
+    list(export_mesh(tiny[0], tmp_path / "plain.glb", kept))
     world = trimesh.load_scene(tmp_path / "plain.glb", process=False).to_geometry().vertices @ WORLD_FROM_GLTF.T
     expected = camera.project(torch.from_numpy(world).float()).numpy()
     np.testing.assert_allclose(seen, expected, atol=0.02)
@@ -242,7 +241,7 @@ def test_the_camera_of_a_glb_sees_the_object_where_the_photo_does(settings: Mesh
 
 @pytest.mark.parametrize("name", ["stool.glb", "stool.ply"])
 def test_a_mesh_in_metres_stands_on_the_ground(name: str, tiny: Model, tmp_path: Path):
-    list(export_mesh(tiny, tiny.codes[0], tmp_path / name, MeshSettings(32, metres=0.9)))
+    list(export_mesh(tiny[0], tmp_path / name, MeshSettings(32, metres=0.9)))
     low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
     up = 1 if name.endswith(".glb") else 2
     assert low[up] == pytest.approx(0, abs=1e-5)
@@ -252,10 +251,10 @@ def test_a_mesh_in_metres_stands_on_the_ground(name: str, tiny: Model, tmp_path:
 
 def test_a_texture_shows_what_the_vertices_do(tiny: Model, tmp_path: Path):
     path = tmp_path / "stool.glb"
-    shares = list(export_mesh(tiny, tiny.codes[0], path, MeshSettings(32, texture=128)))
+    shares = list(export_mesh(tiny[0], path, MeshSettings(32, texture=128)))
     assert all(before <= after for before, after in pairwise(shares))
     (read,) = trimesh.load_scene(path, process=False).geometry.values()
-    plain = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
+    plain = run_to_end(extract_mesh(tiny[0], 32))
     image = np.asarray(read.visual.material.baseColorTexture.convert("RGB"))
     height, width = image.shape[:2]
     here = image[((1 - read.visual.uv[:, 1]) * height).astype(int), (read.visual.uv[:, 0] * width).astype(int)] / 255
@@ -266,7 +265,7 @@ def test_a_texture_shows_what_the_vertices_do(tiny: Model, tmp_path: Path):
 def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, tmp_path: Path):
     path = tmp_path / "stool.glb"
     path.write_text("before")
-    stream = export_mesh(tiny, tiny.codes[0], path, MeshSettings(64))
+    stream = export_mesh(tiny[0], path, MeshSettings(64))
     next(stream)
     stream.close()
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
@@ -274,31 +273,31 @@ def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, t
 
 
 def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
-    codes: Codes = model.codes[0]
+    instance: Instance = model[0]
     for name, says in (("a.fbx", "glb"), ("gone/a.glb", "cannot write")):
         with pytest.raises(ValueError, match=says):
-            list(export_mesh(model, codes, tmp_path / name, MeshSettings(16)))
+            list(export_mesh(instance, tmp_path / name, MeshSettings(16)))
     for resolution in (7, 5000):
         with pytest.raises(ValueError, match="8 to 1024"):
-            list(export_mesh(model, codes, tmp_path / "a.glb", MeshSettings(resolution)))
+            list(export_mesh(instance, tmp_path / "a.glb", MeshSettings(resolution)))
     with pytest.raises(ValueError, match="holds a texture"):
-        list(export_mesh(model, codes, tmp_path / "a.ply", MeshSettings(16, texture=64)))
+        list(export_mesh(instance, tmp_path / "a.ply", MeshSettings(16, texture=64)))
     for wrong in ({"metres": 0.0}, {"texture": 4}, {"triangles": 3}):
         with pytest.raises(ValueError, match="got"):
             MeshSettings(**wrong)
     ball(((0.0, 0.0, 0.0), -1.0))
     with pytest.raises(ValueError, match="no surface"):
-        list(export_mesh(model, codes, tmp_path / "a.glb", MeshSettings(16)))
+        list(export_mesh(instance, tmp_path / "a.glb", MeshSettings(16)))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_mesh_has_as_many_cells_as_its_surface_asks_for(ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    fine, found = run_to_end(extract_mesh(model, model.codes[0], 384)), run_to_end(extract_mesh(model, model.codes[0]))
+    fine, found = run_to_end(extract_mesh(model[0], 384)), run_to_end(extract_mesh(model[0]))
     radius = np.median(np.linalg.norm(fine.vertices, axis=1))
     middles = found.vertices[found.faces].mean(1)
     assert np.quantile(np.abs(np.linalg.norm(middles, axis=1) - radius), 0.95) < TOLERANCE
     assert len(found.faces) < len(fine.faces) / 3
     # Something thinner than the coarsest grid's cells is found all the same.
     ball(((0.0, 0.0, 0.0), 0.2), *(((0.21 + 0.006 * step, 0.0, 0.0), 0.006) for step in range(15)))
-    assert run_to_end(extract_mesh(model, model.codes[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)
+    assert run_to_end(extract_mesh(model[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)

@@ -16,8 +16,7 @@ from core.detail.rendering import bake
 from core.export.page import MAX_BYTES, write_page
 from core.geometry.camera import Camera
 from core.metrics import psnr
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.photo_detail import OtherSide
 from core.rendering.offscreen import OffscreenRenderer
 from tests.conftest import no_opengl, unchecked_shapes
@@ -61,16 +60,16 @@ def test_it_shows_the_programs_own_picture(
     side: OtherSide | None,
     views: list[tuple[float, float]],
 ) -> None:
-    codes = tiny.codes[0] if side is None else striped(tiny, camera.resized(192, 192))
-    if codes.detail and side:
-        codes = replace(codes, detail=replace(codes.detail, other_side=side))
+    instance = tiny[0] if side is None else striped(tiny, camera.resized(192, 192))
+    if instance.detail and side:
+        instance = instance.with_detail(replace(instance.detail, other_side=side))
     path = tmp_path / "object.html"
-    list(write_page(tiny, codes, camera, path, "Stool <1>"))
+    list(write_page(instance, camera, path, "Stool <1>"))
     assert path.stat().st_size < MAX_BYTES
     chromium.events.clear()
     chromium.open(path, SIZE, SIZE + 100)
     chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
-    *_, baked = filter(None, bake(tiny, codes))
+    *_, baked = filter(None, bake(instance))
     try:
         pictures = OffscreenRenderer((SIZE, SIZE), background=None)
     except RuntimeError as error:
@@ -92,7 +91,7 @@ def stool(tiny: Model, camera: Camera, tmp_path_factory: pytest.TempPathFactory)
     """A page with photo detail."""
     path = tmp_path_factory.mktemp("page") / "stool.html"
     with unchecked_shapes():
-        list(write_page(tiny, striped(tiny, camera.resized(192, 192)), camera, path, "Stool"))
+        list(write_page(striped(tiny, camera.resized(192, 192)), camera, path, "Stool"))
     return path
 
 
@@ -133,7 +132,7 @@ def test_it_fills_every_size_with_the_programs_own_picture(
     chromium.open(stool, width, height)
     size = chromium.evaluate("[stage.clientWidth, stage.clientHeight]")
     assert size[0] == width and size[1] > 0.85 * height
-    *_, baked = filter(None, bake(tiny, striped(tiny, camera.resized(192, 192))))
+    *_, baked = filter(None, bake(striped(tiny, camera.resized(192, 192))))
     try:
         pictures = OffscreenRenderer(tuple(size), background=None)
     except RuntimeError as error:
@@ -327,13 +326,13 @@ def test_twenty_frames_of_one_document_show_the_object(chromium: Chromium, stool
 
 def test_only_a_page_is_written_and_large_photos_fit(tiny: Model, camera: Camera, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"a page must end in \.html"):
-        list(write_page(tiny, tiny.codes[0], camera, tmp_path / "object.png", "Stool"))
-    job = write_page(tiny, tiny.codes[0], camera, tmp_path / "object.html", "Stool")
+        list(write_page(tiny[0], camera, tmp_path / "object.png", "Stool"))
+    job = write_page(tiny[0], camera, tmp_path / "object.html", "Stool")
     next(job)
     job.close()
     assert list(tmp_path.iterdir()) == []
     photo = striped(tiny, camera.resized(192, 192)).detail
-    codes: Codes = replace(tiny.codes[0], detail=replace(photo, views=photo.views * 4))
+    instance: Instance = tiny[0].with_detail(replace(photo, views=photo.views * 4))
     path = tmp_path / "object.html"
-    list(write_page(tiny, codes, camera, path, "Stool"))
+    list(write_page(instance, camera, path, "Stool"))
     assert path.stat().st_size < MAX_BYTES

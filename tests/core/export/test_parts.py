@@ -18,7 +18,7 @@ from core.streams import run_to_end
 @pytest.fixture(scope="module")
 def car() -> tuple[Model, Mesh]:
     cars = load_model("cars")
-    return cars, run_to_end(extract_mesh(cars, cars.codes[cars.codes.index["cars-0000030-0000030"]], 80))
+    return cars, run_to_end(extract_mesh(cars[cars.codes.index["cars-0000030-0000030"]], 80))
 
 
 def test_a_car_has_a_wheel_at_each_corner_glass_above_them_and_a_body(car: tuple[Model, Mesh]):
@@ -39,8 +39,8 @@ def test_a_car_has_a_wheel_at_each_corner_glass_above_them_and_a_body(car: tuple
 @pytest.mark.parametrize(("suffix", "texture"), [(".glb", 0), (".glb", 64), (".obj", 0)])
 def test_a_file_has_a_named_object_for_each_part(suffix: str, texture: int, car: tuple[Model, Mesh], tmp_path: Path):
     cars, found = car
-    path, codes = tmp_path / f"car{suffix}", cars.codes[cars.codes.index["cars-0000030-0000030"]]
-    list(export_mesh(cars, codes, path, MeshSettings(80, texture=texture, triangles=4000)))
+    path, instance = tmp_path / f"car{suffix}", cars[cars.codes.index["cars-0000030-0000030"]]
+    list(export_mesh(instance, path, MeshSettings(80, texture=texture, triangles=4000)))
     read = trimesh.load_scene(path, process=False, split_object=True)
     names = {node: read.geometry[read.graph[node][1]] for node in read.graph.nodes_geometry}
     if suffix == ".obj":
@@ -58,11 +58,11 @@ def test_a_file_has_a_named_object_for_each_part(suffix: str, texture: int, car:
 
 def test_chairs_have_the_parts_that_they_have_and_a_seat_ends_where_the_back_begins():
     chairs = load_model("chairs")
-    stool = chairs.codes[chairs.codes.index["blendswap_cc_0_stool2"]]
-    assert [name for name, _ in run_to_end(extract_mesh(chairs, stool, 64)).parts] == ["seat", "legs"]
+    stool = chairs[chairs.codes.index["blendswap_cc_0_stool2"]]
+    assert [name for name, _ in run_to_end(extract_mesh(stool, 64)).parts] == ["seat", "legs"]
     chairs = load_model("chairs")
-    chair = chairs.codes[chairs.codes.index["quaternius_oct2017_chaircushioned"]]
-    found = run_to_end(extract_mesh(chairs, chair, 64))
+    chair = chairs[chairs.codes.index["quaternius_oct2017_chaircushioned"]]
+    found = run_to_end(extract_mesh(chair, 64))
     heights = {name: found.vertices[faces][..., 2] for name, faces in split(found.faces, found.parts)}
     assert {"seat", "back", "legs"} <= set(heights)
     top = np.median(heights["seat"])
@@ -71,11 +71,11 @@ def test_chairs_have_the_parts_that_they_have_and_a_seat_ends_where_the_back_beg
 
 
 def test_every_triangle_is_of_one_part_with_a_head_and_without(tiny: Model):
-    assert run_to_end(extract_mesh(tiny, tiny.codes[0], 32)).parts[0][0] == "stool"
-    plain = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
+    assert run_to_end(extract_mesh(tiny[0], 32)).parts[0][0] == "stool"
+    plain = run_to_end(extract_mesh(tiny[0], 32))
     width = tiny.field.config.width
     for favoured, name in enumerate(("first", "second", "third")):
         head = PartHead(("first", "second", "third"), torch.zeros(3, width), 9.0 * torch.eye(3)[favoured])
-        found = run_to_end(extract_mesh(replace(tiny, part_head=head), tiny.codes[0], 32))
+        found = run_to_end(extract_mesh(replace(tiny, part_head=head)[0], 32))
         assert found.parts == ((name, len(plain.faces)),)
         assert np.array_equal(found.faces, plain.faces)

@@ -20,7 +20,7 @@ _SIZES = 100, 400, 1500, 4000
 def meshes(request: pytest.FixtureRequest) -> list[Mesh]:
     """Ten objects of a shipped model."""
     model: Model = load_model(request.param)
-    return [run_to_end(extract_mesh(model, model.codes[index], _RESOLUTION)) for index in range(10)]
+    return [run_to_end(extract_mesh(model[index], _RESOLUTION)) for index in range(10)]
 
 
 def bodies(vertices: np.ndarray, faces: np.ndarray) -> int:

@@ -22,8 +22,8 @@ from tests.core.tiny import tiny_model
 def turn(model: Model, path: Path, frames: int = 5, exact: bool = True, size: tuple[int, int] = (32, 32), **about: Any):
     """Exact frames, which take least where there are few: how others are drawn is tested with them."""
     about |= {"exact": exact}
-    views = turntable(model.codes[0], model.camera(0.0, 0.3).resized(*size), frames)
-    return write_video(model, views, path, VideoSettings(**about))
+    views = turntable(model[0], model.camera(0.0, 0.3).resized(*size), frames)
+    return write_video(views, path, VideoSettings(**about))
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -55,7 +55,7 @@ def test_frames_are_of_a_baked_copy_unless_exact_ones_are_wanted(tmp_path: Path,
         with Image.open(tmp_path / f"{exact}.frames/00000.png") as image:
             shown.append(np.asarray(image).astype(int))
     assert 0 < np.abs(shown[0] - shown[1]).max() < 25
-    assert np.array_equal(shown[1], render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).image)
+    assert np.array_equal(shown[1], render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32)).image)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -82,7 +82,7 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
 def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     list(turn(model, path, 2, background=None))
-    opacity = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
+    opacity = render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
     with Image.open(path / "00000.png" if suffix == ".frames" else path) as image:
         alpha = np.asarray(image.convert("RGBA"))[..., 3]
     expected = 255 * (opacity >= 0.5) if suffix == ".gif" else 255 * opacity
@@ -93,10 +93,10 @@ def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: 
 def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
     model = tiny_model()
     camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance).resized(48, 48)
-    views, files = turntable(model.codes[0], camera, 2), list[Path]()
+    views, files = turntable(model[0], camera, 2), list[Path]()
     for shadow, background in ((True, None), (False, None), (True, (255, 255, 255)), (False, (255, 255, 255))):
         files.append(tmp_path / f"{shadow}{background is None}.GIF")
-        for _ in write_video(model, views, files[-1], VideoSettings(background=background, shadow=shadow)):
+        for _ in write_video(views, files[-1], VideoSettings(background=background, shadow=shadow)):
             pass
     transparent, bare, white, plain = (path.read_bytes() for path in files)
     assert transparent == bare
@@ -105,7 +105,7 @@ def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
 
 def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> None:
     list(turn(model, tmp_path / "a.frames", 2, background=(10, 120, 200)))
-    frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
+    frame = render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32))
     with Image.open(tmp_path / "a.frames/00000.png") as image:
         seen = np.asarray(image).astype(float)
     opacity = frame.opacity[..., None]
@@ -146,7 +146,7 @@ def test_a_video_has_its_duration(suffix: str, rate: int, frames: int, shown: in
 
 
 def test_frames_that_a_format_cannot_show_are_those_in_between(model: Model) -> None:
-    views = turntable(model.codes[0], model.camera(0.0, 0.3), 12)
+    views = turntable(model[0], model.camera(0.0, 0.3), 12)
     assert shown_views(views, Path("a.GIF"), 100) == views[::2]
     assert shown_views(views, Path("a.gif"), 60) == [*views[:1], *views[2:7], *views[8:]]
     assert shown_views(views, Path("a.mp4"), 100) == shown_views(views, Path("a.gif"), 50) == views
@@ -196,11 +196,11 @@ def test_less_quality_is_a_smaller_file(suffix: str, model: Model, tmp_path: Pat
 
 def test_a_timeline_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
     camera = model.camera(0.0, 0.3).resized(32, 32)
-    keys = Keyframe(0.0, View(model.codes[0], camera)), Keyframe(0.5, View(model.codes[1], camera))
-    list(write_video(model, Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(exact=True)))
+    keys = Keyframe(0.0, View(model[0], camera)), Keyframe(0.5, View(model[1], camera))
+    list(write_video(Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(exact=True)))
     for index, code in ((0, 0), (4, 1)):
         turned = model.camera(np.pi * code, 0.3).resized(32, 32)
-        expected = render_frame(model, model.codes[code], turned).image.astype(int)
+        expected = render_frame(model[code], turned).image.astype(int)
         with Image.open(tmp_path / f"a.frames/{index:05d}.png") as image:
             assert abs(np.asarray(image) - expected).max() <= 2
 

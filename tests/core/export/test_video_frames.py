@@ -16,7 +16,7 @@ SIZE = 64
 
 
 def turn(model: Model, frames: int = 24) -> tuple[View, ...]:
-    return turntable(model.codes[0], model.camera(0.3, 0.4).resized(SIZE, SIZE), frames)
+    return turntable(model[0], model.camera(0.3, 0.4).resized(SIZE, SIZE), frames)
 
 
 def images(stream) -> list[np.ndarray]:
@@ -26,9 +26,9 @@ def images(stream) -> list[np.ndarray]:
 def test_drawn_frames_are_the_exact_ones() -> None:
     """Of two objects: a full turn of one, whose colours are combined from fewer cameras, and a frame of another."""
     model = tiny_model()
-    views = (*turn(model, 12), View(model.codes[1], model.camera(2.0, -0.3).resized(SIZE, SIZE)))
-    drawn = images(baked_frames(model, views, (255, 255, 255)))
-    exact = images(exact_frames(model, views, (255, 255, 255)))
+    views = (*turn(model, 12), View(model[1], model.camera(2.0, -0.3).resized(SIZE, SIZE)))
+    drawn = images(baked_frames(views, (255, 255, 255)))
+    exact = images(exact_frames(views, (255, 255, 255)))
     assert len(drawn) == len(exact) == len(views)
     for one, other in zip(drawn, exact, strict=True):
         assert psnr_from_mse(float(np.square((one - other.astype(float)) / 255).mean())) > 42
@@ -37,7 +37,7 @@ def test_drawn_frames_are_the_exact_ones() -> None:
 def test_a_transparent_background_has_the_exact_opacity() -> None:
     model = tiny_model()
     views = turn(model, 2)
-    for drawn, exact in zip(*(images(make(model, views, None)) for make in (baked_frames, exact_frames)), strict=True):
+    for drawn, exact in zip(*(images(make(views, None)) for make in (baked_frames, exact_frames)), strict=True):
         assert drawn.shape == exact.shape == (SIZE, SIZE, 4)
         assert np.abs(drawn[..., 3].astype(float) - exact[..., 3]).mean() < 4
 
@@ -45,9 +45,7 @@ def test_a_transparent_background_has_the_exact_opacity() -> None:
 def test_a_background_changes_towards_the_lower_edge_as_that_of_exact_frames_does() -> None:
     model = tiny_model()
     views, gradient = turn(model, 2), ((240, 230, 220), (20, 30, 40))
-    for drawn, exact in zip(
-        *(images(make(model, views, gradient)) for make in (baked_frames, exact_frames)), strict=True
-    ):
+    for drawn, exact in zip(*(images(make(views, gradient)) for make in (baked_frames, exact_frames)), strict=True):
         assert np.abs(drawn[:, 0].astype(int) - exact[:, 0]).max() <= 1
         assert (drawn[0, 0] == gradient[0]).all()
         assert np.abs(drawn[-1, 0].astype(int) - gradient[1]).max() <= 1
@@ -56,8 +54,8 @@ def test_a_background_changes_towards_the_lower_edge_as_that_of_exact_frames_doe
 
 def test_a_wide_frame_is_drawn_as_rendered() -> None:
     model = tiny_model()
-    views = [View(codes, camera.resized(2 * SIZE, SIZE)) for codes, camera in turn(model, 1)]
-    (drawn,), (exact,) = (images(make(model, views, (255, 255, 255))) for make in (baked_frames, exact_frames))
+    views = [View(instance, camera.resized(2 * SIZE, SIZE)) for instance, camera in turn(model, 1)]
+    (drawn,), (exact,) = (images(make(views, (255, 255, 255))) for make in (baked_frames, exact_frames))
     assert drawn.shape == exact.shape == (SIZE, 2 * SIZE, 3)
     assert psnr(drawn / 255, exact / 255) > 42
 
@@ -69,7 +67,7 @@ def test_without_opengl_frames_are_exact(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(video_frames, "OffscreenRenderer", refuse)
     model = tiny_model()
     views = turn(model, 2)
-    drawn, exact = (images(make(model, views, None)) for make in (baked_frames, exact_frames))
+    drawn, exact = (images(make(views, None)) for make in (baked_frames, exact_frames))
     assert all(np.array_equal(one, other) for one, other in zip(drawn, exact, strict=True))
 
 

@@ -36,7 +36,7 @@ def standing(distance: float, elevation: float = 0.5, views: int = 1, zoom: floa
 
 
 def pixels_of(model: Model, rays: int = 96) -> PixelBatch:
-    photo = photo_of(model, model.codes[0], model.camera(0.5, 0.5))
+    photo = photo_of(model[0], model.camera(0.5, 0.5))
     return sample_pixels([Observation.of(photo, model)], rays, seeded())
 
 

@@ -10,8 +10,7 @@ from core.fitting.hypotheses import Hypothesis
 from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
 from core.fitting.settings import ALL_COMPONENTS
 from core.metrics import psnr, rotation_error
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.photos.photo import Photo
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
@@ -30,15 +29,15 @@ def fit_to_end(
     return step
 
 
-def without_detail(step: FitStep) -> Codes:
+def without_detail(step: FitStep) -> Instance:
     """The codes alone, without the photo's outline, which cuts off the haze of a tiny model."""
-    return replace(step.codes, detail=None)
+    return step.instance.with_detail(None)
 
 
 @pytest.fixture(scope="module")
 def complete_fit(tiny: Model) -> list[FitStep]:
     """The steps of a complete fit."""
-    return list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
+    return list(fit(tiny, FitJob((photo_of(tiny[0], tiny.camera(1.2, 0.3)),), QUICK)))
 
 
 # Results
@@ -48,18 +47,18 @@ def complete_fit(tiny: Model) -> list[FitStep]:
 @pytest.mark.parametrize("index, azimuth, elevation", [(1, 2.9, 0.6), (3, 6.0, 1.35)])
 def test_an_unknown_camera_and_the_codes_are_recovered(tiny: Model, index: int, azimuth: float, elevation: float):
     truth = tiny.camera(azimuth, elevation)
-    photo = photo_of(tiny, tiny.codes[index], truth)
+    photo = photo_of(tiny[index], truth)
     result = fit_to_end(tiny, photo)
     assert rotation_error(result.cameras[0], truth) < 10
     assert abs(result.cameras[0].distance / truth.distance - 1) < 0.03
-    assert psnr(render_exact(tiny, without_detail(result), result.cameras[0], 48).colour, photo.pixels) > 30
+    assert psnr(render_exact(without_detail(result), result.cameras[0], 48).colour, photo.pixels) > 30
 
 
 @unchecked
 def test_a_searched_focal_length_is_recovered(tiny: Model):
     usual = tiny.camera(3.2, 0.4)
     truth = replace(usual, focal=0.7 * usual.focal, distance=0.7 * usual.distance)
-    photo = photo_of(tiny, tiny.codes[2], truth)
+    photo = photo_of(tiny[2], truth)
     settings = replace(QUICK, rays=256, free_steps=0)  # free biases explain part of what a wrong focal length cannot
     usual_focal = fit_to_end(tiny, photo, settings=settings)
     searched_focal = fit_to_end(tiny, photo, settings=replace(settings, estimate_focal=True))
@@ -73,7 +72,7 @@ def test_a_searched_focal_length_is_recovered(tiny: Model):
 
 def test_every_unknown_camera_has_a_focal_length_of_its_own(tiny: Model):
     cameras = [tiny.camera(1.2, 0.3), tiny.camera(2.6, 0.5), tiny.camera(4.0, 0.4)]
-    first, *further = (photo_of(tiny, tiny.codes[1], camera) for camera in cameras)
+    first, *further = (photo_of(tiny[1], camera) for camera in cameras)
     photos = replace(first, camera=cameras[0]), *further
     result = fit_to_end(tiny, *photos, settings=replace(SHORT, estimate_focal=True))
     assert result.cameras[0].focal == cameras[0].focal
@@ -82,12 +81,12 @@ def test_every_unknown_camera_has_a_focal_length_of_its_own(tiny: Model):
 
 def test_a_known_camera_leaves_the_codes_to_search_and_has_no_confidence(tiny: Model):
     truth = tiny.camera(0.9, 0.5)
-    codes = tiny.codes[2]
-    result = fit_to_end(tiny, replace(photo_of(tiny, codes, truth), camera=truth))
+    instance = tiny[2]
+    result = fit_to_end(tiny, replace(photo_of(instance, truth), camera=truth))
     assert rotation_error(result.cameras[0], truth) < 1e-3
     novel_camera = tiny.camera(3.9, 0.6)
-    expected = render_exact(tiny, codes, novel_camera, 48).colour
-    assert psnr(render_exact(tiny, without_detail(result), novel_camera, 48).colour, expected) > 25
+    expected = render_exact(instance, novel_camera, 48).colour
+    assert psnr(render_exact(without_detail(result), novel_camera, 48).colour, expected) > 25
     assert result.runner_up is result.confidence is None
 
 
@@ -95,17 +94,17 @@ def test_a_known_camera_leaves_the_codes_to_search_and_has_no_confidence(tiny: M
 @pytest.mark.parametrize("first_is_known", [False, True])
 def test_cameras_of_two_views_are_recovered_and_a_known_one_is_kept(tiny: Model, first_is_known: bool):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
-    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    first, second = (photo_of(tiny[1], truth) for truth in truths)
     result = fit_to_end(tiny, replace(first, camera=truths[0]) if first_is_known else first, second)
     assert rotation_error(result.cameras[0], truths[0]) < (1e-3 if first_is_known else 5)
     assert rotation_error(result.cameras[1], truths[1]) < 5
-    assert result.codes.shape.shape == tiny.codes[1].shape.shape
+    assert result.instance.codes.shape.shape == tiny.codes[1].shape.shape
 
 
 @unchecked
 def test_the_optical_axis_of_a_moved_crop_is_recovered(tiny: Model):
     truth = tiny.camera(1.2, 0.4)
-    photo = photo_of(tiny, tiny.codes[0], truth)
+    photo = photo_of(tiny[0], truth)
     moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), cropped=True)
     assert rotation_error(fit_to_end(tiny, moved).cameras[0], truth) < 5
 
@@ -118,7 +117,7 @@ def test_hypotheses_are_ranked_and_the_local_search_starts_around_the_leader(com
         losses = [hypothesis.loss for hypothesis in step.hypotheses]
         assert losses == sorted(losses)
         assert (step.hypotheses[0].origin, step.hypotheses[0].cameras) == (step.origin, step.cameras)
-        assert torch.equal(step.hypotheses[0].codes.shape, step.codes.shape)
+        assert torch.equal(step.hypotheses[0].instance.codes.shape, step.instance.codes.shape)
     assert len(complete_fit[0].hypotheses) == QUICK.hypotheses
     assert complete_fit[-1].runner_up is not None
     assert complete_fit[-1].hypotheses[1].cameras == complete_fit[-1].runner_up.cameras
@@ -134,7 +133,7 @@ def test_hypotheses_are_ranked_and_the_local_search_starts_around_the_leader(com
 @unchecked
 def test_a_fit_resumes_from_a_hypothesis(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
-    photo = replace(photo_of(tiny, tiny.codes[0], truth), cropped=True)
+    photo = replace(photo_of(tiny[0], truth), cropped=True)
     early = next(fit(tiny, FitJob((photo,), QUICK)))
     begin = replace(early.hypotheses[0], origin=3)
     steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), resume_from=begin)))
@@ -142,7 +141,7 @@ def test_a_fit_resumes_from_a_hypothesis(tiny: Model):
     assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 10
     assert steps[0].origin == begin.origin
     before, after = (
-        psnr(render_exact(tiny, hypothesis.codes, hypothesis.cameras[0], 48).colour, photo.pixels)
+        psnr(render_exact(hypothesis.instance, hypothesis.cameras[0], 48).colour, photo.pixels)
         for hypothesis in (begin, steps[-1].hypotheses[0])
     )
     assert after > before + 3
@@ -152,7 +151,7 @@ def test_a_fit_resumes_from_a_hypothesis(tiny: Model):
 
 @unchecked
 def test_a_resumed_fit_keeps_its_viewpoint_even_if_the_opposite_is_better(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(1.2, 0.3))
     hypothesis = fit_to_end(tiny, photo, settings=SHORT).hypotheses[0]
     camera = hypothesis.cameras[0]
     wrong = replace(hypothesis, cameras=(replace(camera, azimuth=camera.azimuth + math.pi),))
@@ -162,7 +161,7 @@ def test_a_resumed_fit_keeps_its_viewpoint_even_if_the_opposite_is_better(tiny: 
 
 def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5), tiny.camera(2.4, 0.4)]
-    photos = [photo_of(tiny, tiny.codes[1], truth) for truth in truths]
+    photos = [photo_of(tiny[1], truth) for truth in truths]
     job = FitJob((replace(photos[0], camera=truths[0]), *photos[1:]), SHORT)
     *_, first = fit(tiny, job)
     *_, second = fit(tiny, replace(job, resume_from=first.hypotheses[0]))
@@ -193,23 +192,23 @@ def test_the_runner_up_is_a_distant_camera_of_higher_loss(tiny: Model, complete_
 
 
 def test_steps_are_numbered_timed_finite_and_at_the_size_of_the_photo(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2).resized(24, 24))
+    photo = photo_of(tiny[0], tiny.camera(0.4, 0.2).resized(24, 24))
     steps = list(fit(tiny, FitJob((photo,), SHORT)))
     assert [step.step for step in steps] == list(range(1, len(steps) + 1))
     assert {step.steps for step in steps} == {len(steps)}
     assert [step.seconds for step in steps] == sorted(step.seconds for step in steps)
     assert all(math.isfinite(step.loss) and math.isfinite(step.psnr) for step in steps)
     assert all((step.cameras[0].width, step.cameras[0].height) == (24, 24) for step in steps)
-    assert not any(step.codes.shape.requires_grad for step in steps)
+    assert not any(step.instance.codes.shape.requires_grad for step in steps)
 
 
 @unchecked
 def test_a_seed_determines_the_stream_and_the_model_is_unchanged(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    photo = photo_of(tiny[1], tiny.camera(2.0, 0.6))
 
     def stream(seed: int) -> list[tuple]:
         steps = fit(tiny, FitJob((photo,), SHORT, seed))
-        return [(step.loss, step.cameras, *step.codes.shape.tolist()) for step in steps]
+        return [(step.loss, step.cameras, *step.instance.codes.shape.tolist()) for step in steps]
 
     def weights() -> bytes:
         tensors = [*tiny.field.state_dict().values(), tiny.codes.shapes, tiny.codes.textures]
@@ -224,7 +223,7 @@ def test_a_seed_determines_the_stream_and_the_model_is_unchanged(tiny: Model):
 @unchecked
 @pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
 def test_any_number_of_hypotheses_and_steps_gives_a_runner_up(tiny: Model, hypotheses: int, steps: int):
-    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    photo = photo_of(tiny[1], tiny.camera(2.0, 0.6))
     steps_of_fit = list(fit(tiny, FitJob((photo,), FitSettings(hypotheses, steps, rays=8, samples=4))))
     assert steps_of_fit[-1].step == steps_of_fit[-1].steps == len(steps_of_fit)
     assert steps_of_fit[-1].runner_up is not None
@@ -279,7 +278,7 @@ def test_a_photo_without_an_object_is_refused(tiny: Model):
 
 def test_a_model_of_nan_raises_one_clear_error():
     model = random_model()
-    photo = photo_of(model, model.codes[0], model.camera(0.3, 0.3))
+    photo = photo_of(model[0], model.camera(0.3, 0.3))
     posed = replace(photo, mask=torch.ones_like(photo.mask), camera=model.camera(0.3, 0.3))
     model.field.density_layer.bias.fill_(math.nan)
     with pytest.raises(ValueError, match="diverged from every start"):

@@ -7,8 +7,7 @@ import torch
 
 from core.fitting.fit import FitJob, fit
 from core.metrics import psnr
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.images import render_image
 from tests.core.fitting.inputs import QUICK, SHORT
 from tests.core.models.test_latents import freed
@@ -17,21 +16,20 @@ from tests.core.tiny import photo_of
 FREE = replace(SHORT, steps=20, rays=192, samples=24, free_steps=12)
 
 
-def unreachable(model: Model) -> Codes:
+def unreachable(model: Model) -> Instance:
     """An object off the surface that codes reach."""
     return freed(model, 0, scale=0.6)
 
 
 def test_offsets_explain_an_object_that_no_code_reaches(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
-    photo = replace(photo_of(tiny, unreachable(tiny), camera), camera=camera)
-    *_, codes = fit(tiny, FitJob((photo,), replace(FREE, free_steps=0)))
+    photo = replace(photo_of(unreachable(tiny), camera), camera=camera)
+    *_, searched = fit(tiny, FitJob((photo,), replace(FREE, free_steps=0)))
     *_, free = fit(tiny, FitJob((photo,), FREE))
-    assert codes.codes.shape_offsets is None
-    assert free.codes.shape_offsets is not None and free.codes.texture_offsets is not None
+    assert searched.instance.codes.shape_offsets is None
+    assert free.instance.codes.shape_offsets is not None and free.instance.codes.texture_offsets is not None
     plain, better = (
-        psnr(render_image(tiny, replace(step.codes, detail=None), camera).colour, photo.pixels)
-        for step in (codes, free)
+        psnr(render_image(step.instance.with_detail(None), camera).colour, photo.pixels) for step in (searched, free)
     )
     assert better > plain + 1.0
 
@@ -50,42 +48,40 @@ def test_the_free_stage_ends_a_search_and_keeps_its_confidence(tiny: Model):
     assert after.runner_up.cameras == before.runner_up.cameras
     losses = [step.loss for step in steps if step.is_free]
     assert losses == sorted(losses, reverse=True)
-    assert after.codes.detail.fitted.shape_key == after.codes.shape_key
+    assert after.instance.detail.fitted.shape_key == after.instance.codes.shape_key
 
 
 def test_no_offsets_without_free_steps_or_with_a_painted_background(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.4))
+    photo = photo_of(tiny[0], tiny.camera(0.5, 0.4))
     job = FitJob((photo,), FREE)
     white = replace(tiny, white_from_network=True)
     for model, settings in ((tiny, replace(FREE, free_steps=0)), (white, FREE)):
         *_, last = fit(model, replace(job, settings=settings))
-        assert last.codes.shape_offsets is None and not last.is_free
+        assert last.instance.codes.shape_offsets is None and not last.is_free
 
 
 def test_offsets_of_a_training_object_are_small(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
-    photo = replace(photo_of(tiny, tiny.codes[0], camera), camera=camera)
+    photo = replace(photo_of(tiny[0], camera), camera=camera)
     *_, last = fit(tiny, FitJob((photo,), QUICK))
-    assert last.codes.shape_offsets is not None
-    assert float(last.codes.shape_offsets.float().square().mean().sqrt()) < 0.3
+    assert last.instance.codes.shape_offsets is not None
+    assert float(last.instance.codes.shape_offsets.float().square().mean().sqrt()) < 0.3
     behind = tiny.camera(2.6, 0.4)
-    rendered, truth = (
-        render_image(tiny, codes, behind).colour for codes in (replace(last.codes, detail=None), tiny.codes[0])
-    )
+    rendered, truth = (render_image(instance, behind).colour for instance in (last.instance.with_detail(None), tiny[0]))
     assert psnr(rendered, truth) > 25
 
 
 @pytest.mark.parametrize("posed", [True, False])
 def test_the_same_seed_gives_the_same_offsets(tiny: Model, posed: bool):
     camera = tiny.camera(0.5, 0.4)
-    photo = replace(photo_of(tiny, unreachable(tiny), camera), camera=camera if posed else None)
+    photo = replace(photo_of(unreachable(tiny), camera), camera=camera if posed else None)
     (*_, first), (*_, second) = (fit(tiny, FitJob((photo,), FREE)) for _ in range(2))
-    assert torch.equal(first.codes.shape_offsets, second.codes.shape_offsets)
+    assert torch.equal(first.instance.codes.shape_offsets, second.instance.codes.shape_offsets)
 
 
 def test_a_doubtful_mask_adds_to_the_object_and_carves_nothing(tiny: Model):
     camera = tiny.camera(0.5, 0.4)
-    photo = replace(photo_of(tiny, tiny.codes[0], camera), camera=camera)
+    photo = replace(photo_of(tiny[0], camera), camera=camera)
     rows, columns = photo.mask.nonzero().float().mean(0).long().tolist()
     mask = photo.mask.clone()
     pixels = photo.pixels.clone()
@@ -95,6 +91,6 @@ def test_a_doubtful_mask_adds_to_the_object_and_carves_nothing(tiny: Model):
     for confidence in (1.0, 0.9):
         torn = replace(photo, mask=mask, pixels=pixels, mask_confidence=confidence)
         *_, last = fit(tiny, FitJob((torn,), replace(FREE, free_steps=20)))
-        rendered = render_image(tiny, replace(last.codes, detail=None), camera)
+        rendered = render_image(last.instance.with_detail(None), camera)
         gap_opacity[confidence] = rendered.opacity[photo.mask & ~mask]
     assert float(gap_opacity[0.9].mean()) > float(gap_opacity[1.0].mean()) + 0.05

@@ -63,7 +63,7 @@ def test_a_camera_is_less_certain_if_more_parameters_are_free(tiny: Model):
 
 
 def test_two_views_share_codes_and_not_cameras(tiny: Model):
-    photos = [photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)) for azimuth in (0.5, 2.5)]
+    photos = [photo_of(tiny[0], tiny.camera(azimuth, 0.5)) for azimuth in (0.5, 2.5)]
     pixels = sample_pixels([Observation.of(photo, tiny) for photo in photos], 32, seeded())
     equations = normal_equations(tiny, two_views(2), pixels, None, STAGE, OBJECTIVE)
     assert equations.hessian.shape == (2, 20, 20)
@@ -122,7 +122,7 @@ def test_a_diverged_hypothesis_does_not_affect_the_others(tiny: Model):
 def test_equations_are_the_same_bits_with_any_number_of_threads(
     tiny: Model, blur: float, hypotheses: int, rays: int, monkeypatch: pytest.MonkeyPatch
 ):
-    photos = [replace(photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)), blur=blur) for azimuth in (0.5, 2.5)]
+    photos = [replace(photo_of(tiny[0], tiny.camera(azimuth, 0.5)), blur=blur) for azimuth in (0.5, 2.5)]
     pixels = sample_pixels([Observation.of(photo, tiny) for photo in photos], rays, seeded())
     parameters = two_views(hypotheses)
     equations = []

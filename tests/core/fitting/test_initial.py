@@ -26,7 +26,7 @@ def cameras(tiny: Model) -> list[Camera]:
 
 def photos_of(model: Model, cameras: list[Camera], posed: tuple[bool, ...]) -> list[Photo]:
     return [
-        replace(photo_of(model, model.codes[2], camera), camera=camera if is_posed else None)
+        replace(photo_of(model[2], camera), camera=camera if is_posed else None)
         for camera, is_posed in zip(cameras, posed, strict=True)
     ]
 

@@ -10,7 +10,7 @@ from tests.core.tiny import photo_of
 
 def truncated_photo(tiny: Model) -> Photo:
     """A picture whose right third was not seen."""
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(0.9, 0.3))
     beyond = torch.zeros_like(photo.mask)
     beyond[:, 2 * photo.mask.shape[1] // 3 :] = True
     mask = photo.mask & ~beyond
@@ -18,7 +18,7 @@ def truncated_photo(tiny: Model) -> Photo:
 
 
 def test_sampled_pixels_represent_the_visible_photo(tiny: Model):
-    observation = Observation.of(photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), tiny)
+    observation = Observation.of(photo_of(tiny[0], tiny.camera(0.9, 0.3)), tiny)
     pixels = sample_pixels([observation], 4096, torch.Generator().manual_seed(0))
     assert abs(float(pixels.weights.sum()) - 1) < 1e-5
     on = float((pixels.target_opacity * pixels.weights).sum())
@@ -32,18 +32,18 @@ def test_sampled_pixels_represent_the_visible_photo(tiny: Model):
 
 
 def test_certainty_is_lower_near_uncertain_edges(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(0.9, 0.3))
     sure, unsure = (Observation.of(replace(photo, edge_error=error), tiny).certainty for error in (0.0, 2.0))
     assert bool((sure == 1).all())
     assert 0 < float(unsure.min()) < 0.2
     assert float(unsure[0]) > 0.9  # a corner, far from the object
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(0.9, 0.3))
     soft = Observation.of(replace(photo, opacity=0.5 * photo.mask), tiny)
     assert soft.target_opacity.unique().tolist() == [0, 0.5]
 
 
 def test_footprints_of_a_blurred_photo_have_the_variance_of_its_blur(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(0.9, 0.3))
     sharp, blurred = (Observation.of(replace(photo, blur=blur), tiny) for blur in (0.0, 3.0))
     single = sample_pixels([sharp], 400, torch.Generator().manual_seed(0))
     assert torch.equal(single.points, single.pixels)

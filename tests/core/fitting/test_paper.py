@@ -27,17 +27,17 @@ def last(model: Model, *photos: Photo, settings=PAPER) -> FitStep:
 
 
 def test_the_paper_starts_from_one_random_or_resumed_camera(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
+    photo = photo_of(tiny[0], tiny.camera(0.4, 0.2))
     starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
     assert {step.active for step in starts} == {1}
     assert all(step.cameras[0].elevation > -0.11 for step in starts)
     assert len({round(step.cameras[0].azimuth) for step in starts}) > 3
     # AdamW's first step is its rate, whatever the slope.
-    moved = (starts[0].codes.shape - tiny.codes.mean.shape).abs()
+    moved = (starts[0].instance.codes.shape - tiny.codes.mean.shape).abs()
     torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
     truth = tiny.camera(1.2, 0.3)
-    begin = Hypothesis(0, 0.0, (truth,), tiny.codes.mean, torch.zeros(1, 4))
-    first = next(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), PAPER, resume_from=begin)))
+    begin = Hypothesis(0, 0.0, (truth,), tiny.mean, torch.zeros(1, 4))
+    first = next(fit(tiny, FitJob((photo_of(tiny[0], truth),), PAPER, resume_from=begin)))
     assert rotation_error(first.cameras[0], truth) < 10  # AdamW's first step is its rate: 0.1 rad
 
 
@@ -46,8 +46,8 @@ def test_the_paper_recipe_moves_the_camera_towards_the_truth(tiny: Model):
     """From a start that is given: where a random one leads is a matter of chance."""
     truth = tiny.camera(1.2, 0.3)
     start = tiny.camera(1.45, 0.4)
-    begin = Hypothesis(0, 0.0, (start,), tiny.codes.mean, torch.zeros(1, 4))
-    job = FitJob((photo_of(tiny, tiny.codes[0], truth),), replace(PAPER, steps=60), resume_from=begin)
+    begin = Hypothesis(0, 0.0, (start,), tiny.mean, torch.zeros(1, 4))
+    job = FitJob((photo_of(tiny[0], truth),), replace(PAPER, steps=60), resume_from=begin)
     steps = list(fit(tiny, job))
     assert len(steps) == 60
     assert rotation_error(steps[-1].cameras[0], truth) < 0.6 * rotation_error(start, truth)
@@ -55,7 +55,7 @@ def test_the_paper_recipe_moves_the_camera_towards_the_truth(tiny: Model):
 
 def test_the_paper_recipe_keeps_known_cameras(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
-    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    first, second = (photo_of(tiny[1], truth) for truth in truths)
     step = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
     assert step.confidence is None
     assert rotation_error(step.cameras[0], truths[0]) < 1e-3
@@ -73,7 +73,7 @@ def test_the_best_step_before_divergence_is_kept(tiny: Model, monkeypatch: pytes
         return value._replace(objective=value.objective * math.nan) if next(calls) > 13 else value
 
     monkeypatch.setattr(paper, "paper_objective", diverging)
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
+    photo = photo_of(tiny[0], tiny.camera(1.2, 0.3))
     steps = list(fit(tiny, FitJob((photo,), replace(PAPER, steps=20))))
     assert len(steps) == 20
     (loss,) = {step.loss for step in steps[13:]}

@@ -75,9 +75,9 @@ def test_background_deep_in_a_solid_object_is_doubtful(tiny: Model) -> None:
     rows = photo.mask.any(1).nonzero()[:, 0]
     hidden[int(rows.float().median()) :] = True
     half = replace(photo, mask=photo.mask & ~hidden)
-    truncated = photo_view(tiny, half, camera, codes=codes).pixels()[..., 3] / 255
+    truncated = photo_view(tiny, half, camera, fitted=instance).pixels()[..., 3] / 255
     plain = photo_view(tiny, half, camera).pixels()[..., 3] / 255
-    complete = photo_view(tiny, photo, camera, codes=codes).pixels()[..., 3] / 255
+    complete = photo_view(tiny, photo, camera, fitted=instance).pixels()[..., 3] / 255
     assert set(np.unique(plain)) == set(np.unique(complete)) == {0, 1}
     doubtful = (truncated > BACKGROUND) & (truncated < 0.5)
     assert 0.5 * int((photo.mask & hidden).sum()) < doubtful.sum() < 1.2 * int((photo.mask & hidden).sum())

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("unchecked")  # test_fit runs fits with che
 
 def stool(model: Model, posed: bool = False) -> Photo:
     camera = model.camera(0.9, 0.3)
-    photo = photo_of(model, model.codes[0], camera)
+    photo = photo_of(model[0], camera)
     return replace(photo, camera=camera) if posed else photo
 
 

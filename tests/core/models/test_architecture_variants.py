@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from core.models.architecture_variants import build_field
-from core.models.codes import CodeBook, Codes, Entry
+from core.models.codes import CodeBook, Entry
 from core.models.field import Field, encode
 from core.models.field_config import FieldConfig
 from core.models.model import Model
@@ -63,9 +63,9 @@ def test_a_model_of_another_architecture_is_kept_and_rendered_exactly_only(archi
     codes = CodeBook(torch.randn(2, 8), torch.randn(2, 4), (Entry("a", 0, 0), Entry("b", 1, 1)))
     Model(build(architecture), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0).save(tmp_path / "m.safetensors")
     model = Model.load(tmp_path / "m.safetensors")
-    first, camera = model.codes[0], model.camera(0.3, 0.4)
-    drawn = render_exact(model, first, camera, 8)
-    swapped = render_exact(model, Codes(first.shape, model.codes[1].texture), camera, 8)
+    first, camera = model[0], model.camera(0.3, 0.4)
+    drawn = render_exact(first, camera, 8)
+    swapped = render_exact(first.with_texture(model[1]), camera, 8)
     assert torch.equal(drawn.opacity, swapped.opacity) is (architecture == "M1")
     with pytest.raises(ValueError, match="--exact"):
-        render(model, first, camera, 8)
+        render(first, camera, 8)

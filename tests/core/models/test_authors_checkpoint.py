@@ -12,7 +12,7 @@ from core.metrics import psnr
 from core.models.authors_checkpoint import load_authors
 from core.models.codes import Codes
 from core.models.library import load_model
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.rendering.reference import Rendered, render_exact
 from tests.core.models.authors_reference import FOCAL, GOLDEN, SAMPLES, SIDE, evaluate, read_weights, render
 
@@ -41,9 +41,9 @@ def test_collapsed_codes_are_found_and_kept_in_the_converted_file(cars: Model, c
     assert converted.codes.collapsed == cars.codes.collapsed
     assert converted.codes.mean == cars.codes.mean
     assert (converted.white_from_network, converted.category, converted.distance) == (True, "cars", 1.3)
-    codes, camera = converted.codes[1], converted.camera(0.7, 0.4).resized(64, 64)
-    exact = render_exact(converted, codes, camera, 96).colour.clamp(0, 1)
-    fast = torch.from_numpy(render_frame(converted, codes, camera).image).float() / 255
+    instance, camera = converted[1], converted.camera(0.7, 0.4).resized(64, 64)
+    exact = render_exact(instance, camera, 96).colour.clamp(0, 1)
+    fast = torch.from_numpy(render_frame(instance, camera).image).float() / 255
     assert psnr(fast, exact) > 45
 
 
@@ -51,7 +51,8 @@ def seen(model: Model, expected: dict[str, np.ndarray], index: int, focal: float
     """What the exact renderer makes of one of the expected images."""
     camera = Camera.from_pose(torch.tensor(expected[f"pose_{index}"]), focal, side, side)
     shape, texture = (int(row) for row in expected[f"codes_{index}"])
-    return render_exact(model, Codes(model.codes.shapes[shape], model.codes.textures[texture]), camera, samples)
+    codes = Codes(model.codes.shapes[shape], model.codes.textures[texture])
+    return render_exact(Instance(model, codes), camera, samples)
 
 
 @pytest.mark.parametrize("index", [0, 3])

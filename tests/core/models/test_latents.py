@@ -1,6 +1,5 @@
 """Offsets are part of an object: mixed, taken and stored with the codes, and rendered by every renderer."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,8 @@ from hypothesis import strategies as st
 from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import extract_mesh
 from core.metrics import psnr
-from core.models.codes import Codes
 from core.models.latents import Latents, mixed_offsets, read_offsets
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.scene import Scene
 from core.rendering.baked_field import render_baked
 from core.rendering.baking import bake
@@ -29,14 +27,18 @@ def offsets(seed: int, blocks: int = BLOCKS, scale: float = 1.0) -> torch.Tensor
     return (scale * torch.randn(blocks, WIDTH, generator=torch.Generator().manual_seed(seed))).half()
 
 
-def freed(model: Model, index: int, scale: float = 1.0) -> Codes:
-    return replace(model.codes[index], shape_offsets=offsets(index, 2, scale), texture_offsets=offsets(9, 1, scale))
+def freed(model: Model, index: int, scale: float = 1.0) -> Instance:
+    return model[index].changed(shape_offsets=offsets(index, 2, scale), texture_offsets=offsets(9, 1, scale))
 
 
 def test_offsets_are_counted_in_standard_deviations_of_the_training_biases(tiny: Model):
-    codes, plain = freed(tiny, 0), tiny.codes[0]
+    instance, plain = freed(tiny, 0), tiny[0]
     for bias, base, std, offset in zip(
-        tiny.biases(codes), tiny.biases(plain), tiny.bias_std, (codes.shape_offsets, codes.texture_offsets), strict=True
+        instance.biases,
+        plain.biases,
+        tiny.bias_std,
+        (instance.codes.shape_offsets, instance.codes.texture_offsets),
+        strict=True,
     ):
         torch.testing.assert_close(bias, base + offset.float() * std)
     training_biases = tiny.field.shape_bias(tiny.codes.shapes)
@@ -45,37 +47,37 @@ def test_offsets_are_counted_in_standard_deviations_of_the_training_biases(tiny:
 
 
 def test_every_renderer_shows_offsets_and_zeros_change_nothing(tiny: Model):
-    camera, plain = tiny.camera(0.4, 0.5), tiny.codes[0]
-    codes, zeros = freed(tiny, 0), freed(tiny, 0, scale=0.0)
-    exact, fast = render_exact(tiny, codes, camera), render_image(tiny, codes, camera)
+    camera, plain = tiny.camera(0.4, 0.5), tiny[0]
+    instance, zeros = freed(tiny, 0), freed(tiny, 0, scale=0.0)
+    exact, fast = render_exact(instance, camera), render_image(instance, camera)
     assert float((exact.colour - fast.colour).abs().mean()) < 0.01
-    assert float((exact.colour - render_exact(tiny, plain, camera).colour).abs().mean()) > 0.01
-    assert torch.equal(render_image(tiny, zeros, camera).colour, render_image(tiny, plain, camera).colour)
+    assert float((exact.colour - render_exact(plain, camera).colour).abs().mean()) > 0.01
+    assert torch.equal(render_image(zeros, camera).colour, render_image(plain, camera).colour)
 
 
 def test_bakes_meshes_and_thumbnails_show_offsets(tiny: Model):
-    codes, camera = freed(tiny, 0), tiny.camera(0.7, 0.4)
-    exact = render_exact(tiny, codes, camera)
-    *_, baked = (field for field in bake(tiny, codes) if field is not None)
+    instance, camera = freed(tiny, 0), tiny.camera(0.7, 0.4)
+    exact = render_exact(instance, camera)
+    *_, baked = (field for field in bake(instance) if field is not None)
     assert psnr(render_baked(baked, camera).colour, exact.colour) > 35
-    mesh = run_to_end(extract_mesh(tiny, codes, 48))
-    plain = run_to_end(extract_mesh(tiny, tiny.codes[0], 48))
+    mesh = run_to_end(extract_mesh(instance, 48))
+    plain = run_to_end(extract_mesh(tiny[0], 48))
     assert not np.array_equal(mesh.vertices, plain.vertices)
-    depths = density_on(tiny, codes, mesh.vertices), density_on(tiny, tiny.codes[0], mesh.vertices)
+    depths = density_on(tiny, instance, mesh.vertices), density_on(tiny, tiny[0], mesh.vertices)
     assert depths[0] < depths[1]
 
 
-def density_on(model: Model, codes: Codes, vertices: np.ndarray) -> float:
+def density_on(model: Model, instance: Instance, vertices: np.ndarray) -> float:
     """Spread of the logarithm of densities on a surface; small on the object's own."""
     points = torch.from_numpy(vertices).float()
-    density, _ = model.field.density(points, model.biases(codes)[0])
+    density, _ = model.field.density(points, instance.biases[0])
     return float(density.clamp_min(1e-6).log().std())
 
 
 def test_texture_offsets_do_not_change_the_opacity(tiny: Model):
-    camera, codes = tiny.camera(0.4, 0.5), freed(tiny, 0)
-    other = replace(codes, texture_offsets=offsets(5, 1))
-    first, second = render_exact(tiny, codes, camera), render_exact(tiny, other, camera)
+    camera, instance = tiny.camera(0.4, 0.5), freed(tiny, 0)
+    other = instance.changed(texture_offsets=offsets(5, 1))
+    first, second = render_exact(instance, camera), render_exact(other, camera)
     assert torch.equal(first.opacity, second.opacity)
     assert not torch.equal(first.colour, second.colour)
 
@@ -94,42 +96,46 @@ def test_offsets_are_mixed_as_codes_are(amount: float, seed: int):
 
 
 def test_shape_and_texture_take_their_own_offsets(tiny: Model):
-    codes, other = freed(tiny, 0), tiny.codes[1]
-    mixed = codes.mixed(other, shape=1.0, texture=0.0)
-    assert not mixed.shape_offsets.any() and torch.equal(mixed.texture_offsets, codes.texture_offsets)
-    assert torch.equal(other.taking("texture", codes).texture_offsets, codes.texture_offsets)
-    assert other.taking("texture", codes).shape_offsets is None
-    assert codes.taking("shape", other).shape_offsets is None
-    assert torch.equal(codes.taking("shape", other).texture_offsets, codes.texture_offsets)
+    instance, other = freed(tiny, 0), tiny[1]
+    mixed = instance.mixed(other, shape=1.0, texture=0.0)
+    assert not mixed.codes.shape_offsets.any() and torch.equal(
+        mixed.codes.texture_offsets, instance.codes.texture_offsets
+    )
+    assert torch.equal(other.taking("texture", instance).codes.texture_offsets, instance.codes.texture_offsets)
+    assert other.taking("texture", instance).codes.shape_offsets is None
+    assert instance.taking("shape", other).codes.shape_offsets is None
+    assert torch.equal(instance.taking("shape", other).codes.texture_offsets, instance.codes.texture_offsets)
 
 
 def test_objects_with_other_offsets_are_other_objects(tiny: Model):
-    codes = freed(tiny, 0)
-    same = replace(codes, shape_offsets=codes.shape_offsets.clone())
-    assert codes == same and hash(codes) == hash(same)
-    for other in (tiny.codes[0], replace(codes, shape_offsets=offsets(7)), replace(codes, texture_offsets=None)):
-        assert codes != other
-    assert codes.texture_key == replace(codes, shape_offsets=None).texture_key
+    instance = freed(tiny, 0)
+    same = instance.changed(shape_offsets=instance.codes.shape_offsets.clone())
+    assert instance == same and hash(instance) == hash(same)
+    for other in (tiny[0], instance.changed(shape_offsets=offsets(7)), instance.changed(texture_offsets=None)):
+        assert instance != other
+    assert instance.codes.texture_key == instance.changed(shape_offsets=None).codes.texture_key
     with pytest.raises(ValueError, match="finite"):
         Latents(torch.zeros(2), torch.zeros(2), torch.full((2, 3), torch.inf).half())
 
 
 def test_a_video_moves_offsets_and_begins_and_ends_at_its_keys(tiny: Model):
-    codes, other, camera = freed(tiny, 0), tiny.codes[1], tiny.camera(0.0, 0.3)
-    keys = (Keyframe(0.0, View(codes, camera)), Keyframe(2.0, View(other, camera)))
+    instance, other, camera = freed(tiny, 0), tiny[1], tiny.camera(0.0, 0.3)
+    keys = (Keyframe(0.0, View(instance, camera)), Keyframe(2.0, View(other, camera)))
     timeline = Timeline(keys, length=2.0, loop=False)
-    assert torch.equal(timeline.at(0.0).codes.shape_offsets, codes.shape_offsets)
-    middle = timeline.at(1.0).codes
-    torch.testing.assert_close(middle.shape_offsets.float(), codes.shape_offsets.float() / 2, atol=2e-3, rtol=1e-2)
-    assert not timeline.at(2.0).codes.shape_offsets.any()
+    assert torch.equal(timeline.at(0.0).instance.codes.shape_offsets, instance.codes.shape_offsets)
+    middle = timeline.at(1.0).instance
+    torch.testing.assert_close(
+        middle.codes.shape_offsets.float(), instance.codes.shape_offsets.float() / 2, atol=2e-3, rtol=1e-2
+    )
+    assert not timeline.at(2.0).instance.codes.shape_offsets.any()
 
 
 def test_a_scene_keeps_offsets_exactly_and_refuses_those_of_another_network(tiny: Model, tmp_path: Path):
     scene = Scene(freed(tiny, 0), tiny.camera(0.4, 0.5))
     scene.save(tmp_path / "scene.json")
     assert Scene.load(tmp_path / "scene.json", tiny) == scene
-    assert "offsets" not in Scene(tiny.codes[0], scene.camera).to_json()
-    wrong = replace(scene.codes, shape_offsets=offsets(0, 3))
+    assert "offsets" not in Scene(tiny[0], scene.camera).to_json()
+    wrong = scene.instance.changed(shape_offsets=offsets(0, 3))
     with pytest.raises(ValueError, match="another model"):
         Scene.from_json(Scene(wrong, scene.camera).to_json(), tiny)
     for texts in (("?",), ("AAA=",) * 2 + ("AAAAAA==",), ("AAAA",), ()):

@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 
 from core.classifiers.viewpoint import SIDE, ViewpointClassifier
 from core.models.codes import CodeBook
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.part_head import PartHead
 from core.runtime.reading import read_tensors
 from tests.conftest import with_contrast
@@ -153,3 +153,16 @@ def test_a_soft_model_has_no_contrast_and_shares_weights_and_scenes(model: Model
     assert again.soft.field.point_layer is again.field.point_layer
     assert again.soft.fingerprint == again.fingerprint == model.fingerprint
     assert model.soft is model
+
+
+def test_an_object_is_a_model_with_codes_compared_by_what_its_renders_show(model: Model) -> None:
+    first, second = model[0], model[1]
+    assert first == Instance(replace(model), model.codes[0]) and hash(first) == hash(model[0])
+    assert first != second and first != Instance(replace(model, white_from_network=True), model.codes[0])
+    assert first.mixed(second, 0.0, 1.0) == first.with_texture(second) == second.with_shape(first)
+    assert first.mixed(second, 1.0, 1.0) == second
+    by = torch.ones(len(first.codes.texture))
+    assert torch.equal(first.moved("texture", by).codes.texture, first.codes.texture + 1)
+    assert model.first == first and model.mean.codes == model.codes.mean
+    with pytest.raises(ValueError, match="no photos"):
+        _ = first.fitted

@@ -7,8 +7,9 @@ from core.export.keyframes import View
 from core.export.video_frames import render_frames
 from core.models import library
 from core.models.library import load_model
-from core.models.model import Model
-from core.models.open_models import OpenModels, model_of
+from core.models.missing import MissingInstance
+from core.models.model import Instance, Model
+from core.models.open_models import OpenModels
 from tests.conftest import open_models, random_model
 
 
@@ -19,14 +20,19 @@ def other() -> Model:
 
 def test_each_object_finds_its_model_or_one_that_extends_it(model: Model, other: Model) -> None:
     models = open_models(model, other)
-    assert models.of(model.codes[1]) is model and models.of(other.codes.mean) is other
-    assert model_of(models, other.codes[0]) is other and model_of(model, other.codes[0]) is model
+    for instance in (model[1], other.mean):
+        assert models.adopt(instance) is instance
+        assert models.adopt(MissingInstance(instance.fingerprint, instance.codes)) == instance
     assert models.of_category("cars") is other and models.of_category("tables") is None
     assert list(models) == [model, other]
+    waiting = MissingInstance(model.fingerprint, model.codes[0])
     extended = replace(other, extends=(model.fingerprint,))
-    assert open_models(extended).of(model.codes[0]) is extended
-    with pytest.raises(ValueError, match="a model that is not open"):
-        open_models(other).of(model.codes[0])
+    assert open_models(extended).adopt(waiting) == Instance(extended, waiting.codes)
+    alone = open_models(other)
+    assert alone.adopt(waiting) is waiting and waiting.is_missing
+    for read in (lambda: waiting.model, lambda: alone[model.fingerprint]):
+        with pytest.raises(ValueError, match="a model that is not open"):
+            read()
 
 
 def test_a_model_is_loaded_once_under_any_of_its_names(model: Model) -> None:
@@ -47,14 +53,15 @@ def test_codes_of_a_formerly_shipped_model_open_it(model: Model, other: Model, t
     monkeypatch.setattr(library, "FORMER", tmp_path)
     models = OpenModels(load_model)
     models.add("shipped", other)
-    former = models.of(model.codes[0])
-    assert former is models.of(model.codes[1])
+    former, again = (models.adopt(MissingInstance(model.fingerprint, model.codes[index])).model for index in (0, 1))
+    assert former is again
     assert [one.fingerprint for one in models] == [other.fingerprint, model.fingerprint]
     assert models.is_former(former) and not models.is_former(other)
 
 
-def test_codes_of_two_models_are_told_apart_and_not_mixed(model: Model, other: Model) -> None:
-    mine, same = model.codes[0], replace(model.codes[0], model=other.fingerprint)
+def test_objects_of_two_models_are_told_apart_and_not_mixed(model: Model, other: Model) -> None:
+    mine = model[0]
+    same = Instance(other, mine.codes)
     assert mine != same
     for mix in (lambda: mine.mixed(same, 0.5, 0.5), lambda: mine.taking("shape", same)):
         with pytest.raises(ValueError, match="different models"):
@@ -62,10 +69,10 @@ def test_codes_of_two_models_are_told_apart_and_not_mixed(model: Model, other: M
 
 
 def test_frames_of_two_models_follow_each_other(model: Model, other: Model) -> None:
-    def frames(models: Model | OpenModels, *views: View) -> list[np.ndarray]:
-        return [image for image in render_frames(models, views, None, exact=True) if image is not None]
+    def frames(*views: View) -> list[np.ndarray]:
+        return [image for image in render_frames(views, None, exact=True) if image is not None]
 
-    first, second = (View(one.codes[0], one.camera(0.3, 0.2).resized(8, 8)) for one in (model, other))
-    both = frames(open_models(model, other), first, second, first)
-    for image, alone in zip(both, [*frames(model, first), *frames(other, second), *frames(model, first)], strict=True):
+    first, second = (View(one[0], one.camera(0.3, 0.2).resized(8, 8)) for one in (model, other))
+    both = frames(first, second, first)
+    for image, alone in zip(both, [*frames(first), *frames(second), *frames(first)], strict=True):
         np.testing.assert_array_equal(image, alone)

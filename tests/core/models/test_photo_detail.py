@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from core.geometry.camera import Camera
-from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import MAX_BYTES, MAX_PHOTOS, Erasure, PhotoDetail, PhotoView
 from core.models.scene import Scene, open_scene, save_image
@@ -36,15 +35,14 @@ def test_pixels_come_back_nearly_and_small(model: Model) -> None:
 
 
 def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
-    codes = replace(
-        model.codes.mean, detail=replace(some_detail(model).erasing(0, (SCRATCH,)), strength=0.4, other_side="model")
-    )
-    scene = Scene(codes, CAMERA)
+    detail = replace(some_detail(model).erasing(0, (SCRATCH,)), strength=0.4, other_side="model")
+    instance = model.mean.with_detail(detail)
+    scene = Scene(instance, CAMERA)
     scene.save(tmp_path / "s.json")
     assert Scene.load(tmp_path / "s.json", model) == scene
     save_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "p.png", scene)
-    assert open_scene(tmp_path / "p.png", model).codes.detail == codes.detail
-    assert replace(codes, detail=None) != codes
+    assert open_scene(tmp_path / "p.png", model).instance.detail == instance.detail
+    assert instance.with_detail(None) != instance
 
 
 @pytest.mark.parametrize(
@@ -61,8 +59,8 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
     ],
 )
 def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, change: dict) -> None:
-    codes = replace(model.codes.mean, detail=some_detail(model))
-    about = json.loads(Scene(codes, CAMERA).to_json())
+    instance = model.mean.with_detail(some_detail(model))
+    about = json.loads(Scene(instance, CAMERA).to_json())
     (about["detail"] if change.keys() & about["detail"].keys() else about["detail"]["views"][0]).update(change)
     (tmp_path / "s.json").write_text(json.dumps(about))
     with pytest.raises(ValueError) as raised:
@@ -71,22 +69,22 @@ def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, chan
 
 
 def test_the_masks_of_older_scenes_bound_nothing(model: Model) -> None:
-    scene = Scene(replace(model.codes.mean, detail=some_detail(model)), CAMERA)
+    scene = Scene(model.mean.with_detail(some_detail(model)), CAMERA)
     about = json.loads(scene.to_json())
     del about["detail"]["views"][0]["outline_margin"]
-    detail = Scene.from_json(json.dumps(about), model).codes.detail
+    detail = Scene.from_json(json.dumps(about), model).instance.detail
     assert detail is not None and detail.views[0].outline_margin is None
 
 
 def test_it_goes_with_the_shape(model: Model) -> None:
-    plain, fitted = model.codes[0], replace(model.codes[1], detail=some_detail(model))
+    plain, fitted = model[0], model[1].with_detail(some_detail(model))
     assert plain.taking("shape", fitted).detail is fitted.detail
     assert plain.taking("texture", fitted).detail is None
     assert fitted.taking("shape", plain).detail is None
     assert fitted.taking("texture", plain).detail is fitted.detail
     assert fitted.mixed(plain, 0.4, 1.0).detail is fitted.detail
     assert fitted.mixed(plain, 1.0, 0.0).detail is None
-    assert isinstance(fitted.mixed(plain, 0.0, 1.0), Codes)
+    assert fitted.mixed(plain, 0.0, 1.0).model is model
 
 
 def test_an_erasure_covers_its_line_and_nothing_else(model: Model) -> None:

@@ -9,7 +9,7 @@ import torch
 from PIL import Image
 
 from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.scene import Scene, embedded_scene, open_scene, save_image
 from tests.conftest import random_model
 
@@ -17,8 +17,8 @@ PIXELS = np.arange(6 * 5 * 3, dtype=np.uint8).reshape(6, 5, 3)
 
 
 def some(model: Model) -> Scene:
-    codes = Codes(torch.randn(8) * 1e-3, torch.randn(4) * 1e3, model=model.fingerprint)
-    return Scene(codes, model.camera(0.1 + 1e-15, 1 / 3))
+    instance = Instance(model, Codes(torch.randn(8) * 1e-3, torch.randn(4) * 1e3))
+    return Scene(instance, model.camera(0.1 + 1e-15, 1 / 3))
 
 
 def test_a_scene_comes_back_exactly_or_is_not_written(model: Model, tmp_path):
@@ -26,7 +26,7 @@ def test_a_scene_comes_back_exactly_or_is_not_written(model: Model, tmp_path):
     scene.save(tmp_path / "s.json")
     again = Scene.load(tmp_path / "s.json", model)
     assert again == open_scene(tmp_path / "s.json", model) == scene
-    assert torch.equal(again.codes.shape, scene.codes.shape)
+    assert torch.equal(again.instance.codes.shape, scene.instance.codes.shape)
     for path in (tmp_path / "gone" / "s.json", tmp_path):
         with pytest.raises(ValueError, match="cannot write"):
             some(model).save(path)
@@ -45,9 +45,9 @@ def test_a_scene_of_another_model_is_refused_by_name(model: Model, tmp_path):
 def test_a_scene_of_a_model_that_this_one_extends_becomes_one_of_this_model(model: Model, tmp_path):
     scene = some(random_model(seed=1))
     scene.save(tmp_path / "s.json")
-    extended = replace(model, extends=("0123456789abcdef", scene.codes.model))
+    extended = replace(model, extends=("0123456789abcdef", scene.instance.fingerprint))
     assert Scene.load(tmp_path / "s.json", extended) == replace(
-        scene, codes=replace(scene.codes, model=model.fingerprint)
+        scene, instance=Instance(extended, scene.instance.codes)
     )
 
 
@@ -72,7 +72,7 @@ def test_a_png_brings_its_scene_back_exactly(scene: Scene, model: Model, tmp_pat
     save_image(PIXELS, tmp_path / "a.PNG", scene)
     again = open_scene(tmp_path / "a.PNG", model)
     assert again == scene
-    assert torch.equal(again.codes.texture, scene.codes.texture)
+    assert torch.equal(again.instance.codes.texture, scene.instance.codes.texture)
     with Image.open(tmp_path / "a.PNG") as image:
         np.testing.assert_array_equal(np.asarray(image), PIXELS)
     assert [path.name for path in tmp_path.iterdir()] == ["a.PNG"]

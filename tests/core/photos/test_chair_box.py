@@ -37,7 +37,7 @@ def test_chairs_get_the_azimuth_they_are_rendered_from():
     correct = 0
     for index, azimuth in enumerate((70, 110, 40, 140)):
         camera = model.camera(math.radians(azimuth), math.radians(15)).resized(256, 256)
-        colour = render_image(model, model.codes[40 * index], camera).colour.clamp(0, 1)
+        colour = render_image(model[40 * index], camera).colour.clamp(0, 1)
         image = Image.fromarray((colour * 255).byte().numpy())
         corners = chair_corners(image, (0.2, 0.2, 0.8, 0.8))
         assert corners is not None

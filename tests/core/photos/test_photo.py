@@ -256,7 +256,7 @@ def test_specks_are_dropped(tiny: Model):
 
 @pytest.mark.parametrize("azimuth, elevation", [(0.4, 0.3), (2.0, 1.2), (4.0, 0.0)])
 def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float, elevation: float):
-    frame = render_exact(tiny, tiny.codes[1], tiny.camera(azimuth, elevation), 48)
+    frame = render_exact(tiny[1], tiny.camera(azimuth, elevation), 48)
     pixels = (frame.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
     photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny)
     assert not photo.cropped
@@ -275,7 +275,7 @@ def test_an_object_too_thin_for_the_model_is_refused(tiny: Model):
 
 @pytest.mark.parametrize("across, down", [(6, 0), (0, -6), (-4, 5)])
 def test_a_moved_object_is_recentred_at_its_size(tiny: Model, across: int, down: int):
-    frame = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
+    frame = render_exact(tiny[1], tiny.camera(0.4, 0.3), 48)
     pixels = (frame.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
     photo = photo_from(np.roll(pixels, (down, across), (0, 1)), tiny)
     assert photo.cropped

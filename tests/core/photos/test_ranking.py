@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import pytest
 import torch
@@ -21,7 +20,7 @@ def image_of(frame: Rendered, focal: float) -> ObjectMask:
 @pytest.mark.parametrize("azimuth, elevation", VIEWS)
 def test_the_true_camera_is_among_the_best_candidates(tiny: Model, azimuth: float, elevation: float):
     camera = tiny.camera(azimuth, elevation)
-    frame = render_exact(tiny, tiny.codes[1], camera, 48)  # wide, so that front and side differ in outline
+    frame = render_exact(tiny[1], camera, 48)  # wide, so that front and side differ in outline
     candidates = rank_cameras(tiny_bank(), image_of(frame, camera.focal), 8)
     errors = [
         rotation_error(tiny.camera(float(a), float(e)), camera)
@@ -31,7 +30,7 @@ def test_the_true_camera_is_among_the_best_candidates(tiny: Model, azimuth: floa
 
 
 def test_every_candidate_comes_with_its_opposite_view(tiny: Model):
-    frame = render_exact(tiny, tiny.codes[0], tiny.camera(0.5, 0.4), 32)
+    frame = render_exact(tiny[0], tiny.camera(0.5, 0.4), 32)
     candidates = rank_cameras(tiny_bank(), image_of(frame, tiny.focal), 8)
     pairs = candidates.azimuth.reshape(4, 2)
     assert torch.allclose((pairs[:, 0] - pairs[:, 1]).cos(), torch.tensor(-1.0), atol=1e-5)
@@ -44,7 +43,7 @@ def test_a_prototype_is_most_similar_to_itself(tiny: Model):
     for index in range(len(bank.prototypes)):
         for azimuth, elevation in ((0.8, 0.2), (2.0, 1.35)):
             codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
-            frame = render_exact(tiny, codes, tiny.camera(azimuth, elevation), 32)
+            frame = render_exact(codes, tiny.camera(azimuth, elevation), 32)
             scores = shape_similarity(bank, image_of(frame, tiny.focal), azimuth, elevation)
             assert float(scores[index]) > float(scores.max()) - 0.05
 
@@ -52,7 +51,7 @@ def test_a_prototype_is_most_similar_to_itself(tiny: Model):
 @pytest.mark.parametrize("factor", [0.75, 1.0, 1.4])
 def test_the_distance_follows_from_the_apparent_size(tiny: Model, factor: float):
     camera = tiny.camera(1.0, 0.5, factor * tiny.distance)
-    frame = render_exact(tiny, tiny.codes[0], camera, 48)
+    frame = render_exact(tiny[0], camera, 48)
     candidates = rank_cameras(tiny_bank(), image_of(frame, camera.focal), 4)
     assert float(candidates.distance[0]) == pytest.approx(camera.distance, rel=0.3)
 
@@ -60,7 +59,7 @@ def test_the_distance_follows_from_the_apparent_size(tiny: Model, factor: float)
 def test_expected_scales_compare_sizes_from_every_direction(tiny: Model):
     bank = tiny_bank()
     usual, larger = (
-        expected_scales(bank, image_of(render_exact(tiny, tiny.codes[2], tiny.camera(1.0, 0.5), 48), focal))
+        expected_scales(bank, image_of(render_exact(tiny[2], tiny.camera(1.0, 0.5), 48), focal))
         for focal in (tiny.focal, tiny.focal / 2)
     )
     assert float(usual.abs().median()) < 0.3
@@ -71,7 +70,7 @@ def test_expected_scales_compare_sizes_from_every_direction(tiny: Model):
 def test_knowing_the_truncating_edge_improves_the_position(tiny: Model, side: int, azimuth: float):
     bank = tiny_bank()
     codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[1])
-    frame = render_exact(tiny, codes, tiny.camera(azimuth, 0.5), 48)
+    frame = render_exact(codes, tiny.camera(azimuth, 0.5), 48)
     mask = frame.opacity > 0.5
     first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
     unseen = torch.zeros_like(mask)

@@ -18,7 +18,7 @@ from tests.core.tiny import photo_of, tiny_bank
 
 def test_apparent_sizes_in_training_images(tiny: Model):
     usual = apparent_size(tiny_bank(), tiny)
-    silhouette = render_exact(tiny, tiny.codes[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
+    silhouette = render_exact(tiny[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
     size = max(int(silhouette.any(0).sum()), int(silhouette.any(1).sum())) / tiny.image_size
     assert usual.min < size < usual.max
 
@@ -72,7 +72,7 @@ def test_shipped_models_are_complete(name: str):
     assert model.view_bank is not None and model.words is not None
     number = len(model.view_bank.prototypes) // 2
     shape = model.view_bank.shapes(model.codes)[number]
-    points, _ = surface_points(model, replace(model.codes.mean, shape=shape))
+    points, _ = surface_points(model.mean.changed(shape=shape))
     right, _, backward = camera_rotation(model.view_bank.azimuth[30], model.view_bank.elevation[30]) @ points.T
     across = right / (model.distance - backward)
     middle = float(across.max() + across.min()) / 2
@@ -81,7 +81,7 @@ def test_shipped_models_are_complete(name: str):
 
 def test_a_fit_through_the_soft_field_uses_the_bank_of_the_model(tiny: Model):
     sharp = with_contrast(tiny)
-    photo = photo_of(sharp, sharp.codes[0], sharp.camera(0.5, 0.5))
+    photo = photo_of(sharp[0], sharp.camera(0.5, 0.5))
     assert problem_of(sharp, photo).bank is view_bank(sharp)
 
 

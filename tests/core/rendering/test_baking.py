@@ -21,16 +21,16 @@ from tests.core.tiny import tiny_model
 def baked(shape: int, texture: int) -> BakedField:
     """With few cells: the first that comes."""
     model = tiny_model()
-    codes = model.codes[shape].mixed(model.codes[texture], 0.0, 1.0)
-    return next(found for found in bake(model, codes) if found is not None)
+    instance = model[shape].mixed(model[texture], 0.0, 1.0)
+    return next(found for found in bake(instance) if found is not None)
 
 
 @pytest.mark.parametrize("contrast", [0.0, 20.0])
 def test_the_picture_is_the_exact_one_and_nearer_with_more_cells(tiny: Model, contrast: float) -> None:
     tiny = with_contrast(tiny, contrast)
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
-    exact = render_exact(tiny, tiny.codes[0], camera)
-    values = list(bake(tiny, tiny.codes[0]))
+    exact = render_exact(tiny[0], camera)
+    values = list(bake(tiny[0]))
     assert values.count(None) > 4  # in small steps
     coarse, fine = (found for found in values if found is not None)
     assert (coarse.cells, fine.cells) == (64, 128)
@@ -48,7 +48,7 @@ def test_near_far_and_without_perspective(tiny: Model, perspective: bool) -> Non
     camera = tiny.camera(2.0, -0.5, 0.8).resized(48, 80)
     if not perspective:
         camera = replace(camera, distance=60.0, focal=75 * camera.focal)
-    assert psnr(render_baked(baked(1, 1), camera).colour, render_exact(tiny, tiny.codes[1], camera).colour) > 36
+    assert psnr(render_baked(baked(1, 1), camera).colour, render_exact(tiny[1], camera).colour) > 36
 
 
 def test_a_new_texture_keeps_the_shape_and_rays_their_corners() -> None:
@@ -57,7 +57,7 @@ def test_a_new_texture_keeps_the_shape_and_rays_their_corners() -> None:
     np.testing.assert_array_equal(first.distance, second.distance)
     assert np.abs(first.texels[..., :3].astype(int) - second.texels[..., :3]).max() > 50
     model = random_model(white_from_network=True)
-    assert next(found for found in bake(model, model.codes[0]) if found).pixel_offset == 0.5
+    assert next(found for found in bake(model[0]) if found).pixel_offset == 0.5
 
 
 def test_what_is_between_prefiltered_values_is_right_in_the_mean() -> None:
@@ -79,16 +79,16 @@ def test_haze_is_as_near_on_a_finer_grid(cells: int) -> None:
     """Many thin layers of it add up: none may be without its colour."""
     model = tiny_model()
     camera = model.camera(0.3, 0.4).resized(64, 64)
-    views = run_to_end(bake_views(model, model.codes[0], [camera], cells))
+    views = run_to_end(bake_views(model[0], [camera], cells))
     drawn = render_baked(views.seen_from(camera), camera).colour
-    assert psnr(drawn, render_exact(model, model.codes[0], camera).colour) > 44
+    assert psnr(drawn, render_exact(model[0], camera).colour) > 44
 
 
 def test_colours_between_cameras_are_those_of_a_smooth_function() -> None:
     """Over a turn. A lone camera's colours are those of all views."""
     model = tiny_model()
     ring = [model.camera(turn, 0.3) for turn in np.linspace(0, 2 * math.pi, 72, endpoint=False)]
-    views = run_to_end(bake_views(model, model.codes[0], ring, 64))
+    views = run_to_end(bake_views(model[0], ring, 64))
     assert len(views.cameras) == 16
 
     def smooth(camera: Camera) -> float:

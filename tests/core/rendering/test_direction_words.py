@@ -28,7 +28,6 @@ def test_what_a_word_says_is_seen(name: str) -> None:
 def lightness_rises(name: str, words: Words) -> bool | None:
     """Whether renders of more of *lighter* (or less of *darker*) are lighter; None without such a word."""
     from core.detail.rendering import render_frame
-    from core.models.codes import Codes
 
     model = load_model(name)
     signs = {"lighter": 1.0, "darker": -1.0}
@@ -36,21 +35,22 @@ def lightness_rises(name: str, words: Words) -> bool | None:
     if found is None:
         return None
     at, sign = found
-    step, mean = sign * model.codes.texture_space.basis[at], model.codes.mean
+    step = sign * model.codes.texture_space.basis[at]
     camera = model.camera(1.0, 0.4).resized(48, 48)
     dark, light = (
-        float(render_frame(model, Codes(mean.shape, mean.texture + side * step), camera).image.mean())
-        for side in (-1.5, 1.5)
+        float(render_frame(model.mean.moved("texture", side * step), camera).image.mean()) for side in (-1.5, 1.5)
     )
     return light > dark
 
 
 def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
-    codes, words = tiny.codes[0], Words(shape=("", "taller"), texture=("bluer",))
+    instance, words = tiny[0], Words(shape=("", "taller"), texture=("bluer",))
     step = tiny.codes.shape_space.basis[1]
-    higher, lower = (moved(tiny, codes, words, name, 1.5) for name in ("taller", "lower"))
-    assert torch.allclose(higher.shape, codes.shape + 1.5 * step) and torch.equal(higher.texture, codes.texture)
-    assert torch.allclose(lower.shape, codes.shape - 1.5 * step)
-    assert not torch.equal(moved(tiny, codes, words, "more yellow", 1.0).texture, codes.texture)
+    higher, lower = (moved(instance, words, name, 1.5) for name in ("taller", "lower"))
+    assert torch.allclose(higher.codes.shape, instance.codes.shape + 1.5 * step) and torch.equal(
+        higher.codes.texture, instance.codes.texture
+    )
+    assert torch.allclose(lower.codes.shape, instance.codes.shape - 1.5 * step)
+    assert not torch.equal(moved(instance, words, "more yellow", 1.0).codes.texture, instance.codes.texture)
     with pytest.raises(ValueError, match="no direction 'roof'; choose one of taller, lower, bluer, more yellow"):
-        moved(tiny, codes, words, "roof", 1.0)
+        moved(instance, words, "roof", 1.0)

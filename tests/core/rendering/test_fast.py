@@ -13,6 +13,7 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode
 from core.models.library import load_model
+from core.models.model import Instance
 from core.rendering import fast as renderer
 from core.rendering.fast import render
 from core.rendering.folded_field import FoldedField
@@ -28,24 +29,25 @@ MODEL = random_model()
 seeds = st.integers(0, 2**31)
 
 
-def drawn(seed: int, spread: float = 1.0) -> Codes:
+def drawn(seed: int, spread: float = 1.0) -> Instance:
     generator = torch.Generator().manual_seed(seed)
-    return Codes(spread * torch.randn(8, generator=generator), spread * torch.randn(4, generator=generator))
+    codes = Codes(spread * torch.randn(8, generator=generator), spread * torch.randn(4, generator=generator))
+    return Instance(MODEL, codes)
 
 
 @given(seeds, st.sampled_from([1.0, 5.0]))
 def test_folding_is_exact(seed: int, spread: float):
-    codes, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
+    instance, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
     points = torch.rand(40, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
     with pytest.MonkeyPatch.context() as patch, use_dtype(torch.float32):
         patch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
-        folded = FoldedField(MODEL, codes)
+        folded = FoldedField(instance)
         density, y = folded.density(points)
         colour = folded.colour(y, folded.direction_bias(directions))
     field = MODEL.field
-    true_density, features = field.density(points, field.shape_bias(codes.shape))
-    true_colour = field.colour(features, field.direction_bias(directions), field.texture_bias(codes.texture))
+    true_density, features = field.density(points, field.shape_bias(instance.codes.shape))
+    true_colour = field.colour(features, field.direction_bias(directions), field.texture_bias(instance.codes.texture))
     torch.testing.assert_close(density, true_density, atol=3e-4, rtol=1e-5)
     torch.testing.assert_close(colour, true_colour, atol=1e-5, rtol=1e-5)
 
@@ -65,12 +67,12 @@ def test_tables_are_a_layer_of_an_encoding():
 @settings(max_examples=15)
 @given(seeds, st.sampled_from([1.0, 5.0]), st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
 def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed, spread, azimuth, elevation):
-    codes, camera = drawn(seed, spread), MODEL.camera(azimuth, elevation)
-    occupancy = Occupancy(MODEL, FoldedField(MODEL, codes))
+    instance, camera = drawn(seed, spread), MODEL.camera(azimuth, elevation)
+    occupancy = Occupancy(MODEL, FoldedField(instance))
     rays = camera_rays(camera, MODEL.extent_tensor)
     depths = midpoints(uniform_edges(rays, 40))
     points = ray_points(rays, depths)
-    density, _ = MODEL.field.density(points, MODEL.field.shape_bias(codes.shape))
+    density, _ = MODEL.field.density(points, MODEL.field.shape_bias(instance.codes.shape))
     crossed = (rays.far > rays.near)[..., None]
     dense = (density * float(occupancy.cell.amin()) > 0.1) & crossed
     assert bool((occupancy.contains(points) | ~dense).all())
@@ -82,8 +84,8 @@ def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed,
 @pytest.mark.parametrize("contrast", [0.0, 20.0])
 def test_the_fast_renderer_matches_the_reference(contrast: float):
     model = with_contrast(MODEL, contrast)
-    camera, codes = model.camera(0.7, 0.4), model.codes[3]
-    exact, fast = render_exact(model, codes, camera), render(model, codes, camera, 256)
+    camera, instance = model.camera(0.7, 0.4), model[3]
+    exact, fast = render_exact(instance, camera), render(instance, camera, 256)
     assert psnr(fast.colour, exact.colour) > 38
     assert float((fast.opacity - exact.opacity).abs().max()) < 0.05
     solid = exact.opacity > 0.5
@@ -92,34 +94,34 @@ def test_the_fast_renderer_matches_the_reference(contrast: float):
 
 def test_chunks_do_not_show(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
-    whole = render(MODEL, MODEL.codes[0], camera, 96)
+    whole = render(MODEL[0], camera, 96)
     renderer.clear_views()
     monkeypatch.setattr(renderer, "CHUNK_RAYS", 37)
-    pieces = render(MODEL, MODEL.codes[0], camera, 96)
+    pieces = render(MODEL[0], camera, 96)
     assert psnr(pieces.colour, whole.colour) > 50
 
 
 def test_a_new_texture_or_view_keeps_the_occupancy():
     renderer.clear_cache()
-    a, b = MODEL.codes[0], MODEL.codes[1]
-    render(MODEL, a, MODEL.camera(0.1, 0.1), 8)
-    render(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
+    a, b = MODEL[0], MODEL[1]
+    render(a, MODEL.camera(0.1, 0.1), 8)
+    render(a.with_texture(b), MODEL.camera(0.9, 0.1), 8)
     assert len(CACHE.newest(CacheKind.SHAPE)) == 1
-    render(MODEL, b, MODEL.camera(0.9, 0.1), 8)
+    render(b, MODEL.camera(0.9, 0.1), 8)
     assert len(CACHE.newest(CacheKind.SHAPE)) == 2
 
 
 def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render_and_moves_no_silhouette():
-    camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
-    both = Codes(a.shape, b.texture)
+    camera, a, b = MODEL.camera(0.3, 0.2), MODEL[0], MODEL[1]
+    both = a.with_texture(b)
     renderer.clear_views()
-    full = render(MODEL, both, camera, 96)
+    full = render(both, camera, 96)
     renderer.clear_views()
-    before = render(MODEL, a, camera, 96)
-    assert renderer.is_cached(MODEL, both, camera, 96)
-    assert not renderer.is_cached(MODEL, b, camera, 96)
-    assert not renderer.is_cached(MODEL, both, MODEL.camera(0.31, 0.2), 96)
-    recoloured = render(MODEL, both, camera, 96)
+    before = render(a, camera, 96)
+    assert renderer.is_cached(both, camera, 96)
+    assert not renderer.is_cached(b, camera, 96)
+    assert not renderer.is_cached(both, MODEL.camera(0.31, 0.2), 96)
+    recoloured = render(both, camera, 96)
     torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
     assert not torch.equal(before.colour, full.colour)
     assert torch.equal(before.opacity, full.opacity)
@@ -129,26 +131,26 @@ def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render_and_moves_no
 def test_views_are_kept_as_far_as_there_is_room_and_rendered_all_the_same(monkeypatch: pytest.MonkeyPatch):
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
-    render(MODEL, MODEL.codes[0], camera, 96)
+    render(MODEL[0], camera, 96)
     view = CACHE.used - sum(occupancy.size for _, occupancy in CACHE.newest(CacheKind.SHAPE))
     monkeypatch.setattr(CACHE, "limit", CACHE.used + view // 2)
     for turn in range(10):
-        render(MODEL, MODEL.codes[0], replace(camera, azimuth=0.1 * turn), 96)
+        render(MODEL[0], replace(camera, azimuth=0.1 * turn), 96)
         assert CACHE.used <= CACHE.limit
-    assert renderer.is_cached(MODEL, MODEL.codes[0], replace(camera, azimuth=0.9), 96)
+    assert renderer.is_cached(MODEL[0], replace(camera, azimuth=0.9), 96)
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
-    kept = render(MODEL, MODEL.codes[0], camera, 96)
+    kept = render(MODEL[0], camera, 96)
     renderer.clear_views()
     monkeypatch.setattr(CACHE, "limit", CACHE.used + 1000)
-    assert torch.equal(render(MODEL, MODEL.codes[0], camera, 96).colour, kept.colour)
-    assert not renderer.is_cached(MODEL, MODEL.codes[0], camera, 96)
+    assert torch.equal(render(MODEL[0], camera, 96).colour, kept.colour)
+    assert not renderer.is_cached(MODEL[0], camera, 96)
 
 
 def test_what_lies_beside_the_object_is_white():
     """With an eighth of the focal length the rays of the corners pass beside the scene's box."""
     camera = MODEL.camera(2.0, 0.0, distance=2.0)
-    wide = render(MODEL, MODEL.codes[0], replace(camera, focal=camera.focal / 8), 16)
+    wide = render(MODEL[0], replace(camera, focal=camera.focal / 8), 16)
     for corner in (wide.colour[0, 0], wide.colour[-1, -1], wide.colour[0, -1]):
         assert corner.tolist() == [1.0, 1.0, 1.0]
     assert float(wide.opacity[0, 0]) == float(wide.depth[0, 0]) == 0.0
@@ -157,24 +159,23 @@ def test_what_lies_beside_the_object_is_white():
 
 def test_where_the_network_paints_the_background_rays_pass_pixel_corners():
     painted = random_model(white_from_network=True)
-    codes, camera = painted.codes[0], painted.camera(0.4, 0.3)
+    instance, camera = painted[0], painted.camera(0.4, 0.3)
     plain = replace(painted, white_from_network=False)
     rays = camera_rays(camera, plain.extent_tensor, 0.5)
-    biases = plain.field.shape_bias(codes.shape), plain.field.texture_bias(codes.texture)
+    biases = plain.field.shape_bias(instance.codes.shape), plain.field.texture_bias(instance.codes.texture)
     exact = render_rays(plain, rays, 96, *biases)
-    seen = render(painted, codes, camera, 96)
+    seen = render(instance, camera, 96)
     assert psnr(seen.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
-    assert psnr(render(plain, codes, camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
+    assert psnr(render(plain[0], camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
 
 
 def test_a_shape_on_the_move_is_found_around_the_last_one():
     model = tiny_model()
-    start, end = model.codes[0].shape, model.codes[2].shape
-    steps = [Codes(torch.lerp(start, end, share / 20), model.codes[0].texture) for share in range(9)]
-    occupancy = Occupancy(model, FoldedField(model, steps[0]))
-    for codes in steps[1:]:
-        occupancy = Occupancy(model, FoldedField(model, codes), occupancy)
-        whole = Occupancy(model, FoldedField(model, codes))
+    steps = [model[0].mixed(model[2], share / 20, 0.0) for share in range(9)]
+    occupancy = Occupancy(model, FoldedField(steps[0]))
+    for instance in steps[1:]:
+        occupancy = Occupancy(model, FoldedField(instance), occupancy)
+        whole = Occupancy(model, FoldedField(instance))
         assert not occupancy.complete
         assert not bool((occupancy.cells & ~whole.cells).any())
         assert float((whole.cells & ~occupancy.cells).sum()) <= 0.001 * float(whole.cells.sum())
@@ -184,32 +185,32 @@ def test_a_shape_on_the_move_is_found_around_the_last_one():
 def test_what_training_objects_occupy_leaves_nothing_of_a_shape_out(name: str, deviations: float):
     model = load_model(name)
     generator = torch.Generator().manual_seed(0)
-    space, start = model.codes.shape_space, model.codes[int(torch.randint(100, (), generator=generator))]
+    space, start = model.codes.shape_space, model[int(torch.randint(100, (), generator=generator))]
     one = torch.randn(len(space.std), generator=generator) * (torch.rand(len(space.std), generator=generator) < 0.1)
-    codes = Codes(start.shape + space.code(deviations * one) - space.mean, start.texture)
-    whole = Occupancy(replace(model, stored_cells=None), FoldedField(model, codes))
-    missed = whole.cells & ~Occupancy(model, FoldedField(model, codes)).cells
+    instance = start.moved("shape", space.code(deviations * one) - space.mean)
+    whole = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
+    missed = whole.cells & ~Occupancy(model, FoldedField(instance)).cells
     assert float(missed.sum()) < 1e-3 * float(whole.cells.sum())
 
 
 def test_an_object_where_no_training_object_has_anything_is_whole():
     model = tiny_model()
-    codes = model.codes[0]
+    instance = model[0]
     nowhere = replace(model, stored_cells=torch.zeros(32, 32, 32, dtype=torch.bool))
-    whole = Occupancy(replace(model, stored_cells=None), FoldedField(model, codes))
+    whole = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
     assert bool(whole.cells.any())
-    assert torch.equal(Occupancy(nowhere, FoldedField(model, codes)).cells, whole.cells)
+    assert torch.equal(Occupancy(nowhere, FoldedField(instance)).cells, whole.cells)
 
 
 def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
     model = tiny_model()
     renderer.clear_cache()
-    near, far = model.codes[0], model.codes[0].mixed(model.codes[2], 0.05, 0)
-    render(model, near, model.camera(0.5, 0.3), 48)
-    quick = render(model, far, model.camera(0.5, 0.3), 48, complete=False)
-    found = render(model, far, model.camera(0.5, 0.3), 48)
+    near, far = model[0], model[0].mixed(model[2], 0.05, 0)
+    render(near, model.camera(0.5, 0.3), 48)
+    quick = render(far, model.camera(0.5, 0.3), 48, complete=False)
+    found = render(far, model.camera(0.5, 0.3), 48)
     renderer.clear_cache()
-    exact = render(model, far, model.camera(0.5, 0.3), 48)
+    exact = render(far, model.camera(0.5, 0.3), 48)
     assert torch.equal(found.colour, exact.colour)
     assert psnr(quick.colour, exact.colour) > 50
 
@@ -219,7 +220,7 @@ def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.
     none = torch.zeros(0, dtype=torch.long)
     monkeypatch.setattr(Occupancy, "intersect", lambda self, *_: OccupiedIntervals(none, none, none.bool()))
     renderer.clear_views()
-    seen = render(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
+    seen = render(MODEL[1], MODEL.camera(0.5, 0.3), 8)
     assert bool((seen.colour == 1).all())
     assert float(seen.opacity.max()) == 0
     renderer.clear_views()
@@ -230,7 +231,7 @@ def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
 
     def drawn_anew() -> torch.Tensor:
         renderer.clear_views()
-        return render(model, model.codes[2], model.camera(0.5, 0.3), 192).colour
+        return render(model[2], model.camera(0.5, 0.3), 192).colour
 
     seen = drawn_anew()
     monkeypatch.setattr(renderer, "tolerances", lambda samples: tolerances(samples)._replace(termination=math.inf))
@@ -239,18 +240,18 @@ def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
 
 def test_finer_intervals_never_cost_quality():
     """In a mist every interval gives a little only, and the finer they are the less: none of it may be lost."""
-    codes, camera = MODEL.codes[2], MODEL.camera(0.5, 0.3)
-    exact = render_exact(MODEL, codes, camera, 512).colour.clamp(0, 1)
-    found = [psnr(render(MODEL, codes, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
+    instance, camera = MODEL[2], MODEL.camera(0.5, 0.3)
+    exact = render_exact(instance, camera, 512).colour.clamp(0, 1)
+    found = [psnr(render(instance, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
     assert found == sorted(found)
 
 
 def test_everything_is_made_on_the_models_device():
     model = random_model(seed=5)
-    codes, camera = model.codes[0], model.camera(0.4, 0.3)
-    truth, exact = render(model, codes, camera, 32), render_exact(model, codes, camera, 8)
-    fresh = random_model(seed=5)  # with nothing kept
+    instance, camera = model[0], model.camera(0.4, 0.3)
+    truth, exact = render(instance, camera, 32), render_exact(instance, camera, 8)
+    fresh = random_model(seed=5)[0]  # with nothing kept
     placing.cache_clear()
     with torch.device("meta"):  # where whatever names no device ends up, and cannot meet what has values
-        assert torch.equal(render(fresh, codes, camera, 32).colour, truth.colour)
-        assert torch.equal(render_exact(fresh, codes, camera, 8).colour, exact.colour)
+        assert torch.equal(render(fresh, camera, 32).colour, truth.colour)
+        assert torch.equal(render_exact(fresh, camera, 8).colour, exact.colour)

@@ -1,7 +1,5 @@
 """Directions under a pixel against renders of moved codes, and motions of an image that is moved by hand."""
 
-from dataclasses import replace
-
 import pytest
 import torch
 
@@ -17,20 +15,22 @@ def camera(tiny: Model) -> Camera:
 
 
 def test_effects_are_those_of_moved_codes_and_none_beside_the_object(tiny: Model, camera: Camera) -> None:
-    codes, space, point = tiny.codes[0], tiny.codes.shape_space, (48.0, 44.0)
-    pulls = pulls_at(tiny, codes, camera, point)
+    instance, space, point = tiny[0], tiny.codes.shape_space, (48.0, 44.0)
+    pulls = pulls_at(instance, camera, point)
     effects = {pull.direction: pull.effect for pull in pulls}
     assert [pull.effect for pull in pulls] == sorted(effects.values(), reverse=True)
     around = slice(44 - 5, 44 + 5), slice(48 - 5, 48 + 5)
     step, shown = 0.02, {}
     for direction, way in enumerate(space.basis[:6]):
-        sides = [render_exact(tiny, replace(codes, shape=codes.shape + side * step * way), camera) for side in (-1, 1)]
+        sides = [
+            render_exact(instance.changed(shape=instance.codes.shape + side * step * way), camera) for side in (-1, 1)
+        ]
         less, more = (torch.cat((one.colour, one.opacity[..., None]), -1)[around] for one in sides)
         shown[direction] = float(((more - less) / (2 * step)).square().mean().sqrt())
     assert max(effects, key=lambda one: effects[one]) == max(shown, key=lambda one: shown[one])
     for direction, effect in shown.items():
         assert effects[direction] == pytest.approx(effect, rel=0.35, abs=0.01)
-    assert pulls_at(tiny, tiny.codes[0], camera, (2.0, 2.0)) == []
+    assert pulls_at(tiny[0], camera, (2.0, 2.0)) == []
 
 
 def test_motions_are_measured_and_drags_along_them_move() -> None:

@@ -23,8 +23,8 @@ SIDE = 2 / 64
 
 
 def rendered(model: Model, camera: Camera) -> Frame:
-    job = RenderJob(model.codes[0], camera, RenderSettings(divisors=(1,)), shadow=True)
-    *_, frame = render_progressively(model, job)
+    job = RenderJob(model[0], camera, RenderSettings(divisors=(1,)), shadow=True)
+    *_, frame = render_progressively(job)
     assert frame
     return frame
 
@@ -141,10 +141,10 @@ def test_it_lies_between_object_and_background() -> None:
 
 def test_baked_frames_have_it_as_exact_ones_have_and_only_if_it_is_wanted() -> None:
     model = tiny_model()
-    views = turntable(model.codes[0], model.camera(0.3, 0.4).resized(64, 64), 4)[:2]
+    views = turntable(model[0], model.camera(0.3, 0.4).resized(64, 64), 4)[:2]
     (drawn, exact), (without, _) = (
         [
-            [one for one in make(model, views, (255, 255, 255), wanted) if one is not None]
+            [one for one in make(views, (255, 255, 255), wanted) if one is not None]
             for make in (baked_frames, exact_frames)
         ]
         for wanted in (True, False)

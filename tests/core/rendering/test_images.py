@@ -22,12 +22,12 @@ def entangled() -> Model:
 def test_what_the_fast_renderer_draws_otherwise_is_rendered_exactly(made: Callable[[], Model]):
     model = made()
     camera = model.camera(0.4, 0.3)
-    expected = render_exact(model, model.codes[0], camera, 64)
-    assert torch.equal(render_image(model, model.codes[0], camera).colour, expected.colour)
+    expected = render_exact(model[0], camera, 64)
+    assert torch.equal(render_image(model[0], camera).colour, expected.colour)
 
 
 def test_other_models_are_rendered_fast(tiny: Model):
     camera = tiny.camera(0.4, 0.3)
     for samples in (None, 32):
-        expected = render(tiny, tiny.codes[0], camera, samples or RenderSettings().samples)
-        assert torch.equal(render_image(tiny, tiny.codes[0], camera, samples).colour, expected.colour)
+        expected = render(tiny[0], camera, samples or RenderSettings().samples)
+        assert torch.equal(render_image(tiny[0], camera, samples).colour, expected.colour)

@@ -11,8 +11,7 @@ from core.export.mesh import extract_mesh
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.metrics import psnr
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.baked_field import render_baked
 from core.rendering.baking import bake
@@ -31,64 +30,64 @@ def camera(tiny: Model) -> Camera:
 
 
 @pytest.fixture(scope="module")
-def codes(tiny: Model, camera: Camera) -> Codes:
+def instance(tiny: Model, camera: Camera) -> Instance:
     """Codes whose photo shows nothing of the object's right third."""
-    seen = render_exact(tiny, tiny.codes[0], camera, 64)
+    seen = render_exact(tiny[0], camera, 64)
     opacity = (seen.opacity > 0.5).float()
     opacity[:, int(0.55 * SIZE) :] = 0
     rgba = to_bytes(torch.cat((seen.colour.clamp(0, 1), opacity[..., None]), -1))
     view = replace(PhotoView.of(rgba, camera), outline_margin=MARGIN)
     detail = PhotoDetail((view,), tiny.codes[0].shape, tiny.codes[0].texture, other_side="model")
-    return replace(tiny.codes[0], detail=detail)
+    return tiny[0].with_detail(detail)
 
 
-def bound(model: Model, codes: Codes) -> Outline:
-    found = outline(model, codes)
+def bound(model: Model, instance: Instance) -> Outline:
+    found = outline(instance)
     assert found is not None
     return found
 
 
-def test_a_point_keeps_its_density_by_its_image_s_distance_from_the_mask(tiny: Model, codes: Codes) -> None:
-    view = codes.detail.views[0]
+def test_a_point_keeps_its_density_by_its_image_s_distance_from_the_mask(tiny: Model, instance: Instance) -> None:
+    view = instance.detail.views[0]
     points = (2 * torch.rand(400, 3, generator=torch.Generator().manual_seed(0)) - 1) * torch.tensor(tiny.extent)
     rows, columns = np.nonzero(view.pixels()[..., 3] > 127)
     mask = torch.from_numpy(np.stack((columns, rows), -1) + 0.5).float()
     away = torch.cdist(view.camera.project(points), mask).amin(1) / view.camera.focal
-    share = bound(tiny, codes).silhouettes[0].share(points)
+    share = bound(tiny, instance).silhouettes[0].share(points)
     assert share.shape == (400,)
     assert (share[away < 0.4 * MARGIN] == 1).all() and (share[away > 1.2 * MARGIN] == 0).all()
     assert 50 < int((share == 0).sum()) < 350
 
 
 @pytest.mark.parametrize("beside", [0.0, 1.0, 3.0])
-def test_all_renderers_agree(tiny: Model, codes: Codes, camera: Camera, beside: float) -> None:
+def test_all_renderers_agree(tiny: Model, instance: Instance, camera: Camera, beside: float) -> None:
     seen_from = replace(camera, azimuth=camera.azimuth + beside)
     clear_cache()
-    plain = render(tiny, replace(codes, detail=None), seen_from, 192)
-    fast, exact = render(tiny, codes, seen_from, 192), render_exact(tiny, codes, seen_from, 192)
-    *_, baked = bake(tiny, codes)
+    plain = render(instance.with_detail(None), seen_from, 192)
+    fast, exact = render(instance, seen_from, 192), render_exact(instance, seen_from, 192)
+    *_, baked = bake(instance)
     assert baked is not None
     assert psnr(fast.colour, exact.colour.clamp(0, 1)) > 45 > psnr(plain.colour, fast.colour) + 10
     assert float((fast.opacity - exact.opacity).abs().mean()) < 0.002
     assert psnr(render_baked(baked, seen_from).colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 25
 
 
-def test_nothing_is_left_beyond_the_outline(tiny: Model, codes: Codes, camera: Camera) -> None:
-    assert codes.detail is not None
-    opacity, mesh = render(tiny, codes, camera, 192).opacity, run_to_end(extract_mesh(tiny, codes, 48))
+def test_nothing_is_left_beyond_the_outline(tiny: Model, instance: Instance, camera: Camera) -> None:
+    assert instance.detail is not None
+    opacity, mesh = render(instance, camera, 192).opacity, run_to_end(extract_mesh(instance, 48))
     right = int(0.55 * SIZE + 1.1 * MARGIN * camera.focal) + 1
     assert float(opacity[:, right:].max()) < 0.01 and float(opacity[:, : SIZE // 2].max()) > 0.9
-    view = codes.detail.views[0]
+    view = instance.detail.views[0]
     assert view.camera.project(torch.from_numpy(mesh.vertices))[:, 0].max() / view.camera.width < right / SIZE + 0.02
 
 
 def test_what_is_thin_within_the_mask_becomes_opaque(tiny: Model, camera: Camera) -> None:
-    thin = tiny.codes[0]
-    plain = render_exact(tiny, thin, camera, 192)
+    thin = tiny[0]
+    plain = render_exact(thin, camera, 192)
     rgba = to_bytes(torch.cat((plain.colour.clamp(0, 1), (plain.opacity > 0.2).float()[..., None]), -1))
     view = replace(PhotoView.of(rgba, camera), outline_margin=MARGIN)
-    codes = replace(thin, detail=PhotoDetail((view,), thin.shape, thin.texture, other_side="model"))
-    opacity = render_exact(tiny, codes, camera, 192).opacity
+    instance = thin.changed(detail=PhotoDetail((view,), thin.codes.shape, thin.codes.texture, other_side="model"))
+    opacity = render_exact(instance, camera, 192).opacity
     inside = -torch.nn.functional.max_pool2d(-(plain.opacity > 0.2)[None].float(), 5, 1, 2)[0] > 0
     veiled = inside & (plain.opacity < 0.9)
     assert int(veiled.sum()) > 20
@@ -96,18 +95,18 @@ def test_what_is_thin_within_the_mask_becomes_opaque(tiny: Model, camera: Camera
     assert float((opacity - plain.opacity)[inside].min()) > -0.02
 
 
-def test_it_fades_with_the_photo_detail(tiny: Model, codes: Codes, camera: Camera) -> None:
-    detail = codes.detail
+def test_it_fades_with_the_photo_detail(tiny: Model, instance: Instance, camera: Camera) -> None:
+    detail = instance.detail
     assert detail is not None
     light = [
-        float(render(tiny, replace(codes, detail=one), camera, 64).opacity[:, int(0.55 * SIZE) :].sum())
+        float(render(instance.with_detail(one), camera, 64).opacity[:, int(0.55 * SIZE) :].sum())
         for one in (None, *(replace(detail, strength=strength) for strength in (0.0, 0.02, 0.3, 1.0)))
     ]
     assert light[0] == light[1] == pytest.approx(light[2], rel=1e-3)
     assert light[2] >= light[3] > light[4]
-    assert outline(tiny, replace(codes, shape=codes.shape + 10 * FADED)) is None
+    assert outline(instance.changed(shape=instance.codes.shape + 10 * FADED)) is None
     view = replace(detail.views[0], outline_margin=None)
-    assert outline(tiny, replace(codes, detail=replace(detail, views=(view,)))) is None
+    assert outline(instance.changed(detail=replace(detail, views=(view,)))) is None
 
 
 def test_the_mirrored_mask_bounds_symmetric_objects_alone(tiny: Model) -> None:
@@ -120,13 +119,13 @@ def test_the_mirrored_mask_bounds_symmetric_objects_alone(tiny: Model) -> None:
         rgba[30:66, left:right, 3] = 255
         view = replace(PhotoView.of(rgba, front), outline_margin=MARGIN)
         detail = PhotoDetail((view,), tiny.codes[0].shape, tiny.codes[0].texture)
-        found = bound(tiny, replace(tiny.codes[0], detail=detail))
-        assert coherence(found.silhouettes[0], tiny.extent) == pytest.approx(agreeing, abs=0.01)
+        found = bound(tiny, tiny[0].with_detail(detail))
+        assert coherence(found.silhouettes[0]) == pytest.approx(agreeing, abs=0.01)
         assert found.mirrored == (bool(agreeing),)
         assert (found.factor(points) > 0).tolist() == kept
 
 
-def test_points_behind_the_camera_are_finite(tiny: Model, codes: Codes) -> None:
-    _, origin = codes.detail.views[0].camera.world_to_camera(torch.device("cpu"))
+def test_points_behind_the_camera_are_finite(tiny: Model, instance: Instance) -> None:
+    _, origin = instance.detail.views[0].camera.world_to_camera(torch.device("cpu"))
     points = torch.stack((origin, 2 * origin, 1e10 * origin, -1e10 * origin))
-    assert torch.isfinite(bound(tiny, codes).factor(points)).all()
+    assert torch.isfinite(bound(tiny, instance).factor(points)).all()

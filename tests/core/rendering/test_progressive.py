@@ -1,7 +1,6 @@
 import pytest
 from torch import Tensor
 
-from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.fast import clear_cache
 from core.rendering.folded_field import FoldedField
@@ -12,8 +11,8 @@ from tests.conftest import random_model
 
 
 def test_frames_come_coarse_to_fine(model: Model):
-    job = RenderJob(model.codes[0], model.camera(0.3, 0.2))
-    shown = [frame for frame in render_progressively(model, job) if frame]
+    job = RenderJob(model[0], model.camera(0.3, 0.2))
+    shown = [frame for frame in render_progressively(job) if frame]
     assert [frame.resolution for frame in shown] == [(4, 4), (8, 8), (16, 16), (32, 32)]
     assert [frame.final for frame in shown] == [False, False, False, True]
     assert [frame.samples for frame in shown] == [64, 64, 64, 192]
@@ -23,31 +22,31 @@ def test_frames_come_coarse_to_fine(model: Model):
 
 def test_new_textures_are_rendered_at_full_size_and_last_stages_with_all_samples():
     model = random_model()
-    a, b = model.codes[0], model.codes[1]
+    a, b = model[0], model[1]
     camera = model.camera(0.3, 0.2)
-    assert [frame.stage for frame in render_progressively(model, RenderJob(a, camera)) if frame] == [0, 1, 2, 3]
-    (only,) = [frame for frame in render_progressively(model, RenderJob(Codes(a.shape, b.texture), camera)) if frame]
+    assert [frame.stage for frame in render_progressively(RenderJob(a, camera)) if frame] == [0, 1, 2, 3]
+    (only,) = [frame for frame in render_progressively(RenderJob(a.with_texture(b), camera)) if frame]
     assert only.final
     assert only.resolution == (32, 32)
-    assert [frame.stage for frame in render_progressively(model, RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
+    assert [frame.stage for frame in render_progressively(RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
     model = random_model()
-    job = RenderJob(model.codes[0], model.camera(0.3, 0.2), RenderSettings(divisors=(2, 1, 1)))
-    shown = [(frame.resolution, frame.samples) for frame in render_progressively(model, job) if frame]
+    job = RenderJob(model[0], model.camera(0.3, 0.2), RenderSettings(divisors=(2, 1, 1)))
+    shown = [(frame.resolution, frame.samples) for frame in render_progressively(job) if frame]
     assert shown == [((16, 16), 64), ((32, 32), 64), ((32, 32), 192)]
 
 
 def test_only_the_last_stage_looks_for_all_of_a_new_shape():
     clear_cache()
     model = random_model()
-    near, far = model.codes[0], model.codes[0].mixed(model.codes[1], 0.02, 0)
-    for codes in (near, far):
-        stream = render_progressively(model, RenderJob(codes, model.camera(0.3, 0.2), RenderSettings(divisors=(1, 1))))
+    near, far = model[0], model[0].mixed(model[1], 0.02, 0)
+    for instance in (near, far):
+        stream = render_progressively(RenderJob(instance, model.camera(0.3, 0.2), RenderSettings(divisors=(1, 1))))
         frames = [next(frame for frame in stream if frame)]
-        before = shape_occupancy(model, codes, complete=False)
+        before = shape_occupancy(instance, complete=False)
         frames += [frame for frame in stream if frame]
-        after = shape_occupancy(model, codes, complete=False)
+        after = shape_occupancy(instance, complete=False)
         assert [frame.resolution for frame in frames] == [(32, 32), (32, 32)]
-        assert (before.complete, after.complete) == (codes is near, True)
+        assert (before.complete, after.complete) == (instance is near, True)
 
 
 def test_a_stream_that_is_left_does_no_more_work(monkeypatch: pytest.MonkeyPatch):
@@ -59,16 +58,16 @@ def test_a_stream_that_is_left_does_no_more_work(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(FoldedField, "density", counted)
     model = random_model()
-    job = RenderJob(model.codes[0], model.camera(0.3, 0.2))
-    stream = render_progressively(model, job)
+    job = RenderJob(model[0], model.camera(0.3, 0.2))
+    stream = render_progressively(job)
     while next(stream) is None:
         pass
     begun = len(calls)
     stream.close()
     assert len(calls) == begun
     assert next(stream, "over") == "over"
-    assert not is_cached(model, job.codes, job.camera, job.settings.samples)
-    list(render_progressively(model, job))
+    assert not is_cached(job.instance, job.camera, job.settings.samples)
+    list(render_progressively(job))
     assert len(calls) > begun
 
 

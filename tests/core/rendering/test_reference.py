@@ -10,30 +10,33 @@ from tests.conftest import random_model
 
 
 def test_one_ray_is_the_sum_of_the_paper(model: Model):
-    codes, samples = model.codes[2], 20
+    instance, samples = model[2], 20
     ray = camera_rays(model.camera(0.4, 0.3), model.extent_tensor)[15, 17]
     step = float(ray.far - ray.near) / samples
     light, colour = 1.0, torch.zeros(3)
-    shape_bias, texture_bias = model.field.shape_bias(codes.shape), model.field.texture_bias(codes.texture)
+    shape_bias, texture_bias = (
+        model.field.shape_bias(instance.codes.shape),
+        model.field.texture_bias(instance.codes.texture),
+    )
     for index in range(samples):
         point = ray.origins + (ray.near + (index + 0.5) * step) * ray.directions
         density, features = model.field.density(point, shape_bias)
         seen = model.field.colour(features, model.field.direction_bias(ray.directions), texture_bias)
         taken = 1 - float(torch.exp(-density * step))
         colour, light = colour + light * taken * seen, light * (1 - taken)
-    found = render_exact(model, codes, model.camera(0.4, 0.3), samples)
+    found = render_exact(instance, model.camera(0.4, 0.3), samples)
     torch.testing.assert_close(found.colour[15, 17], colour + light, atol=1e-5, rtol=1e-5)
     assert float(found.opacity[15, 17]) == pytest.approx(1 - light, abs=1e-5)
 
 
 def test_rays_beside_the_box_are_white_and_samples_converge(model: Model, tiny: Model):
-    found = render_exact(model, model.codes[0], model.camera(0.4, 0.3), 8)
+    found = render_exact(model[0], model.camera(0.4, 0.3), 8)
     assert found.colour[0, 0].tolist() == [1, 1, 1]
     assert found.opacity[0, 0] == 0
     assert found.depth[0, 0] == 0
     camera = tiny.camera(0.4, 0.3)
-    fine = render_exact(tiny, tiny.codes[0], camera, 256).colour
-    errors = [float((render_exact(tiny, tiny.codes[0], camera, n).colour - fine).abs().mean()) for n in (8, 32, 128)]
+    fine = render_exact(tiny[0], camera, 256).colour
+    errors = [float((render_exact(tiny[0], camera, n).colour - fine).abs().mean()) for n in (8, 32, 128)]
     assert errors[0] > 3 * errors[1] > 9 * errors[2]
 
 

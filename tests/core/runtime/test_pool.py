@@ -117,12 +117,12 @@ def render_tensors(model: Model) -> list[Tensor]:
     camera = model.camera(0.5, 0.5).resized(90, 90)
     first = fast.render(model, codes, camera, 48)
     again = fast.render(model, replace(codes, texture=model.codes[2].texture), camera, 48)  # of the cached shape
-    return [first.colour, first.depth, again.colour, render_exact(model, codes, camera, 32).colour]
+    return [first.colour, first.depth, again.colour, render_exact(codes, camera, 32).colour]
 
 
 def bake_tensors(model: Model) -> list[Tensor]:
     fast.clear_cache()
-    return [torch.from_numpy(baked.texels) for baked in bake(model, model.codes[1]) if baked]
+    return [torch.from_numpy(baked.texels) for baked in bake(model[1]) if baked]
 
 
 def mesh_tensors(model: Model) -> list[Tensor]:
@@ -131,10 +131,11 @@ def mesh_tensors(model: Model) -> list[Tensor]:
 
 
 def fit_tensors(model: Model) -> list[Tensor]:
-    photos = (photo_of(model, model.codes[1], model.camera(0.5, 0.5)),)
+    photos = (photo_of(model[1], model.camera(0.5, 0.5)),)
     *_, last = fit(model, FitJob(photos, SHORT))
     cameras = chain.from_iterable((camera.azimuth, camera.elevation, camera.distance) for camera in last.cameras)
-    return [last.codes.shape, last.codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
+    codes = last.instance.codes
+    return [codes.shape, codes.texture, torch.tensor([*cameras, last.loss], dtype=torch.double)]
 
 
 def bank_tensors(model: Model) -> list[Tensor]:

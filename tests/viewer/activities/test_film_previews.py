@@ -15,12 +15,12 @@ def photographed(session: Session) -> Scene:
     """The shown object with a photo."""
     scene = session.editor.scene
     view = PhotoView.of(np.full((30, 40, 4), 255, np.uint8), session.editor.model.camera(1.0, 0.4).resized(40, 30))
-    return replace(scene, codes=replace(scene.codes, detail=PhotoDetail.of((view,), scene.codes)))
+    return replace(scene, instance=scene.instance.changed(detail=PhotoDetail.of((view,), scene.instance.codes)))
 
 
 def test_films_move_and_a_swing_comes_back_to_the_photo(session: Session) -> None:
     scene = photographed(session)
-    session.editor.show(scene.codes, scene.camera)
+    session.editor.show(scene.instance, scene.camera)
     films = session.exporting.films
     films.update(ShareSettings("swing"))
     assert films.frame("swing", 0.0) is None and not films.moving

@@ -26,14 +26,14 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, editor: E
     before = editor.state
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
-    assert editor.scene.codes == model.codes[3]
+    assert editor.scene.instance == model[3]
     assert editor.scene.camera.azimuth == pytest.approx(1.0)
     assert editor.scene.camera.width == model.image_size
     assert editor.objects.own[0] == "block"
     assert editor.state.mix.a == ("block", "block")
-    session.thumbnails.of_object(editor.objects["block"].codes)
+    session.thumbnails.of_object(editor.objects["block"].instance)
     finish(session)
-    assert session.thumbnails.of_object(editor.objects["block"].codes)
+    assert session.thumbnails.of_object(editor.objects["block"].instance)
     assert len(session.fitting.history.steps) == 10
     assert session.fitting.history.photo is not None
     assert session.fitting.view.camera == editor.scene.camera
@@ -53,8 +53,8 @@ def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, editor: Edi
     session.fitting.stop()
     finish(session)
     assert not session.fitting.running
-    assert editor.scene.codes == session.fitting.history.steps[-1].codes
-    assert editor.scene.codes.detail is not None, "the photo's detail"
+    assert editor.scene.instance == session.fitting.history.steps[-1].instance
+    assert editor.scene.instance.detail is not None, "the photo's detail"
     assert editor.objects.own[0] == "block"
 
 
@@ -370,18 +370,18 @@ def test_the_first_result_can_be_used_while_it_is_checked(session: Session, edit
     fitting.start(photo)
     deliver(session, lambda: fitting.results.checking is not None)
     assert fitting.running
-    assert editor.scene.codes == model.codes[3]
+    assert editor.scene.instance == model[3]
     assert editor.state.mix.a.shape == "block"
     assert fitting.pending == ()
     fit.may_end.set()
     finish(session, lambda: not fitting.running)
-    assert editor.objects["block"].codes == model.codes[4]
-    assert editor.scene.codes == model.codes[4]  # nobody has edited it
+    assert editor.objects["block"].instance == model[4]
+    assert editor.scene.instance == model[4]  # nobody has edited it
     assert editor.scene.camera.azimuth == pytest.approx(1.0 + np.pi, abs=0.02)
     assert [one.name for one in editor.objects.added] == ["block"]
     assert "a better viewpoint was found" in session.messages.all[-1].text
     editor.undo()
-    assert editor.scene.codes == model.codes[3]
+    assert editor.scene.instance == model[3]
 
 
 def test_a_better_result_waits_where_the_first_was_edited(session: Session, editor: Editor, model: Model, photo: Path):
@@ -395,7 +395,7 @@ def test_a_better_result_waits_where_the_first_was_edited(session: Session, edit
     finish(session, lambda: not session.fitting.running)
     assert editor.state is before
     session.fitting.results.show("block")
-    assert editor.scene.codes == model.codes[4]
+    assert editor.scene.instance == model[4]
 
 
 def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, editor: Editor, photo: Path) -> None:

@@ -43,11 +43,11 @@ def test_a_hand_that_turns_the_object_is_never_disturbed(nearer: Session, editor
 
 def test_the_first_view_of_a_fitted_object_is_its_photos(nearer: Session, editor: Editor) -> None:
     fitted_object = fitted(editor.model)
-    assert fitted_object.codes.detail is not None
+    assert fitted_object.instance.detail is not None
     editor.add_and_show(fitted_object, orbit.home(editor.model))
     nearer.viewport.reset_view()
     finish(nearer)
-    own = orbit.photo_camera(fitted_object.codes.detail.views[0].camera, editor.model)
+    own = orbit.photo_camera(fitted_object.instance.detail.views[0].camera, editor.model)
     assert editor.scene.camera == replace(own, distance=1.1)
 
 

@@ -3,8 +3,7 @@ from dataclasses import replace
 import pytest
 
 from core.geometry.camera import Camera
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering.grab import Pull
 from tests.viewer.driver import finish
 from viewer.editor import Editor
@@ -19,7 +18,7 @@ def places(session: Session) -> list[tuple[Camera, tuple[float, float]]]:
     """Cameras and points at which pulls were looked for; there is one in the middle only."""
     asked = list[tuple[Camera, tuple[float, float]]]()
 
-    def pulls(model: Model, codes: Codes, camera: Camera, point: tuple[float, float]) -> list[Pull]:
+    def pulls(instance: Instance, camera: Camera, point: tuple[float, float]) -> list[Pull]:
         asked.append((camera, point))
         return [_PULL] if abs(point[0] - camera.width / 2) < 20 else []
 

@@ -19,7 +19,7 @@ def idle(session: Session, photo: Path, clock: Clock) -> IdleTurn:
     viewport.change(opengl=True)
     turn = IdleTurn(session.jobs, session.editor, viewport, clock)
     session.fitting.start(photo)
-    finish(session, lambda: viewport.sharp and viewport.is_baked(session.editor.scene.codes))
+    finish(session, lambda: viewport.sharp and viewport.is_baked(session.editor.scene.instance))
     return turn
 
 

@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from core.detail.paint import Paint
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted
@@ -25,7 +24,7 @@ def painted(session: Session) -> Session:
 def test_a_drag_over_colours_shows_at_once_and_is_one_step_that_ends_with_the_last(
     painted: Session, editor: Editor
 ) -> None:
-    painting, view, past, before = painted.painting, painted.viewport, len(editor.history.past), editor.scene.codes
+    painting, view, past, before = painted.painting, painted.viewport, len(editor.history.past), editor.scene.instance
     images = []
     for share in (0.3, 0.6, 0.9):
         painting.paint((share, 0.0, 0.0))
@@ -33,7 +32,7 @@ def test_a_drag_over_colours_shows_at_once_and_is_one_step_that_ends_with_the_la
         assert view.repainted is not None
         images.append(view.repainted.image)
         assert painting.colour == (share, 0.0, 0.0)
-    assert editor.scene.codes is before  # until the colour is released
+    assert editor.scene.instance is before  # until the colour is released
     assert images[0].mean() < images[1].mean() < images[2].mean()
     painting.release()
     assert view.repainted is not None  # until the object has the paint
@@ -48,7 +47,7 @@ def test_a_drag_over_colours_shows_at_once_and_is_one_step_that_ends_with_the_la
 
 
 def test_a_paint_that_fails_leaves_nothing_on_screen(painted: Session, editor: Editor) -> None:
-    def fails(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Codes]:
+    def fails(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
         yield None
         raise ValueError("no surface")
 
@@ -102,7 +101,7 @@ def test_the_original_comes_back(painted: Session, editor: Editor) -> None:
     assert not painting.is_original
     painting.restore()
     assert painting.is_original
-    assert editor.scene.codes == one.codes
+    assert editor.scene.instance == one.instance
 
 
 def test_the_colour_is_told_once_it_is_known(painted: Session, editor: Editor) -> None:

@@ -42,7 +42,7 @@ def test_playing_goes_with_the_clock_and_round(editor: Editor, player: Player, c
         clock.now = passed
         player.tick()
         assert player.seconds == pytest.approx(stands)
-        assert editor.scene.codes == player.timeline.at(stands).codes
+        assert editor.scene.instance == player.timeline.at(stands).instance
     assert player.playing
 
 
@@ -59,7 +59,7 @@ def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> No
         editor.sample()
         player.add_key()
         assert len(player.timeline.keys) == count
-        assert player.timeline.keys[-1].view.codes == editor.scene.codes
+        assert player.timeline.keys[-1].view.instance == editor.scene.instance
     assert player.timeline.keys[:2] == first
     assert player.seconds == player.timeline.keys[-1].seconds < player.timeline.length
 
@@ -81,7 +81,7 @@ def test_the_view_shows_the_scene_at_the_playhead(session: Session, player: Play
     player.tick()
     player.pause()
     finish(session)
-    assert session.viewport.request.codes == player.timeline.at(1.0).codes
+    assert session.viewport.request.instance == player.timeline.at(1.0).instance
     assert session.viewport.frame is not None and session.viewport.frame.final
 
 

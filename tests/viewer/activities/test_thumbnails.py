@@ -14,17 +14,17 @@ from viewer.session import Session
 def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, model: Model) -> None:
     rendered: list[RenderJob] = []
 
-    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+    def counted(job: RenderJob) -> Iterator[Frame | None]:
         rendered.append(job)
-        return quick_frames(model, job)
+        return quick_frames(job)
 
     session.jobs.backend = replace(session.jobs.backend, frames=counted)
     camera = model.camera(0.1, 0.2).resized(16, 16)
-    assert session.thumbnails.get(model.codes[1], camera) is None
+    assert session.thumbnails.get(model[1], camera) is None
     finish(session)
-    found = session.thumbnails.get(model.codes[1].mixed(model.codes[2], 0.0, 0.0), camera)
+    found = session.thumbnails.get(model[1].mixed(model[2], 0.0, 0.0), camera)
     assert found.resolution == (16, 16)
-    assert session.thumbnails.get(model.codes[2], camera) is None
+    assert session.thumbnails.get(model[2], camera) is None
     finish(session)
     assert len(rendered) == 2
 
@@ -32,7 +32,7 @@ def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, model: M
 def test_what_is_requested_no_more_is_not_rendered(session: Session, model: Model) -> None:
     camera = model.camera(0.1, 0.2).resized(16, 16)
     for index in range(40):
-        session.thumbnails.get(model.codes[index % 6].mixed(model.codes[0], index / 40, 0.0), camera)
+        session.thumbnails.get(model[index % 6].mixed(model[0], index / 40, 0.0), camera)
     finish(session)
     before = len(session.thumbnails.newest)
     assert 0 < before < 40
@@ -41,21 +41,21 @@ def test_what_is_requested_no_more_is_not_rendered(session: Session, model: Mode
 
 
 def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, model: Model) -> None:
-    def broken(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+    def broken(job: RenderJob) -> Iterator[Frame | None]:
         raise ValueError("no image today")
 
     session.jobs.backend = replace(session.jobs.backend, frames=broken)
-    session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    session.thumbnails.get(model[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
     assert session.messages.errors == ["Cannot render the thumbnails: no image today"]
     session.messages.all.clear()
-    session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    session.thumbnails.get(model[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
     assert session.messages.errors == []
 
 
 def test_another_model_has_other_thumbnails(session: Session, model: Model) -> None:
-    session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    session.thumbnails.get(model[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
     assert len(session.thumbnails.newest) == 1
     session.new()
@@ -66,19 +66,19 @@ def test_another_model_has_other_thumbnails(session: Session, model: Model) -> N
 def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, model: Model) -> None:
     widths: list[int] = []
 
-    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+    def counted(job: RenderJob) -> Iterator[Frame | None]:
         widths.append(job.camera.width)
-        return quick_frames(model, job)
+        return quick_frames(job)
 
     session.jobs.backend = replace(session.jobs.backend, frames=counted)
     camera = model.camera(0.1, 0.2).resized(64, 64)
-    deliver(session, lambda: None not in [session.thumbnails.get(model.codes[index], camera) for index in range(3)])
+    deliver(session, lambda: None not in [session.thumbnails.get(model[index], camera) for index in range(3)])
     assert widths == [64, 64, 64]
 
 
 def test_thumbnails_are_there_at_once_the_next_time(session: Session, model: Model) -> None:
     def shown(thumbnails: Thumbnails) -> list[Frame | None]:
-        return [thumbnails.of_object(model.codes[index]) for index in range(3)]
+        return [thumbnails.of_object(model[index]) for index in range(3)]
 
     first = Thumbnails(session.jobs)
     while None in (before := shown(first)):

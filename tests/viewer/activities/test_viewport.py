@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Bakery, quick_frames
@@ -26,7 +25,7 @@ from viewer.values import orbit
     ],
 )
 def test_a_render_that_fails_is_reported(session: Session, editor: Editor, error: Exception) -> None:
-    def broken(model: Model, job: object):
+    def broken(job: object):
         raise error
         yield
 
@@ -62,7 +61,7 @@ def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(ses
     viewport.change(opengl=False)
     assert viewport.baked_frame is None
     finish(session, lambda: viewport.sharp)
-    assert bakery.codes == [editor.scene.codes]
+    assert bakery.baked == [editor.scene.instance]
 
 
 def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(session: Session, bakery: Bakery) -> None:
@@ -73,14 +72,14 @@ def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(session: Session, 
         editor.sample()
         assert viewport.baked_frame is None
         assert viewport.baked is None
-        finish(session, lambda: viewport.is_baked(editor.scene.codes))
+        finish(session, lambda: viewport.is_baked(editor.scene.instance))
         editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
         assert viewport.baked_frame is not None
-    assert len(bakery.codes) == 3
+    assert len(bakery.baked) == 3
 
 
 def test_an_object_that_cannot_be_baked_is_reported_once(session: Session) -> None:
-    def broken(model: Model, codes: Codes) -> Iterator[None]:
+    def broken(instance: Instance) -> Iterator[None]:
         raise ValueError("no grid")
         yield
 
@@ -96,7 +95,7 @@ def test_an_object_that_cannot_be_baked_is_reported_once(session: Session) -> No
 def test_a_timeline_of_a_baked_object_is_turned_by_opengl(session: Session, bakery: Bakery) -> None:
     viewport, editor, player = session.viewport, session.editor, session.player
     viewport.change(opengl=True)
-    finish(session, lambda: viewport.is_baked(editor.scene.codes) and viewport.sharp)
+    finish(session, lambda: viewport.is_baked(editor.scene.instance) and viewport.sharp)
     player.add_key()
     player.seek(2.0)
     editor.set_camera(orbit.turned(editor.scene.camera, 1.0, 0.0))
@@ -118,8 +117,8 @@ def test_what_is_on_screen_is_not_sharp_once_the_scene_has_changed(session: Sess
 
 
 def test_an_unfinished_image_is_stored(worker: Worker, backend: Backend) -> None:
-    def unfinished(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-        yield replace(next(filter(None, quick_frames(model, job))), stage_count=2)
+    def unfinished(job: RenderJob) -> Iterator[Frame | None]:
+        yield replace(next(filter(None, quick_frames(job))), stage_count=2)
         while True:
             yield None
 

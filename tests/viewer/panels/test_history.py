@@ -26,7 +26,7 @@ def test_a_click_in_the_history_brings_an_edit_back_and_each_object_has_one_tile
     assert editor.state == moved
     assert window.exists("History/state 4") and not window.exists("History/state 5")  # the last object is folded
     window.click("History/state 1")
-    assert editor.scene.codes == first.scene.codes
+    assert editor.scene.instance == first.scene.instance
     window.click("History/state 4")
     assert editor.state == mixed
     window.press(imgui.Key.mod_ctrl, imgui.Key.z)
@@ -45,7 +45,7 @@ def test_turning_the_view_at_an_earlier_state_keeps_the_later_ones(window: Drive
     for _ in range(2):
         window.drag("View/orbit", 30)
     turned = editor.state
-    assert turned.scene.camera != earlier.scene.camera and turned.scene.codes == earlier.scene.codes
+    assert turned.scene.camera != earlier.scene.camera and turned.scene.instance == earlier.scene.instance
     assert window.exists("History/state 4") and not window.exists("History/branch 1")
     for _ in range(2):
         window.redo()

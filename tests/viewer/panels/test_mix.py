@@ -12,7 +12,7 @@ def test_b_is_chosen_in_the_library_or_dropped(window: Driver, model: Model) -> 
     window.choose("object 4", "Make it B")
     assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
     window.choose("object 3", "Take only its texture")
-    assert editor.scene.codes == model.codes[2].taking("texture", model.codes[3])
+    assert editor.scene.instance == model[2].taking("texture", model[3])
     window.drop("Library/**/show object 5", "Mix/slot B")
     assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 3"), "object 5")
 
@@ -58,7 +58,7 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: M
     mix = editor.state.mix
     assert mix.shape == 1.0
     assert 0 < mix.texture < middle.mix.texture
-    assert editor.scene.codes == model.codes[2].mixed(model.codes[4], mix.shape, mix.texture)
+    assert editor.scene.instance == model[2].mixed(model[4], mix.shape, mix.texture)
     window.undo()
     assert editor.state == middle
     window.undo()

@@ -68,7 +68,7 @@ def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver,
     before = editor.state
 
     def erased() -> tuple[Erasure, ...]:
-        detail = editor.scene.codes.detail
+        detail = editor.scene.instance.detail
         return detail.views[0].erased
 
     window.click("Photo/###erase")
@@ -86,7 +86,7 @@ def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver,
     assert erased()[1].radius > 1.5 * stroke.radius
     window.session.project().save(tmp_path / "a.codenerf", window.session.models)
     again = Project.load(tmp_path / "a.codenerf", window.session.models).history.now
-    assert again.scene.codes.detail == editor.scene.codes.detail
+    assert again.scene.instance.detail == editor.scene.instance.detail
     window.click("Photo/###restore detail")
     assert erased() == ()
     for _ in range(4):
@@ -128,7 +128,7 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: 
         window.click("Photo/###viewpoint")
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
         assert session.fitting.view.from_runner_up
-        assert editor.scene.codes == found.scene.codes
+        assert editor.scene.instance == found.scene.instance
         window.click("Photo/###viewpoint")
         assert editor.scene.camera.azimuth == pytest.approx(1.0)
         window.undo()
@@ -240,19 +240,21 @@ def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model
     for share in (0.2, 0.5, 0.9):  # a drag over colours
         session.painting.paint((share, 0.0, 0.0))
     window.wait()
-    assert editor.scene.codes.texture[0] == pytest.approx(0.9)
+    assert editor.scene.instance.codes.texture[0] == pytest.approx(0.9)
     assert len(editor.history.past) == past + 1
     window.click("Photo/###pick colour")
     window.click("Photo/photo")
     window.wait()
-    assert editor.scene.codes.texture[:3].tolist() == pytest.approx([1.0, 0.0, 0.0], abs=0.05)  # the photo's red
+    assert editor.scene.instance.codes.texture[:3].tolist() == pytest.approx(
+        [1.0, 0.0, 0.0], abs=0.05
+    )  # the photo's red
     window.click("Photo/###pick colour")
     window.click("View/orbit")
     window.wait()
     assert window.context.tool == "turn"
     assert len(editor.history.past) == past + 3
     window.click("Photo/###original paint")
-    assert editor.scene.codes == before.scene.codes
+    assert editor.scene.instance == before.scene.instance
     for _ in range(4):
         window.undo()
     assert editor.state == before
@@ -266,7 +268,7 @@ def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: D
     name, paint = next(iter(paints_of(window.session.painting.part).items()))
     window.click("Photo/###swatch 1")
     window.wait()
-    assert editor.scene.codes.texture[:3].tolist() == pytest.approx(rgb(paint)), name
+    assert editor.scene.instance.codes.texture[:3].tolist() == pytest.approx(rgb(paint)), name
     assert len(editor.history.past) == past + 1
     assert not window.context.preferences.paints
     window.click("Photo/###paint")
@@ -275,11 +277,11 @@ def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: D
     window.wait()
     assert len(editor.history.past) == past + 2
     (chosen,) = window.context.preferences.paints
-    assert editor.scene.codes.texture[:3].tolist() == pytest.approx(rgb(chosen), abs=0.01)
+    assert editor.scene.instance.codes.texture[:3].tolist() == pytest.approx(rgb(chosen), abs=0.01)
     window.undo()
     window.click("Photo/###swatch 13")
     window.wait()
-    assert editor.scene.codes.texture[:3].tolist() == pytest.approx(rgb(chosen), abs=0.01)
+    assert editor.scene.instance.codes.texture[:3].tolist() == pytest.approx(rgb(chosen), abs=0.01)
     window.undo()
     window.undo()
     assert len(editor.history.past) == past
@@ -294,10 +296,10 @@ def test_the_other_side_is_one_choice_of_three_and_strength_a_slider(window: Dri
     for side, label in (("soft", "Soft"), ("model", "The model's"), ("mirrored", "Mirrored")):
         window.click("Photo/##other side")
         window.click(f"**/{label}")
-        detail = editor.scene.codes.detail
+        detail = editor.scene.instance.detail
         assert detail is not None and detail.other_side == side
     window.drag("Photo/##photo detail", -60)
-    assert editor.scene.codes.detail.strength < 1
+    assert editor.scene.instance.detail.strength < 1
     for _ in range(4):
         window.undo()
     assert editor.state == before

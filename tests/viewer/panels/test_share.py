@@ -16,6 +16,7 @@ from PIL import Image
 
 from core.metrics import psnr
 from core.models.field import Field
+from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.scene import Scene, save_image
 from core.runtime.files import atomic_file
@@ -278,7 +279,7 @@ def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) 
 
 
 def test_a_dropped_image_of_this_program_restores_its_scene(drive: Drive, tmp_path: Path, model: Model, photo: Path):
-    other = Scene(replace(model.codes[0], model="another"), model.camera(0, 0))
+    other = Scene(MissingInstance("another", model.codes[0]), model.camera(0, 0))
     save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
 
     def act(window: Driver) -> None:

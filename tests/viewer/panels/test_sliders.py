@@ -21,15 +21,15 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
     window.ctx.yield_(2)
     moved = editor.space("shape").coordinates(editor.code("shape"))
     assert moved[0] == pytest.approx(1.5, abs=1e-3)
-    assert editor.scene.codes.texture is before.scene.codes.texture
+    assert editor.scene.instance.codes.texture is before.scene.instance.codes.texture
     past = len(editor.history.past)
     window.drag("Sliders/**/##texture 1", 70)
-    assert editor.state.scene.codes != before.scene.codes
+    assert editor.state.scene.instance != before.scene.instance
     assert len(editor.history.past) == past + 1  # a drag is one step
     window.click("Sliders/**/##texture 1", 1)
     assert editor.space("texture").coordinates(editor.code("texture"))[0] == pytest.approx(0, abs=1e-4)
     window.click("Sliders/###reset")
-    assert editor.scene.codes == before.scene.codes
+    assert editor.scene.instance == before.scene.instance
     window.click("Sliders/###sample")
     while editor.history.past:
         window.undo()
@@ -50,16 +50,16 @@ def test_the_slider_under_the_mouse_shows_where_it_leads(window: Driver) -> None
 @in_window()
 def test_a_random_object_keeps_what_is_locked(window: Driver) -> None:
     editor = window.session.editor
-    before = editor.scene.codes
+    before = editor.scene.instance
     window.show("Sliders")
     window.click("Sliders/###lock texture")
     window.click("Sliders/###sample")
-    assert not torch.equal(editor.code("shape"), before.shape)
-    assert torch.equal(editor.code("texture"), before.texture)
+    assert not torch.equal(editor.code("shape"), before.codes.shape)
+    assert torch.equal(editor.code("texture"), before.codes.texture)
     window.click("Sliders/###lock texture")
     window.ctx.mouse_move("//View/orbit")
     window.press(imgui.Key.r)
-    assert not torch.equal(editor.code("texture"), before.texture)
+    assert not torch.equal(editor.code("texture"), before.codes.texture)
     assert len(editor.history.past) == 2
 
 

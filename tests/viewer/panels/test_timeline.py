@@ -81,13 +81,13 @@ def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(window: Dri
     for name in ("object 2", "object 3", "object 4"):
         editor.show_object(name)
         window.press(imgui.Key.k)
-        shown.append(editor.scene.codes)
-    assert [key.view.codes for key in player.timeline.keys] == shown
+        shown.append(editor.scene.instance)
+    assert [key.view.instance for key in player.timeline.keys] == shown
     assert [key.seconds for key in player.timeline.keys] == [0.0, 1.0, 2.0]
     assert window.session.messages.shown[-1].text == "Keyframe 3 of 3, at 2.0 s"
     for key, stands in ((imgui.Key.comma, 1), (imgui.Key.comma, 0), (imgui.Key.comma, 0), (imgui.Key.period, 1)):
         window.press(key)  # steps through them
-        assert (player.seconds, editor.scene.codes) == (float(stands), shown[stands])
+        assert (player.seconds, editor.scene.instance) == (float(stands), shown[stands])
 
 
 @in_window()

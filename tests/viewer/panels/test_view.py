@@ -252,13 +252,13 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Dri
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
             crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 192)
-            shown = render_frame(stools, editor.scene.codes, crop.camera).opacity > 0.2
+            shown = render_frame(editor.scene.instance, crop.camera).opacity > 0.2
             ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
             return max(np.abs(2 * both - 1).max() for both in ends)
 
         assert filled() == pytest.approx(0.75, abs=0.06)
         crop, (_, height) = viewport.request.crop(64), viewport.settings.panel
-        shown = crop.cropped(render_frame(stools, editor.scene.codes, crop.camera)).opacity > 0.2
+        shown = crop.cropped(render_frame(editor.scene.instance, crop.camera)).opacity > 0.2
         assert viewport.settings.covered > 50  # by the card with the samples
         assert not shown[round(len(shown) * (1 - viewport.settings.covered / height)) :].any()
         window.click(f"Library/**/show {[*next(iter(editor.objects.families.values()))][2]}")
@@ -299,7 +299,7 @@ def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(w
     window.context.fast_opengl = True
     window.fit(photo)
     assert idle.due
-    window.wait(lambda: session.viewport.is_baked(editor.scene.codes) and session.viewport.sharp)
+    window.wait(lambda: session.viewport.is_baked(editor.scene.instance) and session.viewport.sharp)
     assert not idle.turning
     window.context.attended = True
     before, edits = editor.scene, len(editor.history.past)

@@ -26,7 +26,7 @@ def stool() -> Model:
 
 @pytest.fixture(scope="module")
 def baked(stool: Model) -> tuple[BakedField, ...]:
-    return tuple(one for one in bake(stool, stool.codes[0]) if one)
+    return tuple(one for one in bake(stool[0]) if one)
 
 
 def drawn(gl: moderngl.Context, baked: BakedField, crop: PanelCrop, palette: Palette = WHITE) -> np.ndarray:
@@ -47,7 +47,7 @@ def test_it_draws_what_the_reference_renders_where_the_exact_picture_is(
         camera = replace(camera, distance=60.0, focal=30 * camera.focal)
     crop = fit_to_panel(camera, 120, 90, 90, pan)
     rows, columns = slice(crop.top, crop.top + crop.height), slice(crop.left, crop.left + crop.width)
-    exact = render_exact(stool, stool.codes[0], crop.camera).colour[rows, columns].numpy()
+    exact = render_exact(stool[0], crop.camera).colour[rows, columns].numpy()
     for one, least in zip(baked, (33, 38), strict=True):
         shown = drawn(gl, one, crop)
         assert shown.shape == (90, 120, 3)
@@ -70,7 +70,7 @@ def test_any_object_is_drawn_on_the_views_background(gl: moderngl.Context, baked
 
 def test_rays_through_corners_stay_there_and_speed_is_measured(gl: moderngl.Context) -> None:
     model = random_model(white_from_network=True)
-    mist = next(one for one in bake(model, model.codes[0]) if one)
+    mist = next(one for one in bake(model[0]) if one)
     crop = fit_to_panel(model.camera(0.7, 0.4), 40, 40, 40)
     assert psnr(drawn(gl, mist, crop), render_baked(mist, crop.camera).colour.numpy()) > 40
     assert is_fast(gl, math.inf)

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.scene import open_scene
 from tests.conftest import open_models, random_model
 from viewer.services.user_objects import UserObjects
@@ -12,7 +12,7 @@ from viewer.values.objects import EditableObject
 
 @pytest.fixture
 def fitted(model: Model) -> EditableObject:
-    return EditableObject("Red chair (2)", model.codes[1], True, 0.83)
+    return EditableObject("Red chair (2)", model[1], True, 0.83)
 
 
 def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
@@ -21,10 +21,10 @@ def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted
     user_objects.sync(open_models(model), [fitted])
     (found,) = UserObjects(tmp_path / "mine").open(model)
     assert (found.name, found.confidence) == ("Red chair (2)", 0.83)
-    assert found.codes == fitted.codes
+    assert found.instance == fitted.instance
     assert found.fitted
     (path,) = (tmp_path / "mine").iterdir()
-    assert open_scene(path, model).codes == fitted.codes  # it opens as any scene
+    assert open_scene(path, model).instance == fitted.instance  # it opens as any scene
     assert UserObjects(tmp_path / "mine").open(random_model(seed=7)) == ()
 
 
@@ -33,34 +33,34 @@ def test_objects_last_when_their_model_is_extended(tmp_path: Path, model: Model,
     extended = replace(random_model(seed=7), extends=(model.fingerprint,))
     user_objects = UserObjects(tmp_path)
     (found,) = user_objects.open(extended)
-    codes = replace(fitted.codes, model=extended.fingerprint)
-    assert (found.name, found.codes) == (fitted.name, codes)
+    instance = Instance(extended, fitted.instance.codes)
+    assert (found.name, found.instance) == (fitted.name, instance)
     user_objects.sync(open_models(extended), [replace(found, name="green")])
     (again,) = UserObjects(tmp_path).open(extended)
-    assert (again.name, again.codes) == ("green", codes)
+    assert (again.name, again.instance) == ("green", instance)
 
 
 def test_an_edited_object_lasts_with_its_edits_in_its_place(tmp_path: Path, model: Model, fitted: EditableObject):
     user_objects, second = UserObjects(tmp_path), replace(fitted, name="green")
     user_objects.sync(open_models(model), [fitted])
     user_objects.sync(open_models(model), [fitted, second])
-    edited = fitted.left_as(model.codes[2])
+    edited = fitted.left_as(model[2])
     user_objects.sync(open_models(model), [edited, second])
     found, _ = UserObjects(tmp_path).open(model)
-    assert (found.codes, found.original, found.unedited) == (edited.codes, fitted.codes, fitted.codes)
-    user_objects.sync(open_models(model), [edited.left_as(fitted.codes), second])
+    assert (found.instance, found.original, found.unedited) == (edited.instance, fitted.instance, fitted.instance)
+    user_objects.sync(open_models(model), [edited.left_as(fitted.instance), second])
     found, _ = UserObjects(tmp_path).open(model)
-    assert (found.codes, found.unedited) == (fitted.codes, None)
+    assert (found.instance, found.unedited) == (fitted.instance, None)
 
 
 def test_an_update_stores_edits_of_kept_objects_alone(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    user_objects, other = UserObjects(tmp_path), EditableObject("green", model.codes[3], True)
+    user_objects, other = UserObjects(tmp_path), EditableObject("green", model[3], True)
     user_objects.sync(open_models(model), [fitted])
-    edited = fitted.left_as(model.codes[2])
+    edited = fitted.left_as(model[2])
     user_objects.update(open_models(model), [edited, other])
     user_objects.update(open_models(model), [replace(other, name=fitted.name)])  # the name is another object's by now
     (found,) = UserObjects(tmp_path).open(model)
-    assert (found.codes, found.original) == (edited.codes, fitted.codes)
+    assert (found.instance, found.original) == (edited.instance, fitted.instance)
 
 
 def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
@@ -88,13 +88,13 @@ def test_only_what_it_has_seen_is_changed_in_a_folder(tmp_path: Path, model: Mod
 
 
 def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    windows, other = [UserObjects(tmp_path), UserObjects(tmp_path)], replace(fitted, codes=model.codes[2])
+    windows, other = [UserObjects(tmp_path), UserObjects(tmp_path)], replace(fitted, instance=model[2])
     for user_objects, one in zip(windows, (fitted, other), strict=True):
         user_objects.sync(open_models(model), [one])
     again = UserObjects(tmp_path)
     found = again.open(model)
     assert {one.name for one in found} == {"Red chair (2)", "Red chair (2) (2)"}
-    assert {one.codes for one in found} == {fitted.codes, other.codes}
-    again.sync(open_models(model), [one for one in found if one.codes == other.codes])
+    assert {one.instance for one in found} == {fitted.instance, other.instance}
+    again.sync(open_models(model), [one for one in found if one.instance == other.instance])
     (left,) = UserObjects(tmp_path).open(model)
-    assert left.codes == other.codes
+    assert left.instance == other.instance

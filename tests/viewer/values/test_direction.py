@@ -8,15 +8,15 @@ from viewer.values.direction import Direction
 
 @pytest.mark.parametrize("kind", CODE_KINDS)
 def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, kind: CodeKind) -> None:
-    book, codes = model.codes, model.codes[2]
+    book, instance = model.codes, model[2]
     direction = Direction.principal(book, kind, 1)
     space = book.shape_space if kind == "shape" else book.texture_space
-    before, other = space.coordinates(getattr(codes, kind)), "texture" if kind == "shape" else "shape"
+    before, other = space.coordinates(getattr(instance.codes, kind)), "texture" if kind == "shape" else "shape"
     assert direction.kind == kind
-    assert direction.strength(codes, book.mean) == pytest.approx(float(before[1]), abs=1e-4)
-    moved = direction.moved(codes, book.mean, 1.5)
-    after = space.coordinates(getattr(moved, kind))
+    assert direction.strength(instance) == pytest.approx(float(before[1]), abs=1e-4)
+    moved = direction.moved(instance, 1.5)
+    after = space.coordinates(getattr(moved.codes, kind))
     expected = before.clone()
     expected[1] = 1.5
     torch.testing.assert_close(after, expected, atol=1e-3, rtol=1e-3)
-    assert getattr(moved, other) is getattr(codes, other)
+    assert getattr(moved.codes, other) is getattr(instance.codes, other)

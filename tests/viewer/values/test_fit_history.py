@@ -25,7 +25,7 @@ def test_of_very_many_steps_every_other_one_is_kept(model: Model, monkeypatch: p
     monkeypatch.setattr(fit_history, "MAX_STEPS", 8)
     camera, so_far = model.camera(0.0, 0.0), FitHistory()
     for number in range(8):
-        so_far = so_far.with_step(FitStep(number, 100, 0, 1.0, 20.0, number, (camera,), model.codes.mean))
-    so_far = so_far.with_step(FitStep(8, 100, 0, 1.0, 20.0, 8, (camera,), model.codes.mean))
+        so_far = so_far.with_step(FitStep(number, 100, 0, 1.0, 20.0, number, (camera,), model.mean))
+    so_far = so_far.with_step(FitStep(8, 100, 0, 1.0, 20.0, 8, (camera,), model.mean))
     assert [step.step for step in so_far.steps] == [0, 2, 4, 6, 8]
     assert so_far.last is so_far.steps[-1]

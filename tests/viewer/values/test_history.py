@@ -15,10 +15,7 @@ from viewer.values.history import History, Mix, Pair, State
 
 @pytest.fixture
 def states(model: Model) -> list[State]:
-    return [
-        State(Scene(model.codes[0], model.camera(0.1 * n, 0)), Mix(Pair("a", "a"), "b", shape=0.1 * n))
-        for n in range(6)
-    ]
+    return [State(Scene(model[0], model.camera(0.1 * n, 0)), Mix(Pair("a", "a"), "b", shape=0.1 * n)) for n in range(6)]
 
 
 def test_undo_and_redo_go_back_and_forth(states: list[State]) -> None:
@@ -60,8 +57,8 @@ def test_edits_are_grouped_by_object_and_what_changes_no_code_is_none(states: li
     first = states[0]
     moved = replace(first, scene=replace(first.scene, camera=model.camera(1.0, 0.5)))
     other_b = replace(moved, mix=replace(moved.mix, b="c"))
-    shown = State(replace(first.scene, codes=model.codes[1]), Mix(Pair("b", "b"), "c"))
-    mixed = State(replace(first.scene, codes=model.codes[2]), replace(shown.mix, shape=0.5))
+    shown = State(replace(first.scene, instance=model[1]), Mix(Pair("b", "b"), "c"))
+    mixed = State(replace(first.scene, instance=model[2]), replace(shown.mix, shape=0.5))
     back = State(first.scene, first.mix)
     history = History.of(first)
     for state in (moved, other_b, shown, mixed, back):
@@ -230,7 +227,7 @@ def test_steps_that_are_left_out_leave_one_tree_of_the_others(
 
 
 def _state(model: Model, number: int, azimuth: float) -> State:
-    return State(Scene(model.codes[number], model.camera(azimuth, 0)), Mix(Pair("a", "a"), "b"))
+    return State(Scene(model[number], model.camera(azimuth, 0)), Mix(Pair("a", "a"), "b"))
 
 
 def _turned(state: State, model: Model, azimuth: float) -> State:
@@ -240,8 +237,8 @@ def _turned(state: State, model: Model, azimuth: float) -> State:
 def _operated(history: History, kind: str, number: int) -> History:
     now = history.now
     changes = {
-        "edit": lambda: history.changed(replace(now, scene=replace(now.scene, codes=_MODEL.codes[number]))),
-        "drag": lambda: history.changed(replace(now, scene=replace(now.scene, codes=_MODEL.codes[number])), "drag"),
+        "edit": lambda: history.changed(replace(now, scene=replace(now.scene, instance=_MODEL[number]))),
+        "drag": lambda: history.changed(replace(now, scene=replace(now.scene, instance=_MODEL[number])), "drag"),
         "move": lambda: history.changed(_turned(now, _MODEL, 0.1 * number)),
         "turn": lambda: history.changed(_turned(now, _MODEL, 0.1 * number), "orbit", moves=True),
         "note": lambda: history.changed(replace(now, removed=frozenset({str(number)}))),

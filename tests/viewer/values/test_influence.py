@@ -32,10 +32,10 @@ def test_it_is_found_where_colours_change_and_nowhere_else(frame: Frame) -> None
 
 def test_texture_leaves_the_silhouette_exactly_and_shape_moves_it(model: Model) -> None:
     camera = model.camera(0.4, 0.3).resized(24, 24)
-    first, other = model.codes[0], model.codes[1]
-    before = render_frame(model, first, camera)
-    repainted = CodeInfluence.between(before, render_frame(model, replace(first, texture=other.texture), camera))
-    reshaped = CodeInfluence.between(before, render_frame(model, replace(first, shape=other.shape), camera))
+    first, other = model[0], model[1]
+    before = render_frame(first, camera)
+    repainted = CodeInfluence.between(before, render_frame(first.with_texture(other), camera))
+    reshaped = CodeInfluence.between(before, render_frame(first.with_shape(other), camera))
     assert repainted.leak == 0.0
     assert repainted.image.std() > 0
     assert reshaped.leak > 0

@@ -14,6 +14,7 @@ import torch
 
 from core.models import library
 from core.models.library import load_model
+from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import compressed
@@ -67,14 +68,14 @@ def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session:
     assert found.history.future[0].timeline.length == 7.0
     (before,), (after,) = saved.objects, found.objects
     assert (after.name, after.confidence) == ("block", before.confidence)
-    assert after.codes == before.codes
+    assert after.instance == before.instance
     assert after.fitted
     assert found.pending[0].history.sources == saved.pending[0].history.sources
     last, expected = found.fit.last, saved.fit.last
     assert [step.psnr for step in found.fit.steps] == [step.psnr for step in saved.fit.steps]
     assert last.confidence == expected.confidence
     assert last.runner_up == expected.runner_up
-    assert last.codes == expected.codes
+    assert last.instance == expected.instance
     assert len(last.hypotheses) == len(expected.hypotheses)
     assert [len(step.hypotheses) for step in found.fit.steps[:-1]] == [1] * 9
     assert (last.hypotheses[0].crop_transform == expected.hypotheses[0].crop_transform).all()
@@ -93,7 +94,7 @@ def test_states_share_what_they_have_in_common(models: OpenModels, saved: Projec
     assert found.history == history
     first, last = found.history.past[-300], found.history.now
     assert first.timeline is last.timeline
-    assert first.scene.codes.shape.data_ptr() == last.scene.codes.shape.data_ptr()
+    assert first.scene.instance.codes.shape.data_ptr() == last.scene.instance.codes.shape.data_ptr()
 
 
 def test_a_photo_keeps_what_no_image_can_hold(models: OpenModels, model: Model, saved: Project, tmp_path: Path) -> None:
@@ -142,6 +143,21 @@ def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved:
     with pytest.raises(ValueError, match=r"a\.codenerf: ") as error:
         Project.load(path, models)
     assert "\n" not in str(error.value)
+
+
+def test_files_name_objects_as_before_codes_with_the_fingerprint_of_their_model(
+    models: OpenModels, saved: Project, tmp_path: Path
+) -> None:
+    saved.save(tmp_path / "a.codenerf", models)
+    with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
+        project = json.loads(file.read("project.json"))["project"]
+    (model,) = models
+    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "model"]
+    scene = project["history"]["steps"][0]["state"]["scene"]
+    for holder in (scene, *project["objects"], *project["fit"]["steps"]):
+        assert "instance" not in holder and list(holder["codes"]) == names
+        assert holder["codes"]["model"] == model.fingerprint
+    assert list(scene) == ["codes", "camera"]
 
 
 def _last_state(about: dict, parts: dict[str, bytes]) -> None:
@@ -206,8 +222,10 @@ def test_a_part_that_cannot_be_read_leaves_the_others_and_its_file_is_kept(
 def branched(saved: Project) -> Project:
     """The same at a branch from the second state; the later ones are another branch."""
     history = saved.history.at(1)
-    camera, codes = history.now.scene.camera, history.past[0].scene.codes
-    edited = replace(history.now, scene=replace(history.now.scene, codes=replace(codes, texture=codes.texture + 0.1)))
+    camera, instance = history.now.scene.camera, history.past[0].scene.instance
+    edited = replace(
+        history.now, scene=replace(history.now.scene, instance=instance.changed(texture=instance.codes.texture + 0.1))
+    )
     turned = replace(edited, scene=replace(edited.scene, camera=replace(camera, azimuth=0.5)))
     return replace(saved, history=history.changed(edited).changed(turned))
 
@@ -277,7 +295,7 @@ def test_what_belongs_to_a_missing_model_is_saved_as_it_was(models: OpenModels, 
     assert not project.originals
     replace(project, model_files=here.files).save(tmp_path / "b.codenerf", here)
     again = Project.load(tmp_path / "b.codenerf", here)
-    assert again.objects[0].codes == replace(saved.objects[0].codes, model="0" * 16)
+    assert again.objects[0].instance == MissingInstance("0" * 16, saved.objects[0].instance.codes)
     assert again.history == project.history
     assert again.model_files["0" * 16] == "/gone/stools.safetensors"
 
@@ -289,12 +307,10 @@ def test_a_project_that_is_not_there_or_of_no_open_model(models: OpenModels, tmp
     (model,) = models
     other = OpenModels(lambda name: random_model(seed=9))
     found = Project.load(tmp_path / "a.codenerf", other)
-    assert found.history == saved.history and not any(
-        other.can_show(state.scene.codes) for state in found.history.states
-    )
+    assert found.history == saved.history and all(state.scene.instance.is_missing for state in found.history.states)
     extended = replace(random_model(seed=9), extends=(model.fingerprint,))
     found = Project.load(tmp_path / "a.codenerf", OpenModels(lambda name: extended))
-    assert {state.scene.codes.model for state in found.history.states} == {extended.fingerprint}
+    assert {state.scene.instance.fingerprint for state in found.history.states} == {extended.fingerprint}
 
 
 def test_states_that_mix_objects_that_nobody_has_are_not_shown(session: Session, saved: Project) -> None:
@@ -315,16 +331,16 @@ def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, co
     editor = session.editor
     assert session.messages.errors == []
     states = editor.history.states
-    assert [state.scene.codes.model for state in states] == [chairs] * 9 + [cars] * 9
+    assert [state.scene.instance.fingerprint for state in states] == [chairs] * 9 + [cars] * 9
     assert (len(editor.history.past), len(editor.history.future)) == (16, 1)
     assert states[8].timeline.turns == states[17].timeline.turns == -2
     assert [one.name for one in editor.objects.added] == ["block (2)", "block"]
-    assert [editor.objects[name].codes.model for name in ("block (2)", "block")] == [chairs, cars]
+    assert [editor.objects[name].instance.fingerprint for name in ("block (2)", "block")] == [chairs, cars]
     assert states[4].mix.a.shape == "block (2)" and states[13].mix.a.shape == "block"
     assert session.fitting.history.model == cars and len(session.fitting.history.steps) == 10
     for index in range(len(states)):
         editor.go_to(index)
-        assert editor.model.fingerprint == states[index].scene.codes.model
+        assert editor.model.fingerprint == states[index].scene.instance.fingerprint
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert session.messages.errors == []
@@ -352,11 +368,11 @@ def test_a_project_with_branches_and_an_edited_object_opens(worker: Worker, back
     editor = session.editor
     assert session.messages.errors == []
     one = editor.objects["block blue"]
-    assert editor.scene.codes == one.codes and one.unedited is not None
-    torch.testing.assert_close(one.codes.texture, one.unedited.texture - 0.25)
+    assert editor.scene.instance == one.instance and one.unedited is not None
+    torch.testing.assert_close(one.instance.codes.texture, one.unedited.codes.texture - 0.25)
     (branch,) = editor.history.branches
     editor.go_to(branch.last)
-    torch.testing.assert_close(editor.objects["block blue"].codes.texture, one.unedited.texture + 0.25)
+    torch.testing.assert_close(editor.objects["block blue"].instance.codes.texture, one.unedited.codes.texture + 0.25)
     assert editor.objects.own == ["block blue"]
     for _ in range(2):
         editor.undo()
@@ -370,14 +386,16 @@ def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backen
     session.open_project(folder / "project.codenerf")
     editor = session.editor
     assert session.messages.errors == []
-    fitted, mixed = editor.objects["block"].codes, editor.scene.codes
-    assert fitted.shape_offsets is not None and fitted.detail is not None
-    assert fitted.detail.fitted.shape_key == fitted.shape_key
-    assert mixed.shape_offsets is not None  # half of B, which has none
-    torch.testing.assert_close(mixed.shape_offsets.float(), fitted.shape_offsets.float() / 2, atol=1e-3, rtol=1e-2)
+    fitted, mixed = editor.objects["block"].instance, editor.scene.instance
+    assert fitted.codes.shape_offsets is not None and fitted.detail is not None
+    assert fitted.detail.fitted.shape_key == fitted.codes.shape_key
+    assert mixed.codes.shape_offsets is not None  # half of B, which has none
+    torch.testing.assert_close(
+        mixed.codes.shape_offsets.float(), fitted.codes.shape_offsets.float() / 2, atol=1e-3, rtol=1e-2
+    )
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
-        assert editor.scene.codes == mixed
+        assert editor.scene.instance == mixed
 
 
 def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -> None:
@@ -401,7 +419,7 @@ def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backen
     shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
     session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
     assert len(session.editor.objects.added) == 2
-    assert {one.codes.model for one in session.editor.objects.added} == {*_MODELS}
+    assert {one.instance.fingerprint for one in session.editor.objects.added} == {*_MODELS}
 
 
 def test_work_with_a_formerly_shipped_model_goes_on_beside_the_new_one(
@@ -430,12 +448,12 @@ def test_work_with_a_formerly_shipped_model_goes_on_beside_the_new_one(
     assert len(session.listed_models) == 2
     editor.set_b("object 3 (2)")
     editor.mix_both(0.5, 0.0)
-    assert editor.model.fingerprint == editor.objects["object 3 (2)"].codes.model == model.fingerprint
+    assert editor.model.fingerprint == editor.objects["object 3 (2)"].instance.fingerprint == model.fingerprint
     session.project().save(tmp_path / "b.codenerf", session.models)
     assert str(tmp_path) not in session.models.names
 
     session = Session(worker, backend, folder=tmp_path / "config")
-    assert session.editor.objects["block"].codes == saved.objects[0].codes
+    assert session.editor.objects["block"].instance == saved.objects[0].instance
     assert session.editor.model is session.listed_models[0] and session.editor.model.fingerprint == new.fingerprint
     assert len(session.listed_models) == 1
     session.open_project(tmp_path / "b.codenerf")

@@ -8,13 +8,12 @@ from core.export.keyframes import SWING, TURN, Keyframe, Timeline, View
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.models.scene import Scene
-from tests.conftest import open_models
 from viewer.values.share_settings import RATE, ShareSettings, films_of
 
 
 @pytest.fixture
 def scene(model: Model) -> Scene:
-    return Scene(model.codes[0], model.camera(0.3, 0.2))
+    return Scene(model[0], model.camera(0.3, 0.2))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +54,7 @@ def test_only_what_can_be_transparent_is_and_views_stand_in_for_themselves() -> 
 def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera.resized(60, 30), focal=300.0))
     settings = ShareSettings(size=40, wide=True, fill=False, background="transparent", view_background=((1, 2, 3),) * 2)
-    (view,) = settings.views(open_models(model), near, Timeline())
+    (view,) = settings.views(near, Timeline())
     assert (view.camera.width, view.camera.height) == (40, 40)
     corners = torch.cartesian_prod(*(torch.tensor([-side, side]) for side in model.extent))
     for turn in range(12):
@@ -66,27 +65,27 @@ def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Mod
 
 
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
-    views = ShareSettings("turntable", size=40, fill=False).views(open_models(model), scene, Timeline())
+    views = ShareSettings("turntable", size=40, fill=False).views(scene, Timeline())
     assert len(views) == TURN
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
-    wide = ShareSettings("turntable", size=40, fill=False, wide=True).views(open_models(model), scene, Timeline())
+    wide = ShareSettings("turntable", size=40, fill=False, wide=True).views(scene, Timeline())
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in wide} == {(72, 40, 41.0)}
 
 
 @pytest.mark.parametrize(("fill", "nearest"), [(True, 1.0), (False, 0.4)])
 def test_a_turntable_that_fills_its_frame_keeps_its_perspective(model: Model, scene: Scene, fill: bool, nearest: float):
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    views = ShareSettings("turntable", size=40, fill=fill).views(open_models(model), near, Timeline())
+    views = ShareSettings("turntable", size=40, fill=fill).views(near, Timeline())
     assert {view.camera.distance for view in views} == {nearest * model.distance}
 
 
 def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
     video = ShareSettings("video")
     for distance, nearer in ((6.0, True), (0.5, False)):
-        key = Keyframe(0.0, View(scene.codes, replace(scene.camera, distance=distance)))
-        shown = video.views(open_models(model), scene, Timeline((key,), 1.0))
+        key = Keyframe(0.0, View(scene.instance, replace(scene.camera, distance=distance)))
+        shown = video.views(scene, Timeline((key,), 1.0))
         assert len(shown) == RATE
-        before = replace(video, fill=False).views(open_models(model), scene, Timeline((key,), 1.0))
+        before = replace(video, fill=False).views(scene, Timeline((key,), 1.0))
         assert (shown[0].camera.focal > before[0].camera.focal) == nearer
 
 
@@ -94,7 +93,10 @@ def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: S
 def photographed(model: Model, scene: Scene) -> Scene:
     """A fitted object that somebody last looked at from behind."""
     view = PhotoView.of(np.full((30, 40, 4), 255, np.uint8), model.camera(1.0, 0.4).resized(40, 30))
-    return Scene(replace(scene.codes, detail=PhotoDetail.of((view,), scene.codes)), replace(scene.camera, azimuth=-2.0))
+    return Scene(
+        scene.instance.changed(detail=PhotoDetail.of((view,), scene.instance.codes)),
+        replace(scene.camera, azimuth=-2.0),
+    )
 
 
 @pytest.mark.parametrize(("kind", "frames"), [("swing", SWING), ("turntable", TURN), ("morph", TURN), ("page", 1)])
@@ -102,18 +104,18 @@ def photographed(model: Model, scene: Scene) -> Scene:
 def test_what_moves_starts_at_the_photos_camera(
     model: Model, photographed: Scene, kind: str, frames: int, fill: bool
 ) -> None:
-    views = ShareSettings(kind, size=40, fill=fill).views(open_models(model), photographed, Timeline(), model.codes[1])
+    views = ShareSettings(kind, size=40, fill=fill).views(photographed, Timeline(), model[1])
     assert len(views) == frames
     assert (views[0].camera.azimuth, views[0].camera.elevation) == pytest.approx((1.0, 0.4))
-    assert views[0].codes == photographed.codes
-    (picture,) = ShareSettings("picture", size=40).views(open_models(model), photographed, Timeline())
+    assert views[0].instance == photographed.instance
+    (picture,) = ShareSettings("picture", size=40).views(photographed, Timeline())
     assert picture.camera.azimuth == -2.0
 
 
 def test_a_film_that_the_object_cannot_have_gives_way_to_its_usual_one(
     model: Model, scene: Scene, photographed: Scene
 ) -> None:
-    other = model.codes[1]
+    other = model[1]
     assert films_of(photographed, other) == ("swing", "turntable", "morph", "video")
     assert films_of(scene, None) == ("turntable", "video")
     for kind, plain in (("swing", "turntable"), ("morph", "turntable"), ("video", "video"), ("page", "page")):

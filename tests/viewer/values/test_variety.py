@@ -5,8 +5,8 @@ from viewer.values.variety import families, readable
 
 def test_variants_are_behind_the_first_of_their_form_under_readable_names() -> None:
     names = ["kenney_chair", "kenney_chair-form1-look2", "chairs-0000001-0000001", "chairs-0000001-0000201", "mine"]
-    codes = torch.tensor([[0.0], [0.2], [1.0], [1.0], [5.0]])
-    assert families(names, codes) == {
+    instance = torch.tensor([[0.0], [0.2], [1.0], [1.0], [5.0]])
+    assert families(names, instance) == {
         "kenney_chair": ("kenney_chair-form1-look2",),
         "mine": (),
         "chairs-0000001-0000001": ("chairs-0000001-0000201",),

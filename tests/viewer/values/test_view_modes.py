@@ -76,7 +76,7 @@ def test_an_image_of_nothing_is_no_trouble(mode: str) -> None:
 @pytest.mark.parametrize("mode", MODES)
 def test_every_mode_takes_what_the_renderer_gives(mode: str, model: Model) -> None:
     camera = model.camera(0.4, 0.3).resized(24, 20)
-    (frame,) = filter(None, render_progressively(model, RenderJob(model.codes[0], camera, RenderSettings(24, (1,)))))
+    (frame,) = filter(None, render_progressively(RenderJob(model[0], camera, RenderSettings(24, (1,)))))
     assert frame.evaluations.shape == (20, 24)
     assert frame.evaluations.max() > 0
     assert (frame.evaluations[frame.opacity > 0] > 0).all()

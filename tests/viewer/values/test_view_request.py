@@ -9,7 +9,7 @@ from viewer.values.view_request import ViewRequest, ViewSettings
 
 @pytest.fixture
 def request_(model: Model) -> ViewRequest:
-    return ViewRequest(model.codes[0], orbit.home(model), ViewSettings((300, 200), (0.1, 0.0), 128, 96))
+    return ViewRequest(model[0], orbit.home(model), ViewSettings((300, 200), (0.1, 0.0), 128, 96))
 
 
 def test_one_record_says_what_is_rendered_and_where_the_object_stands(request_: ViewRequest) -> None:

@@ -39,7 +39,7 @@ def make(session: Session, stools: Path) -> None:
     session.player.add_key()
     model = session.models.open(str(stools))
     session.tick()
-    name = editor.objects.add(EditableObject("Red stool", model.codes[1], True, 0.8))
+    name = editor.objects.add(EditableObject("Red stool", model[1], True, 0.8))
     editor.show_object(name)
     session.player.seek(1.0)
     editor.show_object(name)
@@ -102,7 +102,7 @@ def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
 
     drive(act, own, folder=tmp_path / "config")
     again = Project.load(tmp_path / "b.codenerf", loaded(own, moved))
-    assert [one.codes for one in again.objects] == [one.codes for one in made.objects]
+    assert [one.instance for one in again.objects] == [one.instance for one in made.objects]
     assert again.history.states == made.history.states
 
 
@@ -127,7 +127,7 @@ def test_it_is_back_at_the_next_launch_once_its_file_is(
     def back(window: Driver) -> None:
         assert window.session.messages.all == []
         window.click("Library/**/show Red stool")
-        assert window.session.editor.scene.codes == made.objects[0].codes
+        assert window.session.editor.scene.instance == made.objects[0].instance
         assert window.session.editor.objects.own == ["Red stool"]
 
     drive(without, own, folder=folder)
@@ -173,7 +173,7 @@ def test_a_state_and_a_keyframe_of_a_missing_model_are_grey_and_found_by_a_click
         window.wait(lambda: session.player.seconds > 1.1)
         session.player.pause()
         assert len(editor.state.timeline.keys) == 2
-        assert [key.view.codes for key in editor.playable.keys] == [editor.state.timeline.keys[0].view.codes]
+        assert [key.view.instance for key in editor.playable.keys] == [editor.state.timeline.keys[0].view.instance]
         editor.undo()
         window.ctx.yield_(3)
         find(window, "History/state 3", moved)
@@ -190,7 +190,7 @@ def test_a_branch_of_a_missing_model_is_grey_and_found_by_a_click(
     editor, model = session.editor, session.models.open(str(stools))
     session.tick()
     editor.show_object("object 2")
-    editor.show_object(editor.objects.add(EditableObject("Red stool", model.codes[1], True, 0.8)))
+    editor.show_object(editor.objects.add(EditableObject("Red stool", model[1], True, 0.8)))
     made = editor.scene
     editor.undo()
     editor.show_object("object 3")

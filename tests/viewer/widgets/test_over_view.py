@@ -4,8 +4,7 @@ import pytest
 from imgui_bundle import imgui
 
 from core.geometry.camera import Camera
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering.grab import Pull
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -13,7 +12,7 @@ from viewer.values.direction import Direction
 
 
 def test_the_shape_is_pulled_while_g_is_held(drive: Drive, backend: Backend) -> None:
-    def pulls(model: Model, codes: Codes, camera: Camera, point: tuple[float, float]) -> list[Pull]:
+    def pulls(instance: Instance, camera: Camera, point: tuple[float, float]) -> list[Pull]:
         assert point == pytest.approx((camera.width / 2, camera.height / 2), abs=2)
         return [Pull(2, 0.3, (0.0, -20.0))]
 
@@ -35,7 +34,7 @@ def test_the_shape_is_pulled_while_g_is_held(drive: Drive, backend: Backend) -> 
         window.undo()
         assert editor.state == before
         window.drag("View/orbit", 0, -30)  # without the key the object is turned
-        assert editor.scene.codes == before.scene.codes
+        assert editor.scene.instance == before.scene.instance
         assert editor.scene.camera != before.scene.camera
 
     drive(act, replace(backend, pulls=pulls))

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.models.codes import Codes
+from core.models.model import Instance
 from tests.viewer.driver import Drive, Driver, in_window
 from viewer import autosave
 from viewer.values.printable import as_label
@@ -58,18 +58,18 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
         editor = window.session.editor
         assert [one.name for one in editor.objects.added] == ["Red chair"]
         window.click("Library/**/show Red chair")
-        assert editor.scene.codes == editor.objects["Red chair"].codes
+        assert editor.scene.instance == editor.objects["Red chair"].instance
 
     drive(first, folder=folder)
     drive(second, folder=folder)
 
 
-def paint(window: Driver, colour: tuple[float, float, float]) -> Codes:
+def paint(window: Driver, colour: tuple[float, float, float]) -> Instance:
     """Paint the object on screen, and return its codes."""
     window.session.painting.paint(colour)
     window.session.painting.release()
     window.wait()
-    return window.session.editor.scene.codes
+    return window.session.editor.scene.instance
 
 
 def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start(
@@ -78,39 +78,39 @@ def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start
     def first(window: Driver) -> None:
         editor = window.session.editor
         window.fit(photo)
-        fitted = editor.scene.codes
+        fitted = editor.scene.instance
         white = tile(window)
         red = paint(window, (1.0, 0.0, 0.0))
         window.click("Library/**/show object 3")
         window.wait()
         assert np.abs(tile(window) - white).max() > 30
         window.click("Library/**/show block")
-        assert editor.scene.codes == red
+        assert editor.scene.instance == red
         window.choose("block", "###duplicate")
-        assert editor.objects.own == ["block (2)", "block"] and editor.scene.codes == red
+        assert editor.objects.own == ["block (2)", "block"] and editor.scene.instance == red
         assert window.session.fitting.shown.sources  # it can be tried again
         blue = paint(window, (0.0, 0.0, 1.0))
         window.choose("block", "###unedited")
-        assert editor.scene.codes == fitted and editor.objects["block"].unedited is None
+        assert editor.scene.instance == fitted and editor.objects["block"].unedited is None
         window.undo()
-        assert editor.scene.codes == editor.objects["block"].codes == red
-        assert editor.objects["block (2)"].codes == blue
+        assert editor.scene.instance == editor.objects["block"].instance == red
+        assert editor.objects["block (2)"].instance == blue
         made.extend((fitted, red, blue))
         left.append(kill(window))
 
     def second(window: Driver) -> None:
         editor = window.session.editor
-        assert [editor.objects[name].codes for name in ("block", "block (2)")] == made[1:]
+        assert [editor.objects[name].instance for name in ("block", "block (2)")] == made[1:]
         window.menu("File/###new_project")
         editor = window.session.editor
         assert editor.objects.own == ["block (2)", "block"]
         window.click("Library/**/show block (2)")
-        assert editor.scene.codes == made[2]
+        assert editor.scene.instance == made[2]
         window.choose("block (2)", "###unedited")
-        assert editor.scene.codes == made[0]
+        assert editor.scene.instance == made[0]
         window.undo()
 
-    made, left = list[Codes](), list[Path]()
+    made, left = list[Instance](), list[Path]()
     drive(first, folder=tmp_path / "config")
     for folder in (tmp_path / "config", left[0]):
         drive(second, folder=folder)
@@ -166,20 +166,20 @@ def test_a_removed_object_comes_back_by_undo_by_its_message_and_after_a_kill(
 def test_random_codes_and_mixes_of_an_object_are_no_version_of_it(window: Driver, photo: Path) -> None:
     editor = window.session.editor
     window.fit(photo)
-    fitted = editor.scene.codes
+    fitted = editor.scene.instance
     window.session.player.add_key()
     edits = (
         lambda: editor.sample(),
         lambda: editor.set_texture(editor.code("texture") + 0.1),
         lambda: editor.mix_both(0.5, 0.5),
         lambda: editor.take("texture", "object 2"),
-        lambda: editor.show(editor.objects["object 3"].codes, editor.scene.camera),
+        lambda: editor.show(editor.objects["object 3"].instance, editor.scene.camera),
     )
     for edit in edits:
         edit()
-        assert editor.objects["block"].codes == fitted
+        assert editor.objects["block"].instance == fitted
     window.click("Library/**/show block")
-    assert editor.scene.codes == fitted
+    assert editor.scene.instance == fitted
 
 
 @in_window()

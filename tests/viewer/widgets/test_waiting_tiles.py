@@ -52,7 +52,7 @@ def test_photos_dropped_beside_an_object_with_photo_detail_are_all_fitted(
             fit.may_end.clear()
             for path in blocks(photo, "abcd"):
                 window.context.drop([str(path)])
-            detailed = objects[objects.add(fitted(model))].codes
+            detailed = objects[objects.add(fitted(model))].instance
             # The object's tile compares its photo with a render between steps of the fit.
             window.wait(lambda: session.thumbnails.of_object(detailed) is not None or not session.fitting.running)  # noqa: B023
             fit.may_end.set()

@@ -33,7 +33,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> Results[Ablation]:
 
     monkeypatch.setattr(fits, "fit_view", fit_view)
     model = tiny_model()
-    views = [HeldOutView(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
+    views = [HeldOutView(replace(views_of(model, 0, 2), name=str(index)), 0, model[0]) for index in range(3)]
     return Results({"machine": "m"}, summarise_ablations(list(fits.fit_views(model, views, ABLATIONS))))
 
 

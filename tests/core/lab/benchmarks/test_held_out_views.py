@@ -8,8 +8,7 @@ from core.geometry.camera import Camera
 from core.lab.benchmarks import held_out_views
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, is_symmetric_view, random_camera, training_object_views
 from core.metrics import psnr
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model
@@ -19,9 +18,9 @@ def test_training_objects_are_rendered_from_the_upper_hemisphere():
     model = tiny_model()
     targets = tuple(training_object_views(model, 2, torch.Generator().manual_seed(1)))
     assert [target.views.name for target in targets] == ["stool0", "stool2"]
-    for target, codes in zip(targets, (model.codes[0], model.codes[2]), strict=True):
+    for target, instance in zip(targets, (model[0], model[2]), strict=True):
         assert len(target.views.cameras) == 1 + HELD_OUT_VIEWS
-        exact = render_exact(model, codes, target.camera, 96).colour.clamp(0, 1)
+        exact = render_exact(instance, target.camera, 96).colour.clamp(0, 1)
         assert psnr(torch.from_numpy(target.views.images[target.index]) / 255, exact) > 35
         assert 0.01 < target.views.masks[target.index].mean() < 0.9
     generator = torch.Generator().manual_seed(0)
@@ -37,14 +36,14 @@ def test_a_network_that_renders_its_background_has_views_too():
 
 def test_a_symmetric_view_is_one_from_which_the_object_looks_the_same(monkeypatch: pytest.MonkeyPatch):
     model, truth = tiny_model(), tiny_model().camera(0.7, 0.4)
-    lopsided = model.codes[0]
-    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.75), truth, 5.0)
-    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
+    lopsided = model[0]
+    assert is_symmetric_view(lopsided, replace(truth, azimuth=0.75), truth, 5.0)
+    assert not is_symmetric_view(lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
     plain = held_out_views.render_on_white
 
-    def symmetric(model: Model, codes: Codes, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
-        return plain(model, codes, replace(camera, azimuth=camera.azimuth % math.pi))
+    def symmetric(instance: Instance, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
+        return plain(instance, replace(camera, azimuth=camera.azimuth % math.pi))
 
     monkeypatch.setattr(held_out_views, "render_on_white", symmetric)
-    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
-    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)
+    assert is_symmetric_view(lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
+    assert not is_symmetric_view(lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)

@@ -9,8 +9,8 @@ from core.lab.datasets.srn import ObjectEntry, index_objects, write_manifest, wr
 from core.lab.evaluation import disentanglement as module
 from core.lab.evaluation.disentanglement import pairs, probe, score_pairs, summarise_pairs
 from core.lab.evaluation.report import format_disentanglement, write_disentanglement_report
-from core.models.codes import CodeBook, Codes
-from core.models.model import Model
+from core.models.codes import CodeBook
+from core.models.model import Instance, Model
 from tests.core.lab.evaluation.test_protocol import views_of
 
 IDS = {"stool0": (0, 1), "stool1": (1, 0), "stool2": (2, 3), "stool3": (3, 2), "new01": (0, 0), "new23": (2, 2)}
@@ -73,10 +73,12 @@ def test_wrong_codes_are_seen(tiny: Model, factorial):
 def test_a_leaking_field_would_be_caught(tiny: Model, factorial, monkeypatch: pytest.MonkeyPatch):
     honest = module.render_image
 
-    def leaking(model, codes: Codes, camera, samples: int | None = None):
-        frame = honest(model, codes, camera, samples)
+    def leaking(instance: Instance, camera, samples: int | None = None):
+        frame = honest(instance, camera, samples)
         return replace(
-            frame, colour=frame.colour - 0.1 * codes.texture[0], opacity=frame.opacity * (0.75 + codes.texture[0] / 4)
+            frame,
+            colour=frame.colour - 0.1 * instance.codes.texture[0],
+            opacity=frame.opacity * (0.75 + instance.codes.texture[0] / 4),
         )
 
     monkeypatch.setattr(module, "render_image", leaking)

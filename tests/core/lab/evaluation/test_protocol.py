@@ -23,7 +23,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
     """Renders of one of the model's own objects, all round."""
     cameras = tuple(model.camera(0.7 + 1.3 * turn, 0.4) for turn in range(count))
-    drawn = [render_exact(model, model.codes[index], camera, 64) for camera in cameras]
+    drawn = [render_exact(model[index], camera, 64) for camera in cameras]
     images = np.stack([(one.colour.clamp(0, 1) * 255 + 0.5).byte().numpy() for one in drawn])
     masks = np.stack([(one.opacity > 0.5).numpy() for one in drawn])
     return ObjectViews(f"stool{index}", "s", "t", images, masks, cameras)
@@ -35,7 +35,7 @@ def test_a_known_object_scores_as_rendering_its_fit_by_hand_on_all_or_every_othe
     _, last = module.fit_first_last(tiny, FitJob((module.as_photo(views, 2, True),), PRESETS["normal"]))
     by_hand = []
     for index in (0, 1, 3):
-        drawn = render_exact(tiny, last.codes, views.cameras[index], 192).colour.clamp(0, 1)
+        drawn = render_exact(last.instance, views.cameras[index], 192).colour.clamp(0, 1)
         truth = torch.from_numpy(views.images[index]).float() / 255
         by_hand.append((psnr(drawn, truth), ssim(drawn, truth)))
     expected = np.mean(by_hand, 0)

@@ -144,9 +144,9 @@ def test_training_continues_from_a_model_with_the_codes_of_its_objects(dataset: 
 
 
 def test_a_trained_network_learns_slowly_and_new_objects_at_their_full_rate():
-    for gentle, network, codes in ((SETTINGS.finetuning, 0.05, 0.05), (SETTINGS.extending, 0.5, 1.0)):
+    for gentle, network, instance in ((SETTINGS.finetuning, 0.05, 0.05), (SETTINGS.extending, 0.5, 1.0)):
         assert gentle.network_lr == pytest.approx(network * SETTINGS.network_lr)
-        assert gentle.code_lr == pytest.approx(codes * SETTINGS.code_lr)
+        assert gentle.code_lr == pytest.approx(instance * SETTINGS.code_lr)
     assert RECIPES["paper"].extending.muon_lr is None
 
 
