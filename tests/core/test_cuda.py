@@ -53,7 +53,7 @@ def test_exact_renders_are_the_same():
 def test_shipped_objects_render_the_same(name: str, dtype: torch.dtype, least: float):
     with use_dtype(dtype):
         models = (load_model(name, device) for device in ("cpu", "cuda"))
-        cpu, gpu = (render(model, model.codes[3], model.camera(0.7, 0.4), 96) for model in models)
+        cpu, gpu = (render(model[3], model.camera(0.7, 0.4), 96) for model in models)
     assert psnr(gpu.colour.cpu().clamp(0, 1), cpu.colour.clamp(0, 1)) > least
 
 
@@ -71,7 +71,7 @@ def test_a_fit_finds_the_same_camera_and_explains_the_photo_as_well():
 
 def test_bakes_differ_by_at_most_one_step_of_a_byte():
     def baked(model: Model) -> BakedField:
-        return next(volume for volume in bake(model, model.codes[0]) if volume is not None)
+        return next(volume for volume in bake(model[0]) if volume is not None)
 
     cpu = baked(tiny_model())
     gpu = baked(on_card(tiny_model()))

@@ -43,5 +43,5 @@ def tiny_bank() -> ViewBank:
 
 def photo_of(instance: Instance, camera: Camera) -> Photo:
     """An image of one of a model's objects, with its mask."""
-    frame = render_exact(codes, camera, 64)
+    frame = render_exact(instance, camera, 64)
     return Photo(frame.colour.clamp(0, 1), frame.opacity > 0.5)

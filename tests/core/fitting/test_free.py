@@ -35,14 +35,14 @@ def test_offsets_explain_an_object_that_no_code_reaches(tiny: Model):
 
 
 def test_the_free_stage_ends_a_search_and_keeps_its_confidence(tiny: Model):
-    photo = photo_of(tiny, unreachable(tiny), tiny.camera(0.5, 0.4))
+    photo = photo_of(unreachable(tiny), tiny.camera(0.5, 0.4))
     steps = list(fit(tiny, FitJob((photo,), FREE)))
     searched = [step for step in steps if not step.is_free]
     assert [step.is_free for step in steps] == [False] * len(searched) + [True] * FREE.free_steps
     assert steps[-1].step == steps[-1].steps
     before = searched[-1]
     after = steps[-1]
-    assert before.codes.detail is None and after.codes.detail is not None
+    assert before.instance.detail is None and after.instance.detail is not None
     assert (after.confidence, after.margin, after.uncertainty) == (before.confidence, before.margin, before.uncertainty)
     assert after.runner_up is not None and before.runner_up is not None
     assert after.runner_up.cameras == before.runner_up.cameras

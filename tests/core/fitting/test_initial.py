@@ -109,7 +109,7 @@ def test_resume_from_restores_the_hypothesis_and_keeps_known_cameras(tiny: Model
     fitted = [tiny.camera(5.0, 0.1), replace(tiny.camera(2.5, 0.2, 1.3 * tiny.distance), focal=1.3 * tiny.focal)]
     spaces = tiny.codes.shape_space, tiny.codes.texture_space
     hypothesis = Hypothesis(
-        3, 1.0, tuple(fitted), tiny.codes[1], torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.01, -0.02]])
+        3, 1.0, tuple(fitted), tiny[1], torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.01, -0.02]])
     )
     batch = resume_from(tiny, photos, cameras, hypothesis, spaces)
     back = to_cameras(tiny, batch.parameters, 0, cameras)

@@ -69,8 +69,8 @@ def test_fine_pixels_are_used_and_a_doubtful_mask_has_no_margin(model: Model) ->
 
 def test_background_deep_in_a_solid_object_is_doubtful(tiny: Model) -> None:
     camera = tiny.camera(1.1, 0.3)
-    codes = tiny.codes[0]
-    photo = photo_of(tiny, codes, camera)
+    instance = tiny[0]
+    photo = photo_of(instance, camera)
     hidden = torch.zeros_like(photo.mask)
     rows = photo.mask.any(1).nonzero()[:, 0]
     hidden[int(rows.float().median()) :] = True

@@ -42,8 +42,8 @@ def test_a_prototype_is_most_similar_to_itself(tiny: Model):
     bank = tiny_bank()
     for index in range(len(bank.prototypes)):
         for azimuth, elevation in ((0.8, 0.2), (2.0, 1.35)):
-            codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
-            frame = render_exact(codes, tiny.camera(azimuth, elevation), 32)
+            instance = tiny.mean.changed(shape=bank.shapes(tiny.codes)[index])
+            frame = render_exact(instance, tiny.camera(azimuth, elevation), 32)
             scores = shape_similarity(bank, image_of(frame, tiny.focal), azimuth, elevation)
             assert float(scores[index]) > float(scores.max()) - 0.05
 
@@ -69,8 +69,8 @@ def test_expected_scales_compare_sizes_from_every_direction(tiny: Model):
 @pytest.mark.parametrize(("side", "azimuth"), [(0, 2.2), (1, -1.2)])
 def test_knowing_the_truncating_edge_improves_the_position(tiny: Model, side: int, azimuth: float):
     bank = tiny_bank()
-    codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[1])
-    frame = render_exact(codes, tiny.camera(azimuth, 0.5), 48)
+    instance = tiny.mean.changed(shape=bank.shapes(tiny.codes)[1])
+    frame = render_exact(instance, tiny.camera(azimuth, 0.5), 48)
     mask = frame.opacity > 0.5
     first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
     unseen = torch.zeros_like(mask)

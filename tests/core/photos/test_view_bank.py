@@ -27,8 +27,8 @@ def test_a_view_equals_a_plain_loop_over_the_points(tiny: Model):
     bank = tiny_bank()
     view = 2 * 24 + 3
     index = 1
-    codes = replace(tiny.codes.mean, shape=bank.shapes(tiny.codes)[index])
-    points, _ = surface_points(tiny, codes)
+    instance = tiny.mean.changed(shape=bank.shapes(tiny.codes)[index])
+    points, _ = surface_points(instance)
     turned = (points @ camera_rotation(bank.azimuth[view], bank.elevation[view]).T).tolist()
     projected = [(x / (tiny.distance - z), -y / (tiny.distance - z)) for x, y, z in turned]
     low, high = (tuple(map(end, zip(*projected, strict=True))) for end in (min, max))

@@ -113,11 +113,11 @@ def equal_runs(*runs: list[Tensor]) -> bool:
 
 def render_tensors(model: Model) -> list[Tensor]:
     fast.clear_cache()
-    codes = model.codes[1]
+    instance = model[1]
     camera = model.camera(0.5, 0.5).resized(90, 90)
-    first = fast.render(model, codes, camera, 48)
-    again = fast.render(model, replace(codes, texture=model.codes[2].texture), camera, 48)  # of the cached shape
-    return [first.colour, first.depth, again.colour, render_exact(codes, camera, 32).colour]
+    first = fast.render(instance, camera, 48)
+    again = fast.render(instance.changed(texture=model.codes[2].texture), camera, 48)  # of the cached shape
+    return [first.colour, first.depth, again.colour, render_exact(instance, camera, 32).colour]
 
 
 def bake_tensors(model: Model) -> list[Tensor]:
@@ -126,7 +126,7 @@ def bake_tensors(model: Model) -> list[Tensor]:
 
 
 def mesh_tensors(model: Model) -> list[Tensor]:
-    mesh = run_to_end(extract_mesh(model, model.codes[1], 48))
+    mesh = run_to_end(extract_mesh(model[1], 48))
     return [torch.from_numpy(values) for values in (mesh.vertices, mesh.faces, mesh.colours)]
 
 
