@@ -25,7 +25,7 @@ class Grabbing:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self.pull: Pull | None = None  # pull under the mouse; None until it is known, and off the object
         self._found: tuple[list[Pull], Camera, tuple[float, float]] | None = None  # pulls, and the px of their search
-        self._at: tuple[object, ...] = ()  # codes, camera and place of the newest search
+        self._at: tuple[object, ...] = ()  # object, camera and place of the newest search
         self._held: tuple[Direction, float] | None = None  # pulled direction, and its strength when the pull began
 
     @property

@@ -34,7 +34,7 @@ class Painting:
         self._choice: _Choice | None = None
         self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._shown: tuple[CoarsePaint, Rgb] | None = None  # on screen
-        self._known: tuple[Instance, str, Rgb | None] | None = None  # codes, part, and the part's colour once measured
+        self._known: tuple[Instance, str, Rgb | None] | None = None  # object, part, and the part's colour once measured
         self._released = True  # no drag is in progress
 
     @property
@@ -142,7 +142,7 @@ class Painting:
             view.repainted = replace(frame, image=self._coarse[2].repainted(choice.paint.colour))
 
     def _find_coarse(self, frame: Frame, camera: Camera, choice: _Choice) -> None:
-        """Begin to find where a frame of the chosen codes, seen from ``camera``, has paint."""
+        """Begin to find where a frame of the chosen object, seen from ``camera``, has paint."""
         self._coarse = frame, choice.paint.part, None
         find = self._jobs.backend.coarse_paint
 

@@ -1,4 +1,4 @@
-"""Thumbnails: small renders of any codes from any camera, queued and cached."""
+"""Thumbnails: small renders of any object from any camera, queued and cached."""
 
 import hashlib
 from collections import OrderedDict
@@ -28,7 +28,7 @@ _BATCH = 6  # thumbnails rendered before the requests are read again
 
 
 class _Key(NamedTuple):
-    """The inputs of a thumbnail; codes by their numbers, so that equal codes share a thumbnail."""
+    """The inputs of a thumbnail; objects by their numbers, so that equal ones share a thumbnail."""
 
     model: str
     shape: tuple[float, ...]

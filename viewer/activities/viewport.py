@@ -45,7 +45,7 @@ class Viewport:
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw
         self.baked_frame: orbit.PanelCrop | None = None  # crop of :attr:`baked` on screen; None: the frame is on screen
-        self._baked_of: Instance | None = None  # codes that are baked or being baked
+        self._baked_of: Instance | None = None  # object that is baked or being baked
         self._last_orbit = 0.0  # s on the monotonic clock of the last change of :attr:`baked_frame`
         self._last_render: float | None = None  # s on the monotonic clock when a preview was finished
         self._live: View | None = None  # newest object of the fit, from the photo's camera at the model's size
@@ -68,7 +68,7 @@ class Viewport:
 
     @property
     def picture(self) -> dict[str, Pixels]:
-        """The newest image by the name of its codes and camera, to be stored; empty if there is none."""
+        """The newest image by the name of its object and camera, to be stored; empty if there is none."""
         return {_picture(self.frame_request): pixels_of(self.frame)} if self.frame and self.frame_request else {}
 
     def close(self) -> None:
