@@ -140,7 +140,13 @@ def train_part_head(chosen: argparse.Namespace) -> None:
 
 
 def _save_complete(model: Model, path: Path) -> None:
-    """Save a model with its view bank and the words of its directions; compute those that it lacks."""
+    """Save a model with its view bank and the words of its directions, where the architecture can be fitted.
+
+    Computes those that the model lacks.
+    """
+    if model.is_ablation:
+        model.save(path)
+        return
     wait_for_view_bank(model)
     *_, words = direction_words(model)
     replace(model, view_bank=view_bank(model), words=words).save(path)
