@@ -210,7 +210,7 @@ class PanelContext:
             self.session.messages.report("Cannot show the folder", error)
 
     def drop(self, paths: list[str]) -> None:
-        """Open dropped projects, models, scenes and images of scenes; fit all other files as photos of one object."""
+        """Open dropped projects, models, scenes and images of scenes; fit all other files as photos."""
         others = []
         for path in map(Path, paths):
             if path.suffix.lower() in (*PROJECTS, ".json", *MODELS) or embedded_scene(path):

@@ -255,7 +255,13 @@ _DEFAULT_FIELD = RECIPES["default"].field
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "train", "train.train", "train a category model; --resume continues a run")
+    command = add_command(
+        commands,
+        "train",
+        "train.train",
+        "train a category model; --resume continues a run; on N cards or processors, with the objects shared out: "
+        "torchrun --nproc-per-node N -m core train ...",
+    )
     command.add_argument(
         "datasets", type=Path, nargs="+", metavar="DATASET", help="folders in the layout of SRN or NeRF"
     )

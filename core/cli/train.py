@@ -18,6 +18,7 @@ from core.lab.datasets.srn import Dataset, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
 from core.lab.training.parts import fit_part_head, labelled_places
+from core.lab.training.processes import Processes, training_processes
 from core.lab.training.recipes import RECIPES
 from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
 from core.lab.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
@@ -55,21 +56,50 @@ def _render(chosen: argparse.Namespace, tasks: Sequence[RenderTask], split: Spli
 def train(chosen: argparse.Namespace) -> None:
     """Run ``train``: train a model on datasets, regularly saving it, its state and its curve."""
     require_writable(chosen.out)
-    recipe = RECIPES[chosen.recipe]
     initial = load_model(chosen.init) if chosen.init else None
+    with training_processes(chosen.device) as processes:
+        if not processes.is_first:  # neither writes nor prints, and keeps no images
+            for _ in _start_training(chosen, initial, processes)[0].steps():
+                pass
+            return
+        trainer, training, held_out = _start_training(chosen, initial, processes)
+        _train_and_save(chosen, trainer, held_out)
+    model = trainer.model()
+    if initial and initial.viewpoint_classifier:
+        model = replace(model, viewpoint_classifier=initial.viewpoint_classifier)
+    elif chosen.recipe == "default":
+        steps = max(1, chosen.steps // _VIEWPOINT_FRACTION)
+        model = _with_viewpoint(model, training, steps, chosen.seed)
+    _save_complete(model, chosen.out)
+
+
+def _start_training(
+    chosen: argparse.Namespace, initial: Model | None, processes: Processes
+) -> tuple[Trainer, Dataset, Dataset]:
+    """Return the trainer, resumed if so chosen, and the datasets to train on and to measure on."""
+    recipe = RECIPES[chosen.recipe]
     rays = chosen.rays or recipe.rays
     field = _field_config(chosen, recipe.field, initial)
     settings = replace(recipe, field=field, steps=chosen.steps, rays=rays, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets, chosen.shares, chosen.pose_scale))
     if initial:
-        known = all(views.name in initial.codes.index for views in training.objects)
-        settings = settings.finetuning if known else settings.extending
-    trainer = Trainer(training, settings, chosen.device)
+        has_codes = all(views.name in initial.codes.index for views in training.objects)
+        settings = settings.finetuning if has_codes else settings.extending
+    trainer = Trainer(training, settings, chosen.device, processes)
     if initial:
         trainer.initialise_from(initial)
-    state, curve = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json")
     if chosen.resume:
-        trainer.load_state(state)
+        trainer.load_state(_state_path(chosen))
+    return trainer, training, held_out
+
+
+def _state_path(chosen: argparse.Namespace) -> Path:
+    return chosen.out.with_suffix(".state")
+
+
+def _train_and_save(chosen: argparse.Namespace, trainer: Trainer, held_out: Dataset) -> None:
+    """Train under a progress bar; regularly write the model, the run's state and its curve."""
+    curve = chosen.out.with_suffix(".curve.json")
     points = read_curve(curve) if chosen.resume else []
     with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
         for step in trainer.steps():
@@ -79,18 +109,11 @@ def train(chosen: argparse.Namespace) -> None:
             if step.step % _CHECKPOINT_EVERY == 0 or step.step == step.steps:
                 model = trainer.model()
                 model.save(chosen.out)
-                trainer.save_state(state)
-                found = held_out_psnr(model, held_out)
-                tqdm.write(f"step {step.step}: {found:.2f} dB on held-out views, {step.seconds:.0f} s")
-                points.append(CurvePoint(step.step, step.seconds, found))
+                trainer.save_state(_state_path(chosen))
+                held_out_quality = held_out_psnr(model, held_out)
+                tqdm.write(f"step {step.step}: {held_out_quality:.2f} dB on held-out views, {step.seconds:.0f} s")
+                points.append(CurvePoint(step.step, step.seconds, held_out_quality))
                 write_curve(curve, chosen.out.stem, points)
-    model = trainer.model()
-    if initial and initial.viewpoint_classifier:
-        model = replace(model, viewpoint_classifier=initial.viewpoint_classifier)
-    elif chosen.recipe == "default":
-        steps = max(1, chosen.steps // _VIEWPOINT_FRACTION)
-        model = _with_viewpoint(model, training, steps, chosen.seed)
-    _save_complete(model, chosen.out)
 
 
 def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
@@ -117,7 +140,13 @@ def train_part_head(chosen: argparse.Namespace) -> None:
 
 
 def _save_complete(model: Model, path: Path) -> None:
-    """Save a model with its view bank and the words of its directions; compute those that it lacks."""
+    """Save a model with its view bank and the words of its directions, where the architecture can be fitted.
+
+    Computes those that the model lacks.
+    """
+    if model.is_ablation:
+        model.save(path)
+        return
     wait_for_view_bank(model)
     *_, words = direction_words(model)
     replace(model, view_bank=view_bank(model), words=words).save(path)

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.runtime.reading import whole
+from core.runtime.numbers import whole
 
 FRONT_AZIMUTH = math.pi / 2  # rad, of a camera that sees an object's front
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])

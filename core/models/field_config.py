@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from core.runtime.reading import number, whole
+from core.runtime.numbers import number, whole
 
 _SIZES = {
     "width": (2, 1024),

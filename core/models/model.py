@@ -26,7 +26,8 @@ from core.models.part_head import PartHead
 from core.models.photo_detail import PhotoDetail
 from core.models.view_bank import ViewBank
 from core.runtime.files import atomic_file
-from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
+from core.runtime.numbers import number, whole
+from core.runtime.reading import parse_json, read_tensors, reading, typed
 
 FORMAT = "codenerf-1"
 _MIN_BIAS_STD = 1e-3  # of a bias that hardly differs between training objects

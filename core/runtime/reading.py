@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get
 
 from PIL import Image, PngImagePlugin
 
+from core.runtime.numbers import abbreviated, number, whole
 from core.runtime.raw_previews import raw_preview
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ MAX_TEXT = 16_000_000  # bytes of JSON or numbers as text; Python objects take u
 _MAX_MEMBERS = 10_000  # files in a zip
 _MAX_PAGES = 100  # pages of a TIFF that are examined
 _MAX_MESSAGE, _MAX_REASON = 200, 100  # characters of an error, and of its reason after a long path
-_LARGEST = 1e300  # limit of a number, as JSON integers have none
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 """Supported image formats, besides HEIF. Pillow's others are refused: its EPS reader starts another program."""
 _HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
@@ -152,20 +152,6 @@ def read_numbers(path: Path, count: int) -> tuple[float, ...]:
 # Values of a type
 
 
-def number(value: Any, name: str = "a number") -> float:
-    """Return a finite number as a float. Raises ``ValueError`` for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
-        raise ValueError(f"{name} must be a finite number, got {_excerpt(value)}")
-    return float(value)
-
-
-def whole(value: Any, name: str = "a number") -> int:
-    """Return a whole number, such as 128 or 128.0, as an integer. Raises ``ValueError`` for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
-        raise ValueError(f"{name} must be a whole number, got {_excerpt(value)}")
-    return int(value)
-
-
 def typed(
     kind: Any, value: Any, special: Callable[[Any], Callable[[Any], Any] | None] = lambda _: None, name: str = "it"
 ) -> Any:
@@ -228,18 +214,13 @@ def _choice(value: Any, choices: tuple, name: str) -> Any:
     for choice in choices:
         if type(choice) is type(value) and choice == value:
             return choice
-    raise ValueError(f"{name} must be one of {', '.join(map(str, choices))}, got {_excerpt(value)}")
+    raise ValueError(f"{name} must be one of {', '.join(map(str, choices))}, got {abbreviated(value)}")
 
 
 def _of_type(value: Any, kind: Any, name: str) -> Any:
     if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
-        raise ValueError(f"{name} must be {_WORDS.get(kind, kind.__name__)}, got {_excerpt(value)}")
+        raise ValueError(f"{name} must be {_WORDS.get(kind, kind.__name__)}, got {abbreviated(value)}")
     return value
-
-
-def _excerpt(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) < 40 else f"{text[:36]}..."
 
 
 _WORDS = {dict: "an object", list: "a list", str: "a text", bool: "true or false"}

@@ -184,6 +184,19 @@ def endless_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             yield step
 
 
+class HeldFit:
+    """Goes on without an end until it is told to; later fits take ten steps."""
+
+    def __init__(self) -> None:
+        self.may_end = threading.Event()
+
+    def __call__(self, model: Model, job: FitJob) -> Iterator[FitStep]:
+        while not self.may_end.is_set():
+            time.sleep(0.01)
+            yield next(quick_fit(model, job))
+        yield from quick_fit(model, job)
+
+
 def broken_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Fails after three steps."""
     for step in quick_fit(model, job):

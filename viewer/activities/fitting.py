@@ -7,6 +7,7 @@ from pathlib import Path
 from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_views import with_photo_detail
 from core.models.model import Model
+from core.models.photo_detail import MAX_PHOTOS
 from core.photos.segmentation import Hints
 from viewer.activities.fit_results import FitResults
 from viewer.activities.fit_stream import Confirmed, Doubt, FitOptions, fit_stream
@@ -75,8 +76,8 @@ class Fitting:
 
     @property
     def pending(self) -> tuple[FitRequest, ...]:
-        """Unfinished requests: the running fit, unless its preliminary result is there, queue and questions."""
-        return (*self._unfinished, *self.queue, *(question.request for question in self.questions))
+        """Unfinished requests: the running fit, unless its preliminary result is there, questions and queue."""
+        return (*self._unfinished, *(question.request for question in self.questions), *self.queue)
 
     @property
     def _unfinished(self) -> tuple[FitRequest, ...]:
@@ -115,12 +116,15 @@ class Fitting:
     # What is fitted
 
     def start(self, *paths: Path) -> None:
-        """Fit one object to image files."""
+        """Fit one object to image files; to more than an object keeps, an object to each."""
         sources, others = photo_sources(paths)
         if others:
             names = ", ".join(printable(path.name) for path in others[:_NAMED]) + ", …" * (len(others) > _NAMED)
             self._jobs.messages.notify(f"Left out {names}: no image", MessageKind.NOTE)
-        self.fit(*sources)
+        if len(sources) > MAX_PHOTOS:
+            self._fit_each(*sources)
+        else:
+            self.fit(*sources)
 
     def ask_first(self, request: FitRequest) -> None:
         """Show a request's question before the others, and in place of a followed fit."""
@@ -134,10 +138,21 @@ class Fitting:
         Args:
             model: the model's fingerprint; empty chooses by the category of the first photo.
         """
-        paths = {source.path for source in sources}
-        self.questions = tuple(one for one in self.questions if one.source.path not in paths)
+        self._withdraw_questions(sources)
         if sources:
             self._begin(FitRequest(FitHistory(sources, model=model)), confirmed)
+
+    def _fit_each(self, first: PhotoSource, *others: PhotoSource) -> None:
+        """Begin or queue a fit of each photo."""
+        self.fit(first)
+        self._withdraw_questions(others)
+        self.queue = (*self.queue, *(FitRequest(FitHistory((source,))) for source in others))
+        text = f"{len(others) + 1} photos show an object each: they are fitted one after the other"
+        self._jobs.messages.notify(text, MessageKind.NOTE)
+
+    def _withdraw_questions(self, sources: tuple[PhotoSource, ...]) -> None:
+        paths = {source.path for source in sources}
+        self.questions = tuple(question for question in self.questions if question.source.path not in paths)
 
     def add_photo(self, history: FitHistory, path: Path) -> None:
         """Fit an object again with another photo."""

@@ -114,7 +114,7 @@ class LibraryPanel(Panel):
         below = corner + ImVec2(0, size.x)
         if isinstance(tile, FitRequest):
             waiting_tiles.draw(context, tile, corner, size)
-            paint_caption(context, tile.history.sources[0].name, below, size.x)
+            paint_caption(context, tile.history.name, below, size.x)
             return
         if isinstance(tile, Original):
             missing_tiles.draw_original(context, tile, corner, size)

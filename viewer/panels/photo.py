@@ -72,8 +72,8 @@ class PhotoPanel(Panel):
         else:
             heading(context, "Photo")
             imgui.text_wrapped(
-                f"Drop a photo of {nouns(context)} anywhere on this window, or several of the same one. It is cut out,"
-                " then camera, shape and texture are found."
+                f"Drop a photo of {nouns(context)} anywhere on this window, or up to four of the same one. It is cut"
+                " out, then camera, shape and texture are found."
             )
             draw_samples(context)
             draw_paint(context)

@@ -23,7 +23,8 @@ from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView, decompressed
 from core.models.scene import Scene
 from core.photos.photo import Photo
-from core.runtime.reading import field_types, first_line, open_image, reading, typed, whole
+from core.runtime.numbers import whole
+from core.runtime.reading import field_types, first_line, open_image, reading, typed
 from viewer.values.fit_history import FitRequest, FittedPhoto
 from viewer.values.objects import EditableObject
 

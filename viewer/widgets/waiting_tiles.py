@@ -7,21 +7,26 @@ from viewer.screen.theme import packed
 from viewer.values.fit_history import FitRequest
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
+from viewer.widgets.text import caption
 
 _CLOCK, _QUESTION = icons_fontawesome_4.ICON_FA_CLOCK, icons_fontawesome_4.ICON_FA_QUESTION
 _WARNING = icons_fontawesome_4.ICON_FA_EXCLAMATION
 _ROW = 3.2  # em, side of a tile in a row
+_LINES = 2  # of tiles above a photo, so that forty waiting photos leave it in sight
 
 
 def draw_row(context: PanelContext) -> None:
-    """Draw all unfinished requests in lines as wide as the panel."""
+    """Draw the first unfinished requests in lines as wide as the panel, and the number of further ones."""
+    pending = context.session.fitting.pending
     side = _ROW * hello_imgui.em_size()
-    for number, request in enumerate(context.session.fitting.pending):
-        if number:
+    gap = imgui.get_style().item_spacing.x
+    columns = max(1, int((imgui.get_content_region_avail().x + gap) / (side + gap)))
+    for number, request in enumerate(pending[: _LINES * columns]):
+        if number % columns:
             imgui.same_line()
-        if imgui.get_content_region_avail().x < side:
-            imgui.new_line()
         draw(context, request, imgui.get_cursor_screen_pos(), ImVec2(side, side))
+    if len(pending) > _LINES * columns:
+        caption(context, f"{len(pending) - _LINES * columns} more wait in the library")
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:

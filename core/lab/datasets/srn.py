@@ -21,7 +21,8 @@ from core.geometry.camera import Camera
 from core.geometry.pose_files import PosedImage, read_pose, read_transforms, require_scale, scaled
 from core.photos.decode import IMAGE_SUFFIXES
 from core.runtime.files import atomic_folder, write_json
-from core.runtime.reading import number, open_image, read_json, read_text, reading, typed, whole
+from core.runtime.numbers import number, whole
+from core.runtime.reading import open_image, read_json, read_text, reading, typed
 
 _TRANSFORMS = "transforms_train.json", "transforms.json", "transforms_test.json", "transforms_val.json"
 """Files of an object in NeRF's layout; the first that exists is read."""

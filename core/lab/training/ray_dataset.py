@@ -11,6 +11,7 @@ from torch.nn import functional
 from core.geometry.camera import pixel_centres
 from core.geometry.rays import Rays, cast_rays
 from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.training.processes import Processes
 from core.lab.training.visual_hull import Extent, grid_centres, visual_hull
 from core.models.field import Field
 from core.runtime.precision import autocast
@@ -25,6 +26,7 @@ _PRUNE_BATCH = 65536  # cells
 class RayBatch(NamedTuple):
     """Rays through training pixels."""
 
+    place: Int[Tensor, "rays"]  # index of each ray in the batch of all processes
     rays: Rays
     owner: Int[Tensor, "rays"]  # index of each ray's object
     colours: Float[Tensor, "rays 3"]  # 0..1
@@ -41,10 +43,18 @@ class _Pixels(NamedTuple):
 
 
 class RayDataset:
-    """Training pixels on and around the objects, or all pixels (``whole_image``), on one device."""
+    """Training pixels on and around the objects, or all pixels (``whole_image``), on one device.
 
-    def __init__(self, dataset: Dataset, extent: Extent, device: torch.device, whole_image: bool) -> None:
-        objects = dataset.objects
+    Pixels are those of this process's own objects, hulls those of all.
+    """
+
+    def __init__(
+        self, dataset: Dataset, extent: Extent, device: torch.device, whole_image: bool, processes: Processes
+    ) -> None:
+        if processes.count > len(dataset.objects):
+            raise ValueError(f"{processes.count} processes need as many objects, got {len(dataset.objects)}")
+        self.processes = processes
+        objects = dataset.objects[processes.own]
         self.size = (dataset.image_size, dataset.image_size)
         self.focal = dataset.focal
         self.centres = pixel_centres(*self.size, device).flatten(0, 1)
@@ -52,8 +62,11 @@ class RayDataset:
         cameras = [camera for views in objects for camera in views.cameras]
         angles = [(camera.azimuth, camera.elevation, camera.distance) for camera in cameras]
         self.angles = torch.tensor(angles, device=device)
-        choice = np.random.default_rng(0)
-        found = [_training_pixels(views, whole_image, choice) for views in objects]
+        numbers = range(len(dataset.objects))[processes.own]
+        found = [
+            _training_pixels(views, whole_image, np.random.default_rng(number))
+            for views, number in zip(objects, numbers, strict=True)
+        ]
         counts, first_view = [len(one.view) for one in found], np.cumsum([0, *(len(one.cameras) for one in objects)])
         views = [one.view + first for one, first in zip(found, first_view, strict=False)]
         self.view = torch.from_numpy(np.concatenate(views).astype(np.int32)).to(device)
@@ -62,21 +75,28 @@ class RayDataset:
         self.mask_class = torch.from_numpy(np.concatenate([one.mask_class for one in found])).to(device)
         self.count = torch.tensor(counts, device=device)
         self.first = self.count.cumsum(0) - self.count
-        self.weight = torch.tensor(dataset.weights or [1.0] * len(objects), device=device)
-        if whole_image:
-            self.hulls = torch.ones(len(objects), *[_HULL_RESOLUTION] * 3, dtype=torch.bool, device=device)
-        else:
-            self.hulls = torch.stack([visual_hull(one, extent, _HULL_RESOLUTION, device) for one in objects])
+        self.weight = torch.tensor(dataset.weights or [1.0] * len(dataset.objects), device=device)
+        self.hulls = torch.ones(len(dataset.objects), *[_HULL_RESOLUTION] * 3, dtype=torch.bool, device=device)
+        if not whole_image:
+            for hull, own_views in zip(self.hulls[processes.own], objects, strict=True):
+                hull.copy_(visual_hull(own_views, extent, _HULL_RESOLUTION, device))
+            processes.intersect(self.hulls)
 
     def sample(self, count: int, generator: torch.Generator) -> RayBatch:
-        """Sample rays through random pixels; objects are chosen by the dataset's weights."""
+        """Sample rays through random pixels; objects are chosen by the dataset's weights.
+
+        All processes sample the same ``count`` rays; each returns the rays of its own objects.
+        """
         owner = torch.multinomial(self.weight, count, replacement=True, generator=generator)
-        place = torch.rand(count, generator=generator, device=owner.device, dtype=torch.float64)
-        index = self.first[owner] + (place * self.count[owner]).long()
+        fraction = torch.rand(count, generator=generator, device=owner.device, dtype=torch.float64)
+        (place,) = (owner % self.processes.count == self.processes.rank).nonzero(as_tuple=True)
+        owner = owner[place]
+        own = owner // self.processes.count
+        index = self.first[own] + (fraction[place] * self.count[own]).long()
         azimuth, elevation, distance = self.angles[self.view[index].long()].unbind(-1)
         pixels = self.centres[self.pixel[index].long()]
         rays = cast_rays(pixels, azimuth, elevation, distance, self.focal, self.size, self.extent)
-        return RayBatch(rays, owner, self.colour[index].float() / 255, self.mask_class[index])
+        return RayBatch(place, rays, owner, self.colour[index].float() / 255, self.mask_class[index])
 
     def inside_hull(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Bool[Tensor, "*batch"]:
         """Tell which points lie in their object's hull."""
@@ -89,7 +109,8 @@ class RayDataset:
         """Remove from the hulls cells that the field finds empty, together with their neighbours."""
         centres = grid_centres(tuple(self.extent.tolist()), _HULL_RESOLUTION).to(self.extent.device)
         step = 2 * self.extent.amin() / _HULL_RESOLUTION
-        for hull, bias in zip(self.hulls, shape_bias, strict=True):
+        own = self.processes.own
+        for hull, bias in zip(self.hulls[own], shape_bias[own], strict=True):
             cells = hull.flatten().nonzero()[:, 0]
             with autocast(hull.device):
                 density = [field.density(centres[part], bias)[0] for part in cells.split(_PRUNE_BATCH)]
@@ -97,6 +118,7 @@ class RayDataset:
             opacity[cells] = -torch.expm1(-torch.cat(density).float() * step)
             near = functional.max_pool3d(opacity.reshape(1, *hull.shape), 3, 1, 1)[0]
             hull &= near > _MIN_OPACITY
+        self.processes.intersect(self.hulls)
 
 
 def _training_pixels(views: ObjectViews, whole_image: bool, choice: np.random.Generator) -> _Pixels:

@@ -28,18 +28,19 @@ class PlacedSamples(NamedTuple):
 @torch.no_grad()
 def place_samples(
     rays: Rays,
-    samples: int,
+    jitter: Float[Tensor, "rays samples"],
     inside: Callable[[Float[Tensor, "rays bins 3"]], Bool[Tensor, "rays bins"]],
     coarse_density: Callable[[Float[Tensor, "rays coarse 3"]], Float[Tensor, "rays coarse"]] | None,
-    generator: torch.Generator,
 ) -> PlacedSamples:
-    """Place one random sample in each of ``samples`` equal parts of a ray's path through its hull.
+    """Place one sample in each of ``samples`` equal parts of a ray's path through its hull.
 
     Args:
+        jitter: random place of each sample in its part, 0..1.
         inside: tells which points lie in the hull of their ray's object.
         coarse_density: density per scene unit, used to skip unlit parts; None keeps the whole path.
     """
-    device, count = rays.near.device, len(rays.near)
+    device = rays.near.device
+    samples = jitter.shape[1]
     width = ((rays.far - rays.near) / _BINS)[:, None]
     middles = rays.near[:, None] + width * (torch.arange(_BINS, device=device) + 0.5)
     filled = inside(ray_points(rays, middles)).float().cumsum(-1)  # bins in the hull up to each bin
@@ -57,6 +58,5 @@ def place_samples(
         lit = (depth < _DARK).sum(-1, keepdim=True)
         whole = whole * ((lit + 2) / _COARSE).clamp_max(1.0)
     steps = torch.arange(samples, device=device)
-    random = torch.rand(count, samples, generator=generator, device=device)
     edges = torch.arange(samples + 1, device=device) / samples * (whole * width)
-    return PlacedSamples(points_at((steps + random) / samples * whole), edges)
+    return PlacedSamples(points_at((steps + jitter) / samples * whole), edges)

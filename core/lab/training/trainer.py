@@ -16,6 +16,7 @@ from torch.nn import functional
 
 from core.lab.datasets.categories import category_sizes
 from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.training.processes import ALONE, Processes
 from core.lab.training.ray_dataset import RayBatch, RayDataset
 from core.lab.training.recipes import TrainSettings
 from core.lab.training.sample_placement import PlacedSamples, place_samples
@@ -52,15 +53,20 @@ class TrainStep:
 
 
 class Trainer:
-    """A training run whose whole state can be saved and resumed at any step."""
+    """A training run whose state can be saved and resumed at any step, by any number of processes."""
 
-    def __init__(self, dataset: Dataset, settings: TrainSettings, device: str = "cpu") -> None:
-        self.settings, self.dataset = settings, dataset
+    def __init__(
+        self, dataset: Dataset, settings: TrainSettings, device: str = "cpu", processes: Processes = ALONE
+    ) -> None:
+        self.settings = settings
+        self.processes = processes
+        self.dataset = replace(dataset, objects=())  # without the images, of which the rays are a copy
+        self.distance = float(np.median([camera.distance for views in dataset.objects for camera in views.cameras]))
         self.device = require_device(device)
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
         self.extent = shared_extent(dataset.objects)
-        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image)
+        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image, processes)
         self.entries, shapes, textures = _build_entries(dataset)
         config = settings.field
         self.field = build_field(config).to(self.device)
@@ -72,8 +78,9 @@ class Trainer:
         self.shape_row, self.texture_row = rows.unbind(-1)
         self._prune_steps = () if settings.whole_image else tuple(int(share * settings.steps) for share in _PRUNE_AT)
         self.step, self.seconds = 0, 0.0
-        on_card = self.device.type == "cuda"
-        self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=False) if on_card else self._evaluate_ray_loss
+        self._ray_loss = self._evaluate_ray_loss
+        if self.device.type == "cuda":  # of several processes, each has another number of rays in every step
+            self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=processes.count > 1)
         self.extends: tuple[str, ...] = ()  # see :attr:`core.models.model.Model.extends`
 
     def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
@@ -137,11 +144,11 @@ class Trainer:
         for parameter, value in zip(averaged.parameters(), layers, strict=True):
             parameter.data.copy_(value)
         book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
-        distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
-        size, focal = self.dataset.image_size, self.dataset.focal
-        typical, category = float(np.median(distances)), self.dataset.category
+        size, focal, category = self.dataset.image_size, self.dataset.focal, self.dataset.category
         metres = category_sizes(category).metres
-        return Model(averaged, book, self.extent, category, size, focal, typical, extends=self.extends, metres=metres)
+        return Model(
+            *(averaged, book, self.extent, category, size, focal, self.distance), extends=self.extends, metres=metres
+        )
 
     def save_state(self, path: Path) -> None:
         """Write all that :meth:`load_state` needs; an interrupted write keeps the previous file."""
@@ -185,6 +192,9 @@ class Trainer:
         for optimiser in self.optimisers:
             optimiser.zero_grad()
         loss.backward()
+        gradients = [value.grad for value in self._parameters() if value.grad is not None]
+        losses = torch.stack((loss.detach(), error.detach()))
+        self.processes.add(*gradients, losses)
         groups = [group for optimiser in self.optimisers for group in optimiser.param_groups]
         for group, peak in zip(groups, self._peak_lrs, strict=True):
             group["lr"] = peak * self._lr_factor(self.step)
@@ -192,13 +202,19 @@ class Trainer:
             optimiser.step()
         decay = min(self.settings.ema_decay, (1 + self.step) / (10 + self.step))
         torch._foreach_lerp_(self.ema_parameters, [p.detach() for p in self._parameters()], 1 - decay)
-        return float(loss.detach()), float(error.detach())
+        total, squared_error = losses.tolist()
+        return total, squared_error
 
     def _loss(self, batch: RayBatch) -> tuple[Tensor, Tensor]:
-        """Return Eq. 4 plus the terms for mask and empty space; and the squared error alone."""
+        """Return Eq. 4 plus the terms for mask and empty space; and the squared error alone.
+
+        Sums over all processes are the means over the batch.
+        """
         settings = self.settings
         rows = self.shape_row[batch.owner], self.texture_row[batch.owner]
-        loss, error = self._ray_loss(self._place_samples(batch, *rows), batch, *rows)
+        certain = (batch.mask_class != 1).float().sum()
+        self.processes.add(certain)
+        loss, error = self._ray_loss(self._place_samples(batch, *rows), batch, *rows, certain)
         if settings.outside_points:
             loss = loss + settings.empty_space_weight * self._empty_space_loss()
         return loss, error
@@ -213,7 +229,8 @@ class Trainer:
                 bias, _ = self.field.biases(self.shapes[shape_row], self.textures[texture_row])
             coarse = partial(self._coarse_density, bias=bias[:, None])
         inside = partial(self.ray_dataset.inside_hull, owner=batch.owner[:, None])
-        return place_samples(batch.rays, settings.samples, inside, coarse, self.generator)
+        jitter = torch.rand(settings.rays, settings.samples, generator=self.generator, device=self.device)
+        return place_samples(batch.rays, jitter[batch.place], inside, coarse)
 
     @torch.no_grad()
     def _coarse_density(
@@ -222,24 +239,30 @@ class Trainer:
         return self.field.density(points, bias)[0].float()
 
     def _evaluate_ray_loss(
-        self, samples: PlacedSamples, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"]
+        self,
+        samples: PlacedSamples,
+        batch: RayBatch,
+        shape_row: Int[Tensor, "rays"],
+        texture_row: Int[Tensor, "rays"],
+        certain_count: Float[Tensor, ""],
     ) -> tuple[Tensor, Tensor]:
-        """Return loss and squared error of rays; compiled on a graphics card, where all shapes are fixed."""
+        """Return loss and squared error of rays, as fractions of the whole batch's; compiled on a graphics card."""
         settings = self.settings
         shape, texture = functional.embedding(shape_row, self.shapes), functional.embedding(texture_row, self.textures)
         biases = [bias[:, None] for bias in self.field.biases(shape, texture)]
         direction = self.field.direction_bias(batch.rays.directions)[:, None]
         density, colours = self.field.radiance(samples.points, direction, *biases)
         weights, transmittance = compositing_weights(density.float(), samples.edges)
-        error = functional.mse_loss(composite_on_white(weights, transmittance, colours.float()), batch.colours)
+        residuals = composite_on_white(weights, transmittance, colours.float()) - batch.colours
+        error = residuals.square().mean(-1).sum() / settings.rays
         certain = (batch.mask_class != 1).float()
         opacity_error = (1 - transmittance - batch.mask_class.float() / 2) * certain
-        mask_loss = opacity_error.square().sum() / certain.sum().clamp_min(1)
-        prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
+        mask_loss = opacity_error.square().sum() / certain_count.clamp_min(1)
+        prior = (shape.square().sum() + texture.square().sum()) / settings.rays
         return error + settings.mask_weight * mask_loss + settings.code_prior * prior, error
 
     def _empty_space_loss(self) -> Tensor:
-        """Return the mean opacity of one ray interval at points outside the hulls.
+        """Return the mean opacity of one ray interval at points outside the hulls, a sum of all processes.
 
         Half of the points use one object's shape code. The others use a mix of two objects' codes, outside both hulls,
         so that interpolated objects stay as clean as the originals.
@@ -252,9 +275,10 @@ class Trainer:
         share = torch.rand(count, 1, generator=generator, device=device)
         shape = torch.lerp(self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]], share)
         texture = torch.lerp(self.textures[self.texture_row[first]], self.textures[self.texture_row[second]], share)
-        density, _ = self.field.density(points, self.field.biases(shape, texture)[0])
+        own = self.processes.own
+        density, _ = self.field.density(points[own], self.field.biases(shape[own], texture[own])[0])
         step = 2 * self.ray_dataset.extent.amin() / _OUTSIDE_INTERVALS
-        return (-torch.expm1(-density * step) * outside).mean()
+        return (-torch.expm1(-density * step) * outside[own]).sum() / count
 
     def _parameters(self) -> list[Tensor]:
         return [*self.field.parameters(), self.shapes, self.textures]

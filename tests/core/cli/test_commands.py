@@ -198,6 +198,8 @@ def test_nerf_folders_are_fitted_evaluated_and_trained_on(capsys: pytest.Capture
     assert evaluated("r.json") == ["stool0", "stool1"]
     assert json.loads(Path("r.json").read_text())["summary"]["psnr"][0] > 20
     run("train d --pose-scale 0.3 --width 16 --latent 4 4 --steps 2 --out n.safetensors")
+    run("train d --pose-scale 0.3 --recipe M2 --width 16 --latent 4 4 --steps 2 --out ablation.safetensors")
+    assert load_model("ablation.safetensors").is_ablation
     assert len(load_model("n.safetensors").codes) == 2
 
 

@@ -135,6 +135,45 @@ def test_a_killed_command_leaves_no_process_and_goes_on_when_started_again():
     assert names() == sorted(_COLOURS)
 
 
+_DEADLY = """
+import os
+import sys
+from pathlib import Path
+
+def end(event, arguments):
+    name = Path(str(arguments[0])).name if event == "open" else ""
+    if "PARENT" in os.environ and os.getpid() != int(os.environ["PARENT"]):
+        if name == "deadly.png" or (name == "once.png" and not Path("died").exists()):
+            Path("died").touch()
+            os._exit(1)
+
+sys.addaudithook(end)
+"""
+_COMMAND = """
+import os, sys
+os.environ["PARENT"] = str(os.getpid())
+from core.__main__ import main
+main(sys.argv[1:])
+"""
+
+
+def test_a_process_that_dies_ends_no_other_fit_and_its_photos_are_tried_once_more():
+    Path("sitecustomize.py").write_text(_DEADLY)  # every process runs it first
+    for name in ("deadly.png", "once.png"):
+        draw(Path(name), (90, 60, 30))
+    photos = ("red.png", "deadly.png", "once.png")
+    command = [sys.executable, "-c", _COMMAND, *words(*photos, more="--threads 2")]
+    path = os.pathsep.join([str(Path().absolute()), str(_ROOT)])
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False)
+    assert "2 of 3 photos are fitted, 1 failed" in done.stderr
+    assert done.returncode == 0
+    assert Path("died").exists()
+    errors = {Path(row["photo"]).name: row.get("error", "") for row in map(json.loads, lines())}
+    assert sorted(errors) == sorted(photos)
+    assert "its process died" in errors.pop("deadly.png")
+    assert not any(errors.values())
+
+
 _ON_A_CLUSTER = """
 import sys
 from distributed import LocalCluster

@@ -22,7 +22,7 @@ commands = "|fit|train|evaluate|bench|bench ablations|dataset|dataset pairs|turn
 for words in commands.split("|"):
     with contextlib.suppress(SystemExit):
         parse([*words.split(), "--help"])
-assert "torch" not in sys.modules and "numpy" not in sys.modules
+assert not {"torch", "numpy", "PIL"} & {*sys.modules}
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from core.models.codes import Entry
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver, in_window
-from tests.viewer.stand_ins import endless_fit
+from tests.viewer.stand_ins import HeldFit, endless_fit
 from viewer.services.backend import Backend
 
 
@@ -29,6 +29,37 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
         assert not window.exists("Library/**/show kenney_chair-look1")
 
     drive(act, replace(backend, load_model=lambda name: varied))
+
+
+def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Backend, photo: Path) -> None:
+    paths = [photo.with_name(f"block {number:02d}.png") for number in range(40)]
+    for path in paths:
+        path.write_bytes(photo.read_bytes())
+    fit = HeldFit()
+
+    def top(window: Driver, name: str) -> float:
+        return window.ctx.item_info(f"//{name}").rect_full.min.y
+
+    def act(window: Driver) -> None:
+        fitting = window.session.fitting
+        window.context.drop([*map(str, paths)])
+        window.wait(lambda: bool(fitting.history.steps) and fitting.history.photo is not None)
+        assert len(fitting.queue) == 39
+        rows = [top(window, f"Library/**/waits block {number:02d}.png") for number in range(16)]  # in sight
+        assert rows == sorted(rows)
+        assert len(set(rows)) == 8  # of two columns
+        window.show("Photo")
+        assert window.exists("Photo/**/waits block 07.png")
+        assert not window.exists("Photo/**/waits block 20.png")
+        window.wait(lambda: window.exists("Photo/**/###point at it"))
+        assert top(window, "Photo/**/###point at it") < 800  # the photo is in sight
+        fit.may_end.set()
+        window.wait(lambda: not fitting.running and not fitting.queue)
+        assert window.session.editor.objects.own == [path.stem for path in reversed(paths)]
+        assert not fitting.pending
+        assert not window.session.jobs.messages.errors
+
+    drive(act, replace(backend, fit=fit))
 
 
 @in_window()

@@ -19,7 +19,8 @@ def two_slabs(points: Tensor) -> Tensor:
 
 def place(samples: int = 16, density: float | None = None, inside=two_slabs):
     coarse = None if density is None else lambda points: torch.full(points.shape[:-1], density)
-    return place_samples(rays(), samples, inside, coarse, torch.Generator().manual_seed(0))
+    jitter = torch.rand(50, samples, generator=torch.Generator().manual_seed(0))
+    return place_samples(rays(), jitter, inside, coarse)
 
 
 def test_samples_lie_where_light_comes_from() -> None:
