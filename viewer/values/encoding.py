@@ -22,6 +22,7 @@ from core.photos.photo import Photo
 from core.runtime.reading import field_types, first_line, open_image, reading, typed, whole
 from viewer.values.fit_history import FitRequest, FittedPhoto
 from viewer.values.objects import EditableObject
+from viewer.values.paints import PaintRequest
 
 
 class Original(NamedTuple):
@@ -33,7 +34,12 @@ class Original(NamedTuple):
 
 
 _SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
-_SEPARATE = EditableObject, FitRequest, Original  # types of items of which an unreadable one leaves the others
+_SEPARATE = (
+    EditableObject,
+    FitRequest,
+    Original,
+    PaintRequest,
+)  # types of items of which an unreadable one leaves the others
 _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
 
 

@@ -79,7 +79,7 @@ def dropped(context: PanelContext) -> str:
     imgui.end_drag_drop_target()
     session, name = context.session, context.dragged
     if payload and not session.editor.is_mixable(name):
-        show, codes = Button("Show it", lambda: session.editor.show_object(name)), session.editor.scene.codes
+        show, codes = Button("Show", lambda: session.editor.show_object(name), name), session.editor.scene.codes
         about = {"buttons": (show,), "relevant": lambda: session.editor.scene.codes is codes}
         session.messages.notify(unmixable(context, name), MessageKind.NOTE, **about)
         return ""
