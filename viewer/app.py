@@ -250,8 +250,8 @@ class App:
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         if self._folder and (width := hello_imgui.load_user_pref("width").strip()).isdigit():
-            self._width, self.context.focus = float(width), ""  # the layout is the last launch's
-        self.context.focus = self.context.preferences.front or self.context.focus  # that was killed
+            self._width = float(width)  # the layout is the last launch's
+        self.context.focus = self.context.preferences.front
         self.session.messages.restart()
         window.on_drop(self._dropped)
         window.limit_size()
@@ -281,7 +281,6 @@ class App:
         self.session.jobs.worker.stop()  # its current step goes on while the session is saved
         if self.context.autosave:
             self.context.autosave.close()
-        self.context.set_preference(front="")
         self._save_preferences()
         if self._folder:
             hello_imgui.save_user_pref("width", f"{self._width:.0f}")
@@ -309,7 +308,8 @@ class App:
             self.params.imgui_window_params.background_color = imgui.ImVec4(*self.context.palette.back, 1.0)
         imgui.get_style().font_scale_main = preferences.text
         self._follow_width()
-        if front := self._front_panel():
+        front = self._front_panel()
+        if front or not any(self._dockable_of(panel).is_visible for panel in self.panels if panel.dock == "Right"):
             self.context.set_preference(front=front)
         if not self._headless:
             self.params.fps_idling.fps_max = self.rate()

@@ -24,7 +24,7 @@ class Preferences:
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()  # paths of opened files, the latest first
     paints: tuple[str, ...] = ()  # chosen paints, such as #c03028, the latest first
-    front: str = ""  # title of the inspector's panel in front; emptied when the program ends, as the layout has it
+    front: str = "Mix"  # title of the inspector's panel in front; empty if all are hidden
 
     def with_text_size(self, text: float) -> "Preferences":
         """Return the preferences with another text size, within its limits."""
