@@ -63,7 +63,8 @@ class MessageColumn:
     @staticmethod
     def _draw_row(context: PanelContext, row: "_Row", number: int, room: float) -> None:
         """Draw a message, or the gap that it left."""
-        message, top = row.message, imgui.get_cursor_pos_y()
+        message = row.message
+        top = imgui.get_cursor_pos_y()
         is_left = any(message is listed for listed in context.session.messages.all) and message.relevant()
         if not is_left and row.height:
             imgui.dummy((0, row.height))
