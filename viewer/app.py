@@ -12,9 +12,10 @@ from core.runtime.signals import TERMINATION, on_signals
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
-from viewer.panels import all_panels, menu, messages
+from viewer.panels import all_panels, menu
 from viewer.panels.help import Help
 from viewer.panels.history import HistoryStrip
+from viewer.panels.messages import MessageColumn
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
 from viewer.screen import fonts, theme, window
@@ -70,7 +71,7 @@ class App:
         self.panels: list[Panel] = all_panels()
         self.context.panels = tuple(panel.title for panel in self.panels)
         self._segmenting, self._share = SegmentingDialog(), ShareDialog()
-        self._help, self._history = Help(), HistoryStrip()
+        self._help, self._history, self._messages = Help(), HistoryStrip(), MessageColumn()
         size = size or window.usual_size(headless)
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
@@ -249,7 +250,8 @@ class App:
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         if self._folder and (width := hello_imgui.load_user_pref("width").strip()).isdigit():
-            self._width, self.context.focus = float(width), ""  # the layout is the last launch's
+            self._width = float(width)  # the layout is the last launch's
+        self.context.focus = self.context.preferences.front
         self.session.messages.restart()
         window.on_drop(self._dropped)
         window.limit_size()
@@ -306,6 +308,9 @@ class App:
             self.params.imgui_window_params.background_color = imgui.ImVec4(*self.context.palette.back, 1.0)
         imgui.get_style().font_scale_main = preferences.text
         self._follow_width()
+        front = self._front_panel()
+        if front or not any(self._dockable_of(panel).is_visible for panel in self.panels if panel.dock == "Right"):
+            self.context.set_preference(front=front)
         if not self._headless:
             self.params.fps_idling.fps_max = self.rate()
         self.each_frame()
@@ -329,7 +334,7 @@ class App:
         context = self.context
         self._guard("This key failed", lambda: run_keys(context))
         self._guard("This key failed", lambda: self._close_top(context))
-        self._guard("The messages failed", lambda: messages.draw(context))
+        self._guard("The messages failed", lambda: self._messages.draw(context))
         self._guard("The history failed", lambda: self._history.draw(context))
         self._guard("The help failed", lambda: self._help.draw(context))
         if self._guard("The Share dialog failed", lambda: self._share.draw(context)):

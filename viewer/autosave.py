@@ -1,5 +1,6 @@
 """Autosave: work is saved during editing and continued at the next launch, also after a crash."""
 
+import math
 import secrets
 import time
 from collections.abc import Callable, Mapping
@@ -109,6 +110,7 @@ class Autosave:
         self.finish()
         self._thread.shutdown()
         self._session.keep_user_objects()
+        self._session.sweep_photos()
         project = self._session.project()
         if project.is_empty:
             self._own_file.unlink(missing_ok=True)
@@ -142,6 +144,7 @@ class Autosave:
         self.finish()
         if self._write(project, self._archive_path(time.time())):
             self._own_file.unlink(missing_ok=True)
+            self._when = -math.inf  # the photos that wait are in no file now
         for path in self.earlier[EARLIER:]:
             path.unlink(missing_ok=True)
 

@@ -1,6 +1,7 @@
 """A run of the program apart from its window: the editor, its activities, and their saved state."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.messages import Button, MessageKind, Messages
+from viewer.services.photo_copies import PhotoCopies
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.pictures import Pixels, read_pictures
 from viewer.services.signal import Signal
@@ -71,6 +73,7 @@ class Session:
         self.archive = Signal[Project]()  # emitted with a project that is about to be replaced
         self.project_path: Path | None = None  # file of the saved or opened project
         self._user_objects = UserObjects(folder and folder / "mine")
+        self._photo_copies = PhotoCopies(folder and folder / "photos")
         self._pictures = read_pictures(folder / PICTURES) if folder else {}  # images of the last session
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
@@ -96,7 +99,7 @@ class Session:
         self.thumbnails = Thumbnails(jobs, self._pictures)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
         self.player = Player(jobs, self.editor)
-        self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
+        self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting = Painting(jobs, self.editor, self.viewport)
         self.grabbing = Grabbing(jobs, self.editor, self.viewport)
@@ -229,6 +232,11 @@ class Session:
         self._kept = self.editor.objects.version
         self._store(self.editor.objects.ever_added)
 
+    def sweep_photos(self) -> None:
+        """Delete old copies of photos that are fitted."""
+        pending = (*self.fitting.pending, *self._waiting[1])
+        self._photo_copies.sweep(source for request in pending for source in request.history.sources)
+
     def keep_edits(self, project: Project) -> None:
         """Store the edits of a project's objects, on any thread. Raises ``ValueError`` or ``OSError`` on failure."""
         self._user_objects.update(self.models, project.objects)
@@ -319,6 +327,7 @@ class Session:
             self.models.files,
             self.originals,
             self.project_path,
+            self.painting.unfinished,
         )
 
     @property
@@ -329,13 +338,14 @@ class Session:
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
         named = self.editor.history, self.project_path, self.originals
-        return (*named, *fit, steps, *added)
+        return (*named, *fit, steps, *self.painting.unfinished, *added)
 
     def restore(self, project: Project) -> None:
         """Take a project's objects, undo history and fits, as :meth:`Editor.restore`; report missing models."""
         self._add_models()
         self.editor.restore(project)
         self._restore_fits(project.fit, project.pending)
+        self.painting.take_over(project.paints)
         self.originals = project.originals
         self._tell_missing(project)
         if self.viewport.source != "none":
@@ -384,15 +394,28 @@ class Session:
         except ValueError as error:
             self.messages.report("Cannot open the project", error)
         else:
-            self.new()
+            self._replace(project)
             self.project_path = path if keep_path else None
             self.messages.notify(f"Opened {path.name}")
-            self.restore(project)
 
     def new(self) -> None:
         """Begin a new project, in which fitted objects stay; the old one is archived with the removed ones."""
+        self._replace(None)
+
+    def _replace(self, project: Project | None) -> None:
+        """Archive everything, and begin anew or with a project; photos that wait go on waiting."""
+        unfinished, waiting = self.fitting.unfinished, self._waiting[1]
+        self._end()
+        if project:
+            self.restore(project)
+        self._waiting = self._waiting[0], (*self._waiting[1], *waiting)
+        self.fitting.take_over(unfinished)
+
+    def _end(self) -> None:
+        """Archive the project without the photos that wait, and begin an empty one."""
         self.editor.end_gesture()
-        if not (before := self.project()).is_empty:
+        before = replace(self.project(), pending=())
+        if not before.is_empty:
             self.archive.emit(before)
         self.close()
         self._store(self.editor.objects.added)

@@ -1,5 +1,6 @@
 import math
 import os
+import shutil
 import sys
 import textwrap
 from dataclasses import replace
@@ -44,7 +45,7 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
 
     def second(window: Driver) -> None:
         assert window.app._front_panel() == "Photo"
-        assert window.context.preferences == kept[0]
+        assert window.context.preferences == replace(kept[0], front="Photo")
         assert not (kept[0].dark or kept[0].newcomer)
 
     kept: list[Preferences] = []
@@ -410,3 +411,22 @@ def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Ba
         assert editor.model.category == "chairs" and len(editor.history.future) >= 8
 
     drive(act, replace(both, video=small_video), folder=tmp_path / "config")
+
+
+@pytest.mark.parametrize("panel", ["Photo", "Developer"])
+def test_the_front_panel_is_the_same_after_the_program_was_killed(drive: Drive, tmp_path: Path, panel: str) -> None:
+    def first(window: Driver) -> None:
+        window.show("Sliders")
+
+    def second(window: Driver) -> None:
+        assert window.app._front_panel() == "Sliders"
+        window.show(panel)
+        shutil.copytree(tmp_path / "config", tmp_path / "killed", ignore=shutil.ignore_patterns(".*"))
+
+    def third(window: Driver) -> None:
+        assert window.app._front_panel() == panel
+
+    for folder, act in {"config": first, "killed": third}.items():
+        drive(act, folder=tmp_path / folder)
+        if act is first:
+            drive(second, folder=tmp_path / folder)

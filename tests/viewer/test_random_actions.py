@@ -215,7 +215,7 @@ class Person:
 
     def export(self) -> None:
         if not self.session.exporting.running:
-            self.session.exporting.share(self.folder / "turn.gif", ShareSettings(size=16))
+            self.session.exporting.share(self.folder / "turn.gif", ShareSettings("turntable", size=16))
 
     def drop(self) -> None:
         path = self.folder / f"block {self.random.randrange(10**6)}.png"

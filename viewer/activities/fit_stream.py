@@ -102,12 +102,12 @@ def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
 
 
 def _cut_out(backend: Backend, source: PhotoSource) -> tuple[CutOut, SeenCutOut]:
-    cut = backend.cut_out(source.path, source.hints)
-    return cut, SeenCutOut.of(read_rgba(source.path), cut)
+    cut = backend.cut_out(source.file, source.hints)
+    return cut, SeenCutOut.of(read_rgba(source.file), cut)
 
 
 def _not_found(source: PhotoSource, model: Model) -> Doubt:
-    bare = SeenCutOut(pixels_on_white(read_rgba(source.path)), ())
+    bare = SeenCutOut(pixels_on_white(read_rgba(source.file)), ())
     return Doubt("The object was not found: point at it", model, None, bare)
 
 

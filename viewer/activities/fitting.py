@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_views import with_photo_detail
@@ -16,6 +17,7 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_SHARE, Jobs
 from viewer.services.messages import Button, MessageKind, error_text
+from viewer.services.photo_copies import PhotoCopies
 from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, photo_sources
 from viewer.values.objects import EditableObject
@@ -27,6 +29,14 @@ _NAMED = 3  # files that a message names
 _NONE: Confirmed = {}
 
 
+class Unfinished(NamedTuple):
+    """What a new project takes over from the one before: photos that wait, with their cut-outs."""
+
+    queue: tuple[FitRequest, ...]
+    questions: tuple[Question, ...]
+    confirmed: Confirmed
+
+
 class Fitting:
     """Runs one fit at a time and queues the others.
 
@@ -34,18 +44,23 @@ class Fitting:
     that failed, with its photos and confirmed cut-outs, until it is tried again.
     """
 
-    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions) -> None:
+    def __init__(
+        self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions, copies: PhotoCopies
+    ) -> None:
         self._jobs, self._editor, self._viewport, self.options = jobs, editor, viewport, options
+        self._copies = copies  # of photos, which may wait longer than their files exist
         self.view = FitView(editor, viewport, jobs.models)
         self.results = FitResults(editor, viewport)
         self.request: FitRequest | None = None  # the running fit's
         self.queue: tuple[FitRequest, ...] = ()  # the next first
         self.questions: tuple[Question, ...] = ()  # the one chosen last first, then the oldest
         self._chosen: FitRequest | None = None  # request whose question was chosen last
+        self._set_aside: tuple[FitRequest, ...] = ()  # requests whose questions gave way to a chosen object
         self._confirmed = _NONE  # of unfinished requests
         self._shown_fit, self._fits = "", dict[str, FitHistory]()  # name of the shown fit's object; fits by name
         self._before = self.history  # the fit shown before the last one began
         self._name = ""  # object in the view
+        editor.object_chosen.connect(self._set_questions_aside)
 
     @property
     def history(self) -> FitHistory:
@@ -63,11 +78,21 @@ class Fitting:
 
     @property
     def question(self) -> Question | None:
-        """The question to show; None while a fit is followed. A failed fit is not shown before it was chosen."""
+        """The question to show; None while a fit is followed.
+
+        A failed fit is not shown before it was chosen, and no question after an object was, until its tile is.
+        """
         if self.running and self._viewport.following:
             return None
-        asked = (one for one in self.questions if not one.is_failed or one.request is self._chosen)
-        return next(asked, None)
+        return next((question for question in self.questions if self._is_asked(question)), None)
+
+    def _is_asked(self, question: Question) -> bool:
+        hidden = question.is_failed or any(question.request is request for request in self._set_aside)
+        return not hidden or question.request is self._chosen
+
+    def _set_questions_aside(self) -> None:
+        """Make room for the object that a person chose; the tiles of the questions stay."""
+        self._chosen, self._set_aside = None, tuple(question.request for question in self.questions)
 
     @property
     def running(self) -> bool:
@@ -86,6 +111,18 @@ class Fitting:
             return ()
         history = replace(self.request.history, photos=self.history.photos, model=self.history.model)
         return (self.request._replace(history=history),)
+
+    @property
+    def unfinished(self) -> Unfinished:
+        """All that a new project takes over: the running fit, which begins again, queue and questions."""
+        return Unfinished((*self._unfinished, *self.queue), self.questions, self._confirmed)
+
+    def take_over(self, unfinished: Unfinished) -> None:
+        """Continue what another project left unfinished."""
+        self._confirmed = {**unfinished.confirmed, **self._confirmed}
+        self.queue = (*self.queue, *unfinished.queue)
+        self.questions = (*self.questions, *unfinished.questions)
+        self._next()
 
     def close(self) -> None:
         """Cancel the running fit, the queue and the questions."""
@@ -121,6 +158,7 @@ class Fitting:
         if others:
             names = ", ".join(printable(path.name) for path in others[:_NAMED]) + ", …" * (len(others) > _NAMED)
             self._jobs.messages.notify(f"Left out {names}: no image", MessageKind.NOTE)
+        sources = tuple(map(self._copies.keep, sources))
         if len(sources) > MAX_PHOTOS:
             self._fit_each(*sources)
         else:
@@ -156,7 +194,7 @@ class Fitting:
 
     def add_photo(self, history: FitHistory, path: Path) -> None:
         """Fit an object again with another photo."""
-        self.fit(*history.sources, PhotoSource(path), model=history.model)
+        self.fit(*history.sources, self._copies.keep(PhotoSource(path)), model=history.model)
 
     def refit(self, model: Model | None = None) -> None:
         """Fit the photos of the object in the view again, from the beginning.
@@ -204,7 +242,7 @@ class Fitting:
     def relocate(self, question: Question, path: Path) -> None:
         """Repeat a failed fit with another file for the photo in question."""
         history = question.request.history
-        moved = question.source._replace(path=path)
+        moved = self._copies.keep(question.source._replace(path=path, copy=None))
         sources = tuple(moved if source is question.source else source for source in history.sources)
         self.try_again(question.request, replace(history, sources=sources))
 
@@ -392,7 +430,8 @@ class Fitting:
 
     def _tell(self, text: str, found: Ready) -> None:
         """Report a result, with a button to show it if something else is being edited."""
-        show, unseen = Button("Show", lambda: self.results.show(found.name)), self.results.unseen
+        show = Button("Show", lambda: self.results.show(found.name), found.name)
+        unseen = self.results.unseen
         buttons = (show,) if found.name in unseen else ()
         self._jobs.messages.notify(text, buttons=buttons, relevant=lambda: not buttons or found.name in unseen)
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -16,13 +15,7 @@ from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
-
-
-class _Choice(NamedTuple):
-    """A chosen paint whose texture is not found yet."""
-
-    instance: Instance
-    paint: Paint
+from viewer.values.paints import PaintRequest
 
 
 class Painting:
@@ -31,10 +24,10 @@ class Painting:
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self._part = ""  # chosen part
-        self._choice: _Choice | None = None
+        self._choice: PaintRequest | None = None  # its texture is not found yet
         self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._shown: tuple[CoarsePaint, Rgb] | None = None  # on screen
-        self._known: tuple[Instance, str, Rgb | None] | None = None  # object, part, and the part's colour once measured
+        self._measured: tuple[Instance, str, Rgb | None] | None = None  # object, part, and the part's colour if known
         self._released = True  # no drag is in progress
 
     @property
@@ -53,30 +46,43 @@ class Painting:
 
     @property
     def colour(self) -> Rgb | None:
-        """The part's colour, sRGB 0..1, measured in the background.
+        """The part's colour, sRGB 0..1: the chosen one, else that of the frame on screen until it is measured.
 
-        Until it is measured, the last known colour; None if there is none.
+        None until there is a frame, and for an object without a surface; in another shape, the colour of before.
         """
-        instance, part = self._editor.scene.instance, self.part
-        if self._choice and instance is self._choice.instance and part == self._choice.paint.part:
-            return self._choice.paint.colour
-        if self._known is None or self._known[0] != instance or self._known[1] != part:
-            before = self._known[2] if self._known else None
-            self._known = instance, part, before
-            measure = self._jobs.backend.paint_colour
+        instance = self._editor.scene.instance
+        part = self.part
+        choice = self._choice
+        if choice and part == choice.paint.part and torch.equal(instance.codes.texture, choice.instance.codes.texture):
+            return choice.paint.colour
+        before, of_part, colour = self._measured or (None, "", None)
+        if before != instance or of_part != part:
+            is_same = (
+                before is not None and of_part == part and torch.equal(before.codes.texture, instance.codes.texture)
+            )
+            colour = colour if is_same else None
+            view = self._viewport
+            if view.full_frame and view.frame_request and view.frame_request.instance == instance:
+                self._measured = instance, part, colour
+                self._measure(instance, part, view.full_frame[0], view.full_frame[1].camera)
+        return colour
 
-            def stream() -> Iterator[Rgb | None]:
-                yield (yield from measure(instance, part))
+    def _measure(self, instance: Instance, part: str, frame: Frame, camera: Camera) -> None:
+        """Begin to measure a part's colour: coarsely in a frame at once, then in the background."""
+        backend = self._jobs.backend
 
-            def keep(colour: Rgb) -> None:
-                self._known = instance, part, colour
+        def stream() -> Iterator[Rgb | None]:
+            yield backend.coarse_paint(instance, camera, frame, part).colour
+            yield (yield from backend.paint_colour(instance, part))
 
-            def ended(error: Exception | None) -> None:
-                if not isinstance(error, ValueError):  # an object without a surface has no colour
-                    self._jobs.reporting("Cannot find the paint")(error)
+        def keep(colour: Rgb) -> None:
+            self._measured = instance, part, colour
 
-            self._jobs.submit(Job("paint colour", stream, keep, ended, share=BACKGROUND_SHARE))
-        return self._known[2]
+        def ended(error: Exception | None) -> None:
+            if not isinstance(error, ValueError):  # an object without a surface has no colour
+                self._jobs.reporting("Cannot find the paint")(error)
+
+        self._jobs.submit(Job("paint colour", stream, keep, ended, urgent=True, share=BACKGROUND_SHARE))
 
     @property
     def is_original(self) -> bool:
@@ -88,6 +94,21 @@ class Painting:
         instance = self._editor.scene.instance
         return instance.detail.texture if instance.detail else self._editor.original.codes.texture
 
+    @property
+    def unfinished(self) -> tuple[PaintRequest, ...]:
+        """The paint that the object is about to take, if any."""
+        return (self._choice,) if self._choice and self._released else ()
+
+    def take_over(self, unfinished: tuple[PaintRequest, ...]) -> None:
+        """Continue with a paint of an earlier run, unless its object was undone."""
+        states = (self._editor.state, *self._editor.history.past)
+        instances = [state.scene.instance for state in states]
+        for request in unfinished:
+            if request.instance in instances:
+                kept = instances[instances.index(request.instance)]
+                self._choice, self._released = PaintRequest(kept, request.paint), False
+                self.release()
+
     def restore(self) -> None:
         """Restore the original paint."""
         self._editor.set_texture(self._original)
@@ -95,7 +116,7 @@ class Painting:
     def paint(self, colour: Rgb) -> None:
         """Show the part in a colour, sRGB 0..1, coarsely; :meth:`release` gives it to the object."""
         self._jobs.cancel("paint")
-        self._choice = _Choice(self._editor.scene.instance, Paint(colour, self.part))
+        self._choice = PaintRequest(self._editor.scene.instance, Paint(colour, self.part))
         self._released, self._shown = False, None
         self.tick()
 
@@ -116,8 +137,8 @@ class Painting:
                 self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
                 return
             self._editor.set_texture(found.codes.texture)
-            self._jobs.cancel("paint colour")  # of the codes before
-            self._known = self._editor.scene.instance, choice.paint.part, choice.paint.colour
+            self._jobs.cancel("paint colour")  # of the object before
+            self._measured = self._editor.scene.instance, choice.paint.part, choice.paint.colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)
@@ -141,7 +162,7 @@ class Painting:
             self._shown = self._coarse[2], choice.paint.colour
             view.repainted = replace(frame, image=self._coarse[2].repainted(choice.paint.colour))
 
-    def _find_coarse(self, frame: Frame, camera: Camera, choice: _Choice) -> None:
+    def _find_coarse(self, frame: Frame, camera: Camera, choice: PaintRequest) -> None:
         """Begin to find where a frame of the chosen object, seen from ``camera``, has paint."""
         self._coarse = frame, choice.paint.part, None
         find = self._jobs.backend.coarse_paint

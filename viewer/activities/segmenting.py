@@ -71,7 +71,7 @@ class Segmenting:
                 self.close()
                 self._jobs.messages.report("Cannot open this image", error)
 
-        self._jobs.submit(Job("segmentation", lambda: (read_rgba(source.path),), read, ended))
+        self._jobs.submit(Job("segmentation", lambda: (read_rgba(source.file),), read, ended))
 
     @property
     def settled(self) -> bool:

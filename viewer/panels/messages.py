@@ -1,13 +1,16 @@
 """Messages in the view's lower right corner, above the history. Not a docked panel."""
 
 import textwrap
+from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
-from viewer.services.messages import Message, MessageKind
+from viewer.services.messages import Button, Message, MessageKind
+from viewer.values.printable import as_label
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
+_SUBJECT = 30  # most characters of an object's name on a button
 _WIDTH, _BESIDE, _SMALL = 34, 6, 16  # em: longest line, room beside it, and width of a view too small for messages
 
 _ICONS = {
@@ -18,27 +21,68 @@ _ICONS = {
 _COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PROBLEM: "error"}  # fields of the palette
 
 
-def draw(context: PanelContext) -> None:
-    """Draw the messages that have not faded in one column, the newest on top: it moves no button."""
-    due = context.session.messages.shown
-    if not due:
-        return
-    low, high = _room(context)
-    edge = 0.5 * hello_imgui.em_size()
-    imgui.set_next_window_pos(high - ImVec2(edge, edge), imgui.Cond_.always, (1, 1))
-    imgui.set_next_window_bg_alpha(0.97)
-    pressed = any(message.buttons or message.kind is MessageKind.PROBLEM for message in due)
-    # Without buttons, the mouse reaches the window below.
-    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
-    if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
-        if not (_is_menu_open() or context.files.asking):
-            imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
-        if pressed:  # no new message moves a button
-            imgui.dummy((_line_width(high.x - low.x), 0))
-        for number, message in reversed([*enumerate(due)]):
-            _draw(context, message, number, high.x - low.x)
-    imgui.end()
-    imgui.pop_style_var()
+class MessageColumn:
+    """Draws the messages that have not faded, the newest on top. No button moves while the mouse is over the column."""
+
+    def __init__(self) -> None:
+        self._rows: list[_Row] = []  # the oldest first
+        self._hovered = False  # the mouse was over the column in the last frame
+
+    def draw(self, context: PanelContext) -> None:
+        """Draw the column; while the mouse is over it, what has faded stays, and what was dismissed leaves a gap."""
+        self._update(context)
+        if not self._rows:
+            return
+        low, high = _room(context)
+        edge = 0.5 * hello_imgui.em_size()
+        imgui.set_next_window_pos(high - ImVec2(edge, edge), imgui.Cond_.always, (1, 1))
+        imgui.set_next_window_bg_alpha(0.97)
+        pressed = any(_has_buttons(row.message) for row in self._rows)
+        # Without buttons, the mouse reaches the window below.
+        imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+        if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
+            if not (_is_menu_open() or context.files.asking):
+                imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+            if pressed:  # no new message moves a button
+                imgui.dummy((_line_width(high.x - low.x), 0))
+            for number, row in reversed([*enumerate(self._rows)]):
+                self._draw_row(context, row, number, high.x - low.x)
+        self._hovered = pressed and imgui.is_window_hovered(imgui.HoveredFlags_.allow_when_blocked_by_active_item)
+        imgui.end()
+        imgui.pop_style_var()
+
+    def _update(self, context: PanelContext) -> None:
+        """Take the messages that are due; while the mouse is over the column, add new ones alone."""
+        rows = {id(row.message): row for row in self._rows}
+        due = [rows.get(id(message)) or _Row(message) for message in context.session.messages.shown]
+        if not self._hovered:
+            self._rows = due
+            return
+        self._rows += [row for row in due if id(row.message) not in rows]
+
+    @staticmethod
+    def _draw_row(context: PanelContext, row: "_Row", number: int, room: float) -> None:
+        """Draw a message, or the gap that it left."""
+        message = row.message
+        top = imgui.get_cursor_pos_y()
+        is_left = any(message is listed for listed in context.session.messages.all) and message.relevant()
+        if not is_left and row.height:
+            imgui.dummy((0, row.height))
+        else:
+            _draw(context, message, number, room)
+            row.height = imgui.get_cursor_pos_y() - top - imgui.get_style().item_spacing.y
+
+
+@dataclass(eq=False)
+class _Row:
+    """A message in the column."""
+
+    message: Message
+    height: float = 0.0  # px as drawn last
+
+
+def _has_buttons(message: Message) -> bool:
+    return bool(message.buttons) or message.kind is MessageKind.PROBLEM
 
 
 def _is_menu_open() -> bool:
@@ -75,11 +119,17 @@ def _draw(context: PanelContext, message: Message, number: int, room: float) -> 
     for place, one in enumerate(message.buttons):
         if place:
             imgui.same_line()
-        if imgui.small_button(f"{one.label}###{one.label.lower()} {number}"):
+        if imgui.small_button(f"{_label(one)}###{one.label.lower()} {number}"):
             context.session.messages.dismiss(message)
             one.press()
-    if message.kind is MessageKind.PROBLEM or message.buttons:
+    if _has_buttons(message):
         imgui.same_line()
         if imgui.small_button(f"{icons_fontawesome_4.ICON_FA_TIMES}###dismiss {number}"):
             context.session.messages.dismiss(message)
         tooltip("Dismiss this message")
+
+
+def _label(button: Button) -> str:
+    """Return a button's label, with the name of the object that it is about."""
+    subject = button.subject if len(button.subject) <= _SUBJECT else f"{button.subject[: _SUBJECT - 1]}…"
+    return as_label(f"{button.label} {subject}".rstrip())

@@ -38,6 +38,7 @@ class Button(NamedTuple):
 
     label: str
     press: Callable[[], None]
+    subject: str = ""  # name of the object it is about, shown after the label
 
 
 @dataclass(frozen=True)

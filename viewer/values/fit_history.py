@@ -29,6 +29,12 @@ class PhotoSource(NamedTuple):
 
     path: Path
     hints: Hints | None = None  # clicks, box and strokes that point out the object
+    copy: Path | None = None  # copy of the file on this machine, which is read if it is there
+
+    @property
+    def file(self) -> Path:
+        """The file to read."""
+        return self.copy if self.copy and self.copy.is_file() else self.path
 
     @property
     def name(self) -> str:

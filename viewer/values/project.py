@@ -21,6 +21,7 @@ from viewer.values.encoding import BlobStore, Original, decode, encode, readable
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.history import History, Mix, Pair, State, Step
 from viewer.values.objects import EditableObject, unique_name
+from viewer.values.paints import PaintRequest
 
 SUFFIX = ".codenerf"
 _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
@@ -42,12 +43,13 @@ class Project:
     model_files: dict[str, str] = field(default_factory=dict)  # the same, and of missing models, by fingerprint
     originals: tuple[Original, ...] = ()  # files of which something could not be read
     path: Path | None = None  # file that a person saved it to, only in autosaved sessions
+    paints: tuple[PaintRequest, ...] = ()  # a chosen paint whose texture is being searched for
 
     @property
     def is_empty(self) -> bool:
         """True if nothing was made, edited or begun."""
         made = len(self.history.steps) > 1 or self.fit.sources or self.pending
-        return not (made or self.originals)
+        return not (made or self.originals or self.paints)
 
     def shared(self) -> "Project":
         """Return the project for other machines: paths are names, except those of photos not yet read."""
@@ -281,7 +283,7 @@ def _photo(number: int) -> str:
 
 def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
     """Apply ``move`` to the paths of photos that were read; the other paths stay."""
-    read = [one._replace(path=move(one.path)) for one in fit.sources]
+    read = [source._replace(path=move(source.path), copy=None) for source in fit.sources]
     read = read[: len(fit.photos)]
     photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))
     return replace(fit, sources=(*read, *fit.sources[len(read) :]), photos=photos)

@@ -81,7 +81,8 @@ def dropped(context: PanelContext) -> str:
     imgui.end_drag_drop_target()
     session, name = context.session, context.dragged
     if payload and not session.editor.is_mixable(name):
-        show, instance = Button("Show it", lambda: session.editor.show_object(name)), session.editor.scene.instance
+        show = Button("Show", lambda: session.editor.show_object(name), name)
+        instance = session.editor.scene.instance
         about = {"buttons": (show,), "relevant": lambda: session.editor.scene.instance is instance}
         session.messages.notify(unmixable(context, name), MessageKind.NOTE, **about)
         return ""

@@ -28,7 +28,7 @@ def draw_question(context: PanelContext, question: Question) -> None:
     imgui.text_wrapped(question.words)
     imgui.pop_style_color()
     seen, boxes = question.seen, question.seen.boxes if question.seen else ()
-    photo = history.photo.pixels if history.photo else context.session.photo_thumbnails.get(question.source.path)
+    photo = history.photo.pixels if history.photo else context.session.photo_thumbnails.get(question.source.file)
     pixels = seen.pixels if seen else photo
     if pixels is not None:
         choose_object = partial(fitting.choose, history.sources, question.number, model=history.model)
@@ -51,7 +51,7 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
     fitting, history = context.session.fitting, question.request.history
     point = partial(context.session.segmenting.open, history.sources, question.number, history.model)
     answers: list[_Answer] = [("Point at it###point at it", POINT_HELP, point)]
-    if question.is_failed and fitting.needs_file(question) and not is_there(question.source.path):
+    if question.is_failed and fitting.needs_file(question) and not is_there(question.source.file):
         find = partial(context.find_photo, question)
         answers = [("Find…###find photo", "Choose its file, which is not there any more, and fit it", find)]
     elif question.is_failed:

@@ -47,7 +47,7 @@ def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2)
             fitting.ask_first(waits)
     question = fitting.question
     bright = imgui.is_item_hovered() or running or (question is not None and question.request is waits)
-    object_tiles.paint_photo(context, source.path, corner, side)
+    object_tiles.paint_photo(context, source.file, corner, side)
     object_tiles.shade(corner, side, context.palette.panel, 0.0 if bright else object_tiles.DIMMED)
     if running:
         tooltip(f"{source.name} is being fitted\nClick to see it")

@@ -1,6 +1,7 @@
 """Real commands whose standard output, error or log ends before they do."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -26,13 +27,15 @@ def folder(tmp_path: Path) -> Path:
     drawing.save(tmp_path / "a.png")
     pose = model.camera(np.radians(60), np.radians(20)).pose()
     (tmp_path / "p.txt").write_text(" ".join(map(str, pose.flatten().tolist())))
+    (tmp_path / "temporary").mkdir()
     return tmp_path
 
 
 def shell(folder: Path, words: str) -> subprocess.CompletedProcess[str]:
     """Run a line of bash; ``core`` in it is the command line."""
     line = f'set -o pipefail; core() {{ PYTHONPATH="{ROOT}" "{sys.executable}" -m core "$@"; }}; {words}'
-    return subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, text=True, check=False)
+    env = os.environ | {"TMPDIR": str(folder / "temporary")}
+    return subprocess.run(["bash", "-c", line], cwd=folder, env=env, capture_output=True, text=True, check=False)
 
 
 FIT = "core fit a.png --model m.safetensors --pose p.txt --preset draft --out s.json"
@@ -57,6 +60,7 @@ def test_a_fit_is_saved_though_nobody_reads_its_words(folder: Path, words: str, 
     assert [line for line in said if "cannot be written any more" in line] == said
     assert len(said) == bool(lost)
     assert not lost or lost in said[0]
+    assert not any((folder / "temporary").iterdir())
 
 
 def test_every_command_ends_well_without_a_reader(folder: Path) -> None:
@@ -72,5 +76,6 @@ def test_a_fit_whose_file_fails_still_says_its_result(folder: Path) -> None:
     watch = "(read line; rm -r gone; cat >rest)"
     done = shell(folder, f"{FIT.replace('s.json', 'gone/s.json')} --log >{watch} ")
     assert done.returncode == 2
-    assert "instead" in done.stderr
+    (elsewhere,) = (folder / "temporary").glob("codenerf-*/s.json")
+    assert f"it is in {elsewhere} instead" in done.stderr
     assert json.loads(done.stdout)["azimuth"] == pytest.approx(60, abs=1e-3)

@@ -280,6 +280,7 @@ def test_a_failed_fit_is_saved_and_not_repeated_until_it_is_told_to(session: Ses
     session.fitting.start(photo)
     finish(session)
     session.project().save(tmp_path / "a.codenerf", session.models)
+    session.fitting.forget(session.fitting.pending[0].history.sources)
     session.new()
     assert not session.fitting.pending
     photo.unlink()

@@ -110,7 +110,9 @@ def test_the_colour_is_told_once_it_is_known(painted: Session, editor: Editor) -
     finish(painted)
     assert painting.colour == pytest.approx(editor.code("texture")[:3].clamp(0, 1).tolist())
     editor.show_object("object 3")
-    assert painting.colour is not None  # that of before, until it is measured
+    assert painting.colour is None  # there is no frame of it yet
+    finish(painted)
+    assert painting.colour is None  # the frame is looked at
     finish(painted)
     assert painting.colour == pytest.approx(editor.code("texture")[:3].clamp(0, 1).tolist())
 

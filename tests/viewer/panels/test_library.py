@@ -122,7 +122,7 @@ def test_chairs_and_cars_are_one_library(window: Driver) -> None:
     assert editor.model is cars
     (said,) = session.messages.shown
     assert said.text == "A chair cannot be mixed with a car: show it to begin with it"
-    window.click("Messages/###show it 0")
+    window.click("Messages/###show 0")
     assert editor.model is chairs
     window.click("Library/**/show object 2", 1)
     window.click("**/Make it B")

@@ -1,4 +1,6 @@
-from imgui_bundle import imgui
+from functools import partial
+
+from imgui_bundle import ImVec2, imgui
 
 from tests.viewer.driver import Driver, in_window
 from viewer.services.messages import Button, MessageKind
@@ -68,3 +70,27 @@ def test_esc_closes_what_is_on_top(window: Driver) -> None:
     window.ctx.yield_(3)
     window.press(imgui.Key.escape)
     window.wait(lambda: not context.files.asking)
+
+
+@in_window()
+def test_results_are_told_apart_and_no_button_moves_under_the_mouse(window: Driver) -> None:
+    messages, pressed, relevant = window.session.messages, list[str](), {"red": True, "blue": True}
+    for name in relevant:
+        show = Button("Show", partial(pressed.append, name), name)
+        messages.notify(f"Fitted: {name}", buttons=(show,), relevant=partial(relevant.__getitem__, name))
+    window.ctx.yield_(3)
+    red, blue = (window.ctx.item_info(f"//Messages/###show {number}").rect_full for number in range(2))
+    assert blue.get_width() > red.get_width(), "each has the name of its object"
+    window.ctx.mouse_move_to_pos(blue.get_center())
+    relevant["red"] = False  # it was shown by a click on its tile
+    for number in range(4):
+        messages.notify(f"More {number}", buttons=(Button("OK", lambda: None),))
+    window.ctx.yield_(3)
+    window.ctx.mouse_click(0)
+    assert pressed == ["blue"]
+    window.ctx.yield_(3)
+    window.ctx.mouse_click(0)
+    assert pressed == ["blue"], "nothing took the place of the button"
+    window.ctx.mouse_move_to_pos(ImVec2(5, 5))
+    window.ctx.yield_(3)
+    assert window.exists("Messages/###ok 2") and not window.exists("Messages/###ok 3"), "three at a time"

@@ -1,5 +1,7 @@
 import math
+import shutil
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +10,9 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from core.detail.paint import Paint
 from core.fitting.fit import FitJob, FitStep
+from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import Erasure
 from core.photos.photo import Photo, read_cut_out
@@ -25,6 +29,7 @@ from tests.viewer.stand_ins import (
     quick_photo,
 )
 from tests.viewer.test_editor import fitted
+from viewer import autosave
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.fit_history import PhotoSource
@@ -355,3 +360,62 @@ def test_several_photos_agree_or_not_by_a_dot(
         assert dots == [words]
 
     drive(act, replace(backend, fit=rated, frame_photo=told))
+
+
+def test_a_paint_that_is_computed_when_the_program_is_killed_is_found_at_the_next_launch(
+    drive: Drive, backend: Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(autosave, "EVERY", 0.0)
+    colour = rgb(next(iter(paints_of("").values())))
+
+    def endless_paint(model: Model, codes: Codes, paint: Paint) -> Iterator[None]:
+        while True:
+            time.sleep(0.01)
+            yield None
+
+    def first(window: Driver) -> None:
+        window.show("Photo")
+        window.click("Photo/###swatch 1")
+        window.wait(lambda: window.context.autosave.is_up_to_date)
+        shutil.copytree(tmp_path / "config", tmp_path / "killed", ignore=shutil.ignore_patterns(".*"))
+
+    def second(window: Driver) -> None:
+        editor = window.session.editor
+        window.wait()
+        assert editor.scene.codes.texture[:3].tolist() == pytest.approx(colour)
+        window.undo()
+        assert editor.scene.codes == editor.original
+
+    drive(first, replace(backend, paint=endless_paint), folder=tmp_path / "config")
+    drive(second, folder=tmp_path / "killed")
+
+
+def test_a_swatch_never_shows_the_colour_of_another_object(drive: Drive, backend: Backend) -> None:
+    may_measure = threading.Event()
+    may_measure.set()
+
+    def slow_colour(model: Model, codes: Codes, part: str) -> Iterator[None]:
+        while not may_measure.is_set():
+            time.sleep(0.01)
+            yield None
+        return (yield from quick_colour(model, codes, part))
+
+    def swatch(window: Driver) -> np.ndarray:
+        place = window.ctx.item_info("//Photo/###paint").rect_full.get_center()
+        return window.capture()[int(place.y), int(place.x)]
+
+    def act(window: Driver) -> None:
+        window.show("Photo")
+        window.wait()
+        before = swatch(window)
+        may_measure.clear()
+        window.click("Library/**/show object 3")
+        window.wait_for_view()
+        window.wait(lambda: window.session.painting.colour is not None)
+        frame = window.session.viewport.frame
+        assert frame is not None
+        shown = frame.image[frame.opacity > 0.99].mean(0)
+        assert np.abs(swatch(window) - shown).max() < 3 < np.abs(before - shown).max()
+        may_measure.set()
+
+    drive(act, replace(backend, paint_colour=slow_colour))

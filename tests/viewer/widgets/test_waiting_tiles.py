@@ -1,19 +1,25 @@
+import os
+import shutil
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from tests.viewer.driver import Drive, Driver, in_window
-from tests.viewer.stand_ins import doubted, quick_fit, quick_photo
+from tests.viewer.stand_ins import doubted, endless_fit, quick_fit, quick_photo
 from tests.viewer.test_editor import fitted
+from viewer import autosave
 from viewer.services.backend import Backend
+from viewer.services.photo_copies import PhotoCopies
 from viewer.values.fit_history import PhotoSource
 
 
@@ -162,3 +168,134 @@ def test_photos_dropped_beside_a_question_show_their_state_at_once(drive: Drive,
         assert window.exists("Photo/###this one")
 
     drive(act, replace(both, cut_out=slow, fit=quick_fit))
+
+
+def killed(folder: Path) -> Path:
+    """Return a copy of a session's folder, as a killed program leaves it: without its locks."""
+    copy = folder.with_name(f"{folder.name} killed")
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns(".*"))
+    return copy
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the_program_is_killed(
+    drive: Drive, both: Backend, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: bool
+) -> None:
+    monkeypatch.setattr(autosave, "EVERY", 0.0)
+    changed, gone = blocks(photo, "bc")
+    pixels = read_cut_out(photo, None).pixels
+    fitted_pixels = list[np.ndarray]()
+
+    def seen_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+        fitted_pixels.append(cut.pixels)
+        return quick_photo(cut, model, source)
+
+    def first(window: Driver) -> None:
+        fitting = window.session.fitting
+        for path in (photo, changed, gone):
+            window.context.drop([str(path)])
+        window.wait(lambda: len(fitting.questions) == 3 if asked else len(fitting.history.steps) > 1)
+        Image.new("RGB", (96, 96), "green").save(changed)
+        gone.unlink()
+        window.wait(lambda: window.context.autosave.is_up_to_date)
+        folders.append(killed(folders[0]))
+
+    def second(window: Driver) -> None:
+        fitting = window.session.fitting
+        if asked:
+            window.wait(lambda: len(fitting.questions) == 3)
+            assert all(window.exists(f"Library/**/waits block{name}.png") for name in ("", " b", " c"))
+            for _ in range(3):
+                window.click("Photo/###as chairs")
+                window.wait(lambda: not fitting.running)
+        window.wait(lambda: not fitting.pending)
+        assert window.session.messages.errors == []
+        assert {"block", "block b", "block c"} <= set(window.session.editor.objects.own)
+
+    folders = [tmp_path / "config"]
+    backend = replace(both, cut_out=doubted) if asked else both
+    drive(first, replace(backend, fit=endless_fit), folder=folders[0])
+    drive(second, replace(backend, frame_photo=seen_photo), folder=folders[1])
+    assert all(np.array_equal(read, pixels) for read in fitted_pixels)
+
+
+def test_old_copies_of_photos_are_deleted_but_not_those_that_wait(tmp_path: Path, photo: Path) -> None:
+    copies = PhotoCopies(tmp_path / "photos")
+    sources = []
+    for number in range(52):
+        photo.write_bytes(bytes([number]))
+        sources.append(copies.keep(PhotoSource(photo)))
+        os.utime(sources[-1].copy.parent, (number, number))
+    copies.sweep(sources[:1])
+    assert [source.file == source.copy for source in sources] == [True, False] + 50 * [True]
+    assert sources[1].file == photo
+
+
+@in_window("both")
+def test_a_chosen_object_takes_the_place_of_a_question_until_its_tile_is_clicked(window: Driver, photo: Path) -> None:
+    session, fitting = window.session, window.session.fitting
+    session.jobs.backend = replace(session.jobs.backend, fit=failing_fit)
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(fitting.questions))
+    name = session.editor.state.mix.a.shape
+    for cut_out in (read_cut_out, doubted):
+        session.jobs.backend = replace(session.jobs.backend, cut_out=cut_out)
+        if cut_out is doubted:
+            window.context.drop([str(path) for path in blocks(photo, "b")])
+            window.wait(lambda: len(fitting.questions) == 2)
+        tile = "waits block b.png" if cut_out is doubted else "waits block.png"
+        window.click(f"Library/**/{tile}")
+        assert window.exists("Photo/###leave photo")
+        window.click(f"Library/**/show {name}")
+        assert not window.exists("Photo/###leave photo"), "the panel is about the object in the view"
+        assert window.exists(f"Library/**/{tile}")
+
+
+def test_photos_that_wait_are_kept_when_a_project_is_opened_or_begun(
+    drive: Drive, both: Backend, photo: Path, tmp_path: Path
+) -> None:
+    def act(window: Driver) -> None:
+        session, project = window.session, tmp_path / "a.codenerf"
+        working = session.jobs.backend
+        window.click("Library/**/show object 3")
+        session.save_project(project)
+        session.jobs.backend = replace(working, fit=failing_fit, cut_out=doubted)
+        for path in (photo, *blocks(photo, "b")):
+            window.context.drop([str(path)])
+        window.wait(lambda: len(session.fitting.questions) == 2)
+        window.click("Photo/###as chairs")
+        window.wait(lambda: any(question.is_failed for question in session.fitting.questions))
+        window.wait()
+        for begin in (lambda: window.context.drop([str(project)]), lambda: window.menu("File/###new_project")):
+            begin()
+            window.wait()
+            assert window.exists("Library/**/waits block.png"), "it failed"
+            assert window.exists("Library/**/waits block b.png"), "it is asked about"
+        photo.unlink()
+        session.jobs.backend = working
+        window.click("Library/**/waits block.png")
+        window.click("Photo/###try again")  # with its cut-out
+        window.wait(lambda: not session.fitting.running)
+        assert session.editor.objects.own == ["block"]
+
+    drive(act, both)
+
+
+def test_a_running_fit_goes_on_when_a_project_is_opened(drive: Drive, backend: Backend, photo: Path, tmp_path: Path):
+    fit = LearningFit()
+
+    def act(window: Driver) -> None:
+        session, project = window.session, tmp_path / "a.codenerf"
+        window.click("Library/**/show object 3")
+        session.save_project(project)
+        window.context.drop([str(photo)])
+        window.wait(lambda: len(session.fitting.history.steps) > 1)
+        window.context.drop([str(project)])
+        window.ctx.yield_(3)
+        assert window.exists("Library/**/waits block.png")
+        fit.may_end.set()
+        window.wait(lambda: not session.fitting.pending)
+        assert session.editor.objects.own == ["block"]
+        assert session.editor.state.mix.a.shape == "object 3", "a person may be editing the project"
+
+    drive(act, replace(backend, fit=fit))
