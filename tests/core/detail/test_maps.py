@@ -205,7 +205,7 @@ def test_no_step_shows_where_it_fades_out() -> None:
     fine = torch.cat((torch.full((3, *weight.shape), 0.66), packed(weight, torch.ones_like(weight))[None]))
     soft = torch.cat((fine[:3] - 0.5, 0.6 * weight[None]))
     surface = torch.cat((normals, seen.depth[..., None]), -1).movedim(-1, 0)
-    maps = DetailMaps((PhotoMaps(source, (fine,), soft, surface),), other_side="soft")
+    maps = DetailMaps((PhotoMaps(source, (fine,), (fine,), soft, surface),), other_side="soft")
     for turn in (0.0, 0.5, 1.2, 2.0):
         view = Camera(0.4 + turn, 0.5, 2.0, 600.0, 512, 512)
         rays, plain = ball(view)
