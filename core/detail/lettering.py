@@ -1,7 +1,7 @@
 """Lettering in a photo, which is unreadable on the mirrored side.
 
-Lettering has thin strokes in more than one direction, several of them in a row, amid paint of one colour. Of these
-only the last three tell it from door gaps, handles, trim and lamps.
+Lettering has thin strokes in more than one direction, unlike door gaps and trim, several of them in a row, unlike
+handles, and paint of one colour between them, unlike lamps.
 """
 
 import numpy as np
@@ -13,16 +13,16 @@ from torch.nn import functional
 from core.detail.filters import blurred, continued, enlarged, resized
 from core.rendering.detail_maps import smooth_step
 
-_SIDE = 512  # px, height of the photo that is searched; lengths in px refer to it
+_SIDE = 512  # px, longer side of the photo that is searched; lengths in px refer to it
 _STROKE = 7  # px, width of the widest thin stroke
 _WINDOW = 7.0  # px, standard deviation of the window in which strokes count together
-_THIN = 0.055, 0.035  # contrast per px across strokes in two directions, amid lettering and at its ends
+_THIN = 0.055, 0.042  # contrast per px across strokes in two directions, amid lettering and at its ends
 _CALM = 0.12, 0.06  # contrast of thin strokes: none of a pixel's colour is paint from the first, all up to the second
 _OTHER_PAINT = 0.25, 0.15  # difference from the main paint of the colour between strokes
 _CONTRAST = 0.25  # difference from the colour between strokes, of a stroke that counts
 _IN_A_ROW = 4  # strokes that most rows of pixels cross: "TAXI" has six
 _ROWS = 0.7  # quantile over the rows of pixels
-_EDGE = 2.0  # px of the map by which the paint that replaces lettering extends beyond it
+_EVEN, _SOFT = 5.0, 1.0  # px of the map, standard deviations: of the paint in place of lettering, and of its edge
 
 
 def lettering(
@@ -34,7 +34,7 @@ def lettering(
         paint: the main paint near each place.
         flank: 0..1, places that can have lettering.
     """
-    size = _SIDE, round(_SIDE * photo.shape[2] / photo.shape[1])
+    size = [max(_STROKE, round(_SIDE * side / max(photo.shape[1:]))) for side in photo.shape[1:]]
     image = functional.interpolate(photo[None], size, mode="bilinear", antialias=True)[0]
     allowed, paint = enlarged(flank[None], image), enlarged(paint, image)
     closing, opening = -_largest(-_largest(image)), _largest(-_largest(-image))
@@ -56,7 +56,7 @@ def without_lettering(
         paint: places with the main paint.
     """
     clean = continued(image, paint & (places == 0))
-    return blurred(clean, _EDGE), blurred(functional.max_pool2d(places[None], 3, 1, 1), _EDGE / 2)[0]
+    return blurred(clean, _EVEN), blurred(functional.max_pool2d(places[None], 3, 1, 1), _SOFT)[0]
 
 
 def _thinness(thin: Float[Tensor, "3 h w"], allowed: Float[Tensor, "1 h w"]) -> Float[Tensor, "h w"]:

@@ -63,7 +63,7 @@ _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: ref
 _FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: lettering ahead and behind has no mirror image
 _WHEEL, _PANE = (5.0, 0.15, 0.05), (2.0, 0.6, 0.9)
 """Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
-_TRUSTED = 0.05  # weight from which a photo's paint replaces lettering
+_TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
 _BLOCK = 4096  # points that a thread evaluates at a time
 
 
@@ -302,7 +302,7 @@ def _photo_maps(
     small = resized(fine[:3], compared.weight)
     levels = mirrored = _levels(fine, device)
     if bool(compared.lettering.any()):
-        paint = (compared.alike > 0.5) & (compared.weight > _TRUSTED)
+        paint = (compared.alike > _EVEN_PAINT) & (compared.weight > _TRUSTED)
         clean, share = without_lettering(small, compared.lettering, paint)
         small = torch.lerp(small, clean, share)
         clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(share[None], fine[:3]))
