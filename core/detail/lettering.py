@@ -36,8 +36,10 @@ def lettering(
     """
     size = [max(_STROKE, round(_SIDE * side / max(photo.shape[1:]))) for side in photo.shape[1:]]
     image = functional.interpolate(photo[None], size, mode="bilinear", antialias=True)[0]
-    allowed, paint = enlarged(flank[None], image), enlarged(paint, image)
-    closing, opening = -_largest(-_largest(image)), _largest(-_largest(-image))
+    allowed = enlarged(flank[None], image)
+    paint = enlarged(paint, image)
+    closing = -_largest(-_largest(image))
+    opening = _largest(-_largest(-image))
     calm = allowed * smooth_step((closing - opening).amax(0), *_CALM)
     between = blurred(image * calm, _WINDOW) / blurred(calm, _WINDOW).clamp_min(1e-3)
     thin = _thinness(closing + opening - 2 * image, allowed)
