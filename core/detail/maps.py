@@ -17,6 +17,8 @@ from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 from torch.nn import functional
 
+from core.detail.filters import blurred, continued, distance, enlarged, resized
+from core.detail.lettering import lettering, without_lettering
 from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays
@@ -57,6 +59,10 @@ _BESIDE = 4.0  # px, standard deviation: distance of a window's frame from the b
 _AROUND = 8.0, 0.05, 0.2  # px, and the share of the main paint within it from which there is no other paint
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
+_FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: lettering ahead and behind has no mirror image
+_WHEEL, _PANE = (5.0, 0.15, 0.05), (2.0, 0.6, 0.9)
+"""Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
+_TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
 _BLOCK = 4096  # points that a thread evaluates at a time
 
 
@@ -108,6 +114,7 @@ class ComparedPhoto:
     body: Float[Tensor, "h w"]  # 0..1, zero on wheels and panes
     rough: Float[Tensor, "h w"]  # contrast of the photo's lightness, 0..1
     alike: Float[Tensor, "h w"]  # 0..1, similarity to the main paint
+    lettering: Float[Tensor, "h w"]  # 1 where a mirror image would be unreadable, else 0
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.rendering.detail_maps.PhotoMaps.surface`
     texels: "SurfaceTexels"
     match: ColourMatch  # from the render's colours to the photo's
@@ -128,16 +135,16 @@ class ComparedPhoto:
         certain = self.alike * self.weight
         photo, render, even = (
             (certain * image).sum((1, 2), keepdim=True) / certain.sum().clamp_min(1e-6)
-            for image in (_resized(self.photo, certain), self.render, change)
+            for image in (resized(self.photo, certain), self.render, change)
         )
         reach, least, enough = _AROUND
         strength = change.abs().amax(0) / even.abs().amax().clamp_min(_UNCHANGED)
-        main = smooth_step(_blurred(certain[None], reach), least, enough) * smooth_step(strength, *_OTHER)
+        main = smooth_step(blurred(certain[None], reach), least, enough) * smooth_step(strength, *_OTHER)
         paint = torch.lerp(self.render + offset, photo, main)
         moved = torch.lerp(moved_paint(change, offset), moved_paint(even, photo - render), main)
         known = self.body * smooth_step(strength - _ROUGH * self.rough, *_PAINTED)
         painted = torch.maximum(known, self.alike)
-        colour, moved, painted = _enlarged(torch.cat((paint, moved, painted[None])), self.photo).split((3, 3, 1))
+        colour, moved, painted = enlarged(torch.cat((paint, moved, painted[None])), self.photo).split((3, 3, 1))
         return repainted(self.photo, colour, moved, painted[0])
 
     @property
@@ -161,7 +168,7 @@ class SurfaceTexels(NamedTuple):
         blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
         colours = map_pieces(lambda block: folded.colour(*block), blocks)
         image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
-        return _continued(image, self.pixel)
+        return continued(image, self.pixel)
 
 
 def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
@@ -175,22 +182,42 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
         source = Rendered(source.colour.cpu(), source.depth.cpu(), source.opacity.cpu())
         rays = camera_rays(camera, torch.tensor(fitted.model.extent))
         normals = surface_normals(rays.origins, rays.directions, source)
-        mask = _resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
-        kept = smooth_step(_distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
+        mask = resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
+        kept = smooth_step(distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
         photo, render = _object_colours(rgba), _surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
-        surface = _continued(surface, source.opacity > 0.5)
+        surface = continued(surface, source.opacity > 0.5)
         texels, parts = _surface_texels(fitted, rays, source)
     yield None
     with torch.inference_mode():
-        small = _resized(photo, source.opacity)
+        small = resized(photo, source.opacity)
         weight = kept * paint_weight(mask, source)
-        near = kept * smooth_step(_distance(mask < 0.5), _REACH, 0.5)
+        near = kept * smooth_step(distance(mask < 0.5), _REACH, 0.5)
         match = colour_match(render.flatten(1), small.flatten(1), weight.flatten())
         roof = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts.get("glass", torch.ones_like(mask)))
         weight = weight * _without_glass_above(small, render, roof)
-        paint = _paint_places(small, parts, weight)
-    return ComparedPhoto(camera, fitted, photo, render, weight, near, *paint, surface, texels, match)
+        body, rough, alike = _paint_places(small, parts, weight)
+        main = blurred(continued(small, (alike > 0.5) & (weight > _TRUSTED)), _PANE[0])
+        letters = lettering(photo, main, _flank(parts, normals, weight))
+    return ComparedPhoto(
+        camera, fitted, photo, render, weight, near, body, rough, alike, letters, surface, texels, match
+    )
+
+
+def _flank(
+    parts: dict[str, Float[Tensor, "h w"]], normals: Float[Tensor, "h w 3"], weight: Float[Tensor, "h w"]
+) -> Float[Tensor, "h w"]:
+    """Return the places that can have lettering, 0..1: paint of a car's sides, away from wheels and panes.
+
+    Other objects have none: a chair's slats look like letters.
+    """
+    if not set(UNPAINTED) <= set(parts):
+        return torch.zeros_like(weight)
+    wheels, glass = (parts[name] for name in UNPAINTED)
+    body = 1 - wheels - glass
+    (reach, *wheel), (beside, *pane) = _WHEEL, _PANE
+    away = smooth_step(blurred(wheels[None], reach)[0], *wheel) * smooth_step(blurred(body[None], beside)[0], *pane)
+    return (weight > 0) * body * away * smooth_step(normals[..., 0].abs(), *_FLANK)
 
 
 def _surface_texels(
@@ -236,16 +263,16 @@ def _paint_places(
     vivid = smooth_step(chroma(paint).abs().amax(0) / (0.3 + 0.7 * lightness(paint)), *_VIVID)
     alike = body * smooth_step(light, *_GREY_LIT) * smooth_step(rough, *_CALM)
     if "glass" in parts:
-        beside = smooth_step(_blurred(body[None], _BESIDE)[0], 0.02, 0.2)  # no highlight amid a pane
+        beside = smooth_step(blurred(body[None], _BESIDE)[0], 0.02, 0.2)  # no highlight amid a pane
         alike = torch.maximum(alike, beside * parts["glass"] * smooth_step(light, *_FRAME))
-    alike = _blurred((hue * torch.maximum(alike, vivid * smooth_step(light, *_LIT)))[None], 1.0)[0]
+    alike = blurred((hue * torch.maximum(alike, vivid * smooth_step(light, *_LIT)))[None], 1.0)[0]
     return body, rough, alike
 
 
 def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
     """Return the standard deviation of lightness in the calmest of the windows around each pixel."""
     light, (deviation, reach) = lightness(image)[None], _WINDOW
-    variance = _blurred(light**2, deviation) - _blurred(light, deviation) ** 2
+    variance = blurred(light**2, deviation) - blurred(light, deviation) ** 2
     return -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
 
 
@@ -255,27 +282,42 @@ def _painted_maps(photos: Sequence[ComparedPhoto], textured: Instance) -> tuple[
     for one in photos:
         change = one.change(textured)
         photo = one.repainted(change) if change.any() else one.photo
-        weight, near = _enlarged(torch.stack((one.weight, one.near)), photo)
+        weight, near = enlarged(torch.stack((one.weight, one.near)), photo)
         fine = torch.cat((photo, packed(weight, near)[None]))
         maps.append(_photo_maps(one, fine, one.render + change, textured.model.device))
         colours.append((one.render + change).flatten(1))
-        shown.append(_resized(photo, one.weight).flatten(1))
+        shown.append(resized(photo, one.weight).flatten(1))
         weights.append(one.weight.flatten())
     return tuple(maps), colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
 
 
 def _photo_maps(
-    one: ComparedPhoto, fine: Float[Tensor, "4 height width"], render: Float[Tensor, "3 h w"], device: torch.device
+    compared: ComparedPhoto, fine: Float[Tensor, "4 height width"], render: Float[Tensor, "3 h w"], device: torch.device
 ) -> PhotoMaps:
-    """Return the photo at all sizes, and its low-passed difference from the render for a soft mirror image."""
+    """Return the photo at all sizes, and what the mirrored side takes: the photo, or its low-passed difference.
+
+    Both have paint in place of lettering.
+    """
+    small = resized(fine[:3], compared.weight)
+    levels = mirrored = _levels(fine, device)
+    if bool(compared.lettering.any()):
+        paint = (compared.alike > _EVEN_PAINT) & (compared.weight > _TRUSTED)
+        clean, share = without_lettering(small, compared.lettering, paint)
+        small = torch.lerp(small, clean, share)
+        clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(share[None], fine[:3]))
+        mirrored = _levels(torch.cat((clean, fine[3:])), device)
+    soft = blurred(torch.cat(((small - render) * compared.weight, compared.weight[None])), _MIRROR_BLUR)
+    soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))
+    soft, surface = (image.to(device).contiguous() for image in (soft, compared.surface))
+    return PhotoMaps(compared.camera, levels, mirrored, soft, surface)
+
+
+def _levels(fine: Float[Tensor, "4 height width"], device: torch.device) -> tuple[Float[Tensor, "4 _ _"], ...]:
+    """Return a map at all sizes, each half the previous one."""
     levels = [fine]
     while len(levels) < _LEVELS and min(levels[-1].shape[1:]) > 32:
         levels.append(functional.avg_pool2d(levels[-1][None], 2, ceil_mode=True, count_include_pad=False)[0])
-    small = _resized(fine[:3], one.weight)
-    soft = _blurred(torch.cat(((small - render) * one.weight, one.weight[None])), _MIRROR_BLUR)
-    soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))
-    *parts, soft, surface = (part.to(device).contiguous() for part in (*levels, soft, one.surface))
-    return PhotoMaps(one.camera, tuple(parts), soft, surface)
+    return tuple(level.to(device).contiguous() for level in levels)
 
 
 def surface_normals(
@@ -283,7 +325,7 @@ def surface_normals(
 ) -> Float[Tensor, "h w 3"]:
     """Return unit normals towards the camera, from slightly smoothed depth."""
     opacity = rendered.opacity.clamp_min(1e-6)
-    depth = _blurred((rendered.depth * opacity)[None], 1.5)[0] / _blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
+    depth = blurred((rendered.depth * opacity)[None], 1.5)[0] / blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
     points = origins + directions * depth[..., None]
     padded = functional.pad(points.movedim(-1, 0)[None], (1,) * 4, mode="replicate")[0]
     across, down = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2], padded[:, 2:, 1:-1] - padded[:, :-2, 1:-1]
@@ -295,9 +337,9 @@ def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, 
     """Return the weight, 0..1, by which photo and render differ in paint rather than in shape."""
     photo, render = mask > 0.5, source.opacity > 0.5
     inside = photo & render & ~_leaps(source.depth)
-    thick = _distance(photo ^ render) > _DISAGREEMENT / 2  # the core of regions wider than that
-    shape = smooth_step(_distance(~thick, beyond=True), 2 * _DISAGREEMENT, 2 * _DISAGREEMENT + _SHAPE_FADE)
-    return shape * smooth_step(_distance(inside), 0.0, _FADE)
+    thick = distance(photo ^ render) > _DISAGREEMENT / 2  # the core of regions wider than that
+    shape = smooth_step(distance(~thick, beyond=True), 2 * _DISAGREEMENT, 2 * _DISAGREEMENT + _SHAPE_FADE)
+    return shape * smooth_step(distance(inside), 0.0, _FADE)
 
 
 def _leaps(depth: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
@@ -308,25 +350,11 @@ def _leaps(depth: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
     return torch.maximum(across.abs(), down.abs()) > _LEAP
 
 
-def _distance(mask: Bool[Tensor, "h w"], beyond: bool = False) -> Float[Tensor, "h w"]:
-    """Return the distance in px from each pixel of a mask to the nearest pixel outside.
-
-    Args:
-        beyond: True: the mask continues beyond the image.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    if beyond and bool(mask.all()):
-        return torch.full(mask.shape, torch.inf)
-    padded = np.pad(mask.numpy(), 1, constant_values=beyond)
-    return torch.from_numpy(distance_transform_edt(padded)[1:-1, 1:-1].astype(np.float32))
-
-
 def _surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:
     """Return the render without the background's light, extrapolated beyond the outline."""
     light = (1 - source.opacity)[..., None]
     surface = ((source.colour - light) / (1 - light).clamp_min(1e-3)).clamp(0, 1).movedim(-1, 0)
-    return _continued(surface, source.opacity > _SOLID)
+    return continued(surface, source.opacity > _SOLID)
 
 
 def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor, "3 height width"]:
@@ -337,45 +365,11 @@ def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor
     solid = opacity[0] > _SOLID
     depth = len(rgba) / _DEEP
     core = _core(solid, depth)
-    return torch.where(core, photo, _blurred(_continued(photo, core), depth))
+    return torch.where(core, photo, blurred(continued(photo, core), depth))
 
 
 def _core(mask: Bool[Tensor, "h w"], depth: float) -> Bool[Tensor, "h w"]:
     """Return the pixels of a mask at least ``depth`` px inside it, and the middle of narrower parts."""
-    inside, reach = _distance(mask), math.ceil(depth)
+    inside, reach = distance(mask), math.ceil(depth)
     deepest = functional.max_pool2d(inside[None], 2 * reach + 1, 1, reach)[0]
     return mask & (inside >= deepest.clamp_max(depth))
-
-
-def _continued(image: Float[Tensor, "channels h w"], known: Bool[Tensor, "h w"]) -> Float[Tensor, "channels h w"]:
-    """Fill unknown pixels with the nearest known value."""
-    from scipy.ndimage import distance_transform_edt
-
-    if not bool(known.any()):
-        return image
-    rows, columns = distance_transform_edt(~known.numpy(), return_distances=False, return_indices=True)
-    return image[:, torch.from_numpy(rows).long(), torch.from_numpy(columns).long()]
-
-
-def _resized(
-    image: Float[Tensor, "channels height width"], like: Float[Tensor, "h w"]
-) -> Float[Tensor, "channels h w"]:
-    """Average areas down to the size of another image."""
-    rows, columns = like.shape
-    return functional.adaptive_avg_pool2d(image[None], (rows, columns))[0]
-
-
-def _enlarged(
-    image: Float[Tensor, "channels h w"], like: Float[Tensor, "3 height width"]
-) -> Float[Tensor, "channels height width"]:
-    """Interpolate bilinearly to the size of another image."""
-    return functional.interpolate(image[None], like.shape[1:], mode="bilinear", align_corners=False)[0]
-
-
-def _blurred(image: Float[Tensor, "channels h w"], deviation: float) -> Float[Tensor, "channels h w"]:
-    """Blur by a Gaussian (px); borders are replicated."""
-    half = math.ceil(3 * deviation)
-    kernel = torch.exp(-((torch.arange(-half, half + 1) / deviation) ** 2) / 2)
-    kernel = kernel / kernel.sum()
-    padded = functional.pad(image[:, None], (half,) * 4, mode="replicate")
-    return functional.conv2d(functional.conv2d(padded, kernel[None, None, None]), kernel[None, None, :, None])[:, 0]

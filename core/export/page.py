@@ -152,19 +152,27 @@ def _detail(maps: DetailMaps, camera: Camera, quality: int) -> dict[str, Any]:
 def _photo(photo: PhotoMaps, soft: bool, quality: int) -> dict[str, Any]:
     fine = photo.fine[0].cpu()
     _, height, width = fine.shape
-    # A constant colour where no view uses the photo compresses to nothing.
-    colours = torch.where(fine[3] > 0, fine[:3], 0.5)
-    mirrored = photo.mirrored if soft else photo.mirrored[:, :1, :1]
+    mirrored: dict[str, Any] | None = None  # the same as the photo
+    if soft:
+        mirrored = _planes(photo.soft, (_VECTOR,) * 4)
+    elif photo.mirrored is not photo.fine:
+        mirrored = {"image": _colours(photo.mirrored[0].cpu(), quality)}
     return {
         "width": width,
         "height": height,
         "levels": len(photo.fine),
         "fineness": photo.camera.focal * height / photo.camera.height / photo.camera.distance,
-        "image": _image(Image.fromarray(to_bytes(colours.movedim(0, -1))), quality),
+        "image": _colours(fine, quality),
         "weight": _packed(to_bytes(fine[3])),
-        "mirrored": _planes(mirrored, (_VECTOR,) * 4),
+        "mirrored": mirrored,
         "surface": _planes(photo.surface, (_VECTOR, _VECTOR, _VECTOR, _DISTANCE)),
     }
+
+
+def _colours(fine: Float[Tensor, "4 height width"], quality: int) -> str:
+    """Encode a photo's colours as a data URL; one colour where no view uses them, which compresses to nothing."""
+    colours = torch.where(fine[3] > 0, fine[:3], 0.5)
+    return _image(Image.fromarray(to_bytes(colours.movedim(0, -1))), quality)
 
 
 def _shadow(shadow: GroundShadow) -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """Photo detail: colours of surface points looked up in photos of the object.
 
-A photo provides three maps over its camera's image: its colours with weights, soft detail for the mirrored side, and
-the surface (:class:`PhotoMaps`). A point takes the colour of the pixel into which it projects if the photo shows the
-same surface (a soft depth test) from the same side; near the photo's own camera it takes the colour fully. Points that
-no camera saw take the colour of their mirror image (-x, y, z) if a camera saw that. Other points take the model's
+A photo provides maps over its camera's image: its colours with weights, colours or soft detail for the mirrored side,
+and the surface (:class:`PhotoMaps`). A point takes the colour of the pixel into which it projects if the photo shows
+the same surface (a soft depth test) from the same side; near the photo's own camera it takes the colour fully. Points
+that no camera saw take the colour of their mirror image (-x, y, z) if a camera saw that. Other points take the model's
 colour matched to the photos, so that no edge shows where a photo ends. Opacity and depth do not change.
 """
 
@@ -64,14 +64,17 @@ class PhotoMaps:
     camera: Camera  # at any size: maps cover its whole image
     fine: tuple[Float[Tensor, "4 _ _"], ...]
     """The photo's colours (sRGB) and :func:`packed` weights; each level halves the resolution of the previous one."""
-    mirrored: Float[Tensor, "4 rows columns"]
+    mirrored: tuple[Float[Tensor, "4 _ _"], ...]
+    """:attr:`fine` for the mirror image: the same, or one with paint in place of lettering"""
+    soft: Float[Tensor, "4 rows columns"]
     """Soft detail of the mirror image: low-passed difference of photo and render, and its weight."""
     surface: Float[Tensor, "4 rows columns"]  # unit normal (world) and distance from the camera (scene units)
 
     @property
     def size(self) -> int:
         """bytes"""
-        return sum(part.nbytes for part in (*self.fine, self.mirrored, self.surface))
+        mirrored = () if self.mirrored is self.fine else self.mirrored
+        return sum(image.nbytes for image in (*self.fine, *mirrored, self.soft, self.surface))
 
     def level(self, camera: Camera) -> int:
         """Return the level of the fine map whose pixels are as large on the object as a camera's."""
@@ -147,7 +150,8 @@ class DetailMaps:
             colours: the model's, 0..1.
             camera: sets the resolution of the photos: that of its pixels; None: full resolution.
         """
-        fine = [photo.fine[photo.level(camera) if camera else 0] for photo in self.photos]
+        levels = [photo.level(camera) if camera else 0 for photo in self.photos]
+        fine = [photo.fine[level] for photo, level in zip(self.photos, levels, strict=True)]
         colour, direct = self._blended(points, directions, fine, own=True)
         added, mirrored = direct[:, None] * (colour - colours), torch.zeros_like(direct)
         if self.other_side != "model":
@@ -156,8 +160,9 @@ class DetailMaps:
             twins, along = (part.index_select(0, hidden) * turn for part in (points, directions))
             soft = self.other_side == "soft"
             if soft:
-                colour, share = self._blended(twins, along, [photo.mirrored for photo in self.photos], soft=True)
+                colour, share = self._blended(twins, along, [photo.soft for photo in self.photos], soft=True)
             else:
+                fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
                 colour, share = self._blended(twins, along, fine)
                 colour = colour - colours.index_select(0, hidden)
             share = share * (1 - direct.index_select(0, hidden))

@@ -31,7 +31,7 @@ _PHOTO = """
         own += (share * share + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
         direct = max(direct, share);
         seen = seen_by_photo(surfacePHOTO, PHOTO, point * turn, along * turn, place, near);
-        value = other_side == 2 ? textureLod(finePHOTO, place, level[PHOTO]) : textureLod(mirroredPHOTO, place, 0.0);
+        value = textureLod(mirroredPHOTO, place, other_side == 2 ? level[PHOTO] : 0.0);
         share = seen * (other_side == 2 ? clamp(2.0 * value.a - 1.0, 0.0, 1.0) : other_side == 1 ? value.a : 0.0);
         twin += share * share * vec4(value.rgb, 1.0);
         mirror = max(mirror, share);
@@ -85,20 +85,29 @@ class DetailTextures:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._of: tuple[PhotoMaps, ...] = ()
+        self._of: tuple[tuple[PhotoMaps, ...], bool] | None = None
         self._textures: list[moderngl.Texture] = []
 
     def upload(self, maps: DetailMaps | None) -> None:
         """Upload maps, which replace the previous ones; None keeps the previous ones."""
-        if maps is None or maps.photos == self._of:
+        if maps is None or (maps.photos, maps.other_side == "soft") == self._of:
             return
         self.release()
+        soft = maps.other_side == "soft"
         for photo in maps.photos:
-            self._textures += [self._texture(map) for map in (photo.fine[0], photo.mirrored, photo.surface)]
-            fine = self._textures[-3]
-            fine.build_mipmaps(max_level=len(photo.fine) - 1)
-            fine.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
-        self._of = maps.photos
+            fine = mirrored = self._levels(photo.fine)
+            if soft:
+                mirrored = self._texture(photo.soft)
+            elif photo.mirrored is not photo.fine:
+                mirrored = self._levels(photo.mirrored)
+            self._textures += [fine, mirrored, self._texture(photo.surface)]
+        self._of = maps.photos, soft
+
+    def _levels(self, levels: tuple[torch.Tensor, ...]) -> moderngl.Texture:
+        texture = self._texture(levels[0])
+        texture.build_mipmaps(max_level=len(levels) - 1)
+        texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+        return texture
 
     def _texture(self, map: torch.Tensor) -> moderngl.Texture:
         channels, height, width = map.shape
@@ -117,7 +126,7 @@ class DetailTextures:
         """Release the GL objects."""
         while self._textures:
             self._textures.pop().release()
-        self._of = ()
+        self._of = None
 
 
 def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:

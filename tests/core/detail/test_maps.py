@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.maps import ComparedPhoto, SurfaceTexels, paint_weight, surface_normals
+from core.detail.maps import ComparedPhoto, SurfaceTexels, detail_maps, paint_weight, surface_normals
 from core.detail.rendering import bake, render_frame, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -22,6 +22,7 @@ from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
 from core.rendering.progressive import RenderJob, RenderSettings
 from core.rendering.reference import Rendered, render_exact
+from core.streams import run_to_end
 from tests.conftest import no_opengl
 
 SIZE = 192
@@ -92,6 +93,27 @@ def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, instance: In
     assert (frames[0].image != frames[1].image).any()
 
 
+def lettered(maps: DetailMaps) -> DetailMaps:
+    """The maps with other colours in place of those of the mirrored photo, as in place of lettering."""
+    photos = []
+    for photo in maps.photos:
+        mirrored = tuple(torch.cat((1 - level[:3], level[3:])) for level in photo.fine)
+        photos.append(replace(photo, mirrored=mirrored))
+    return replace(maps, photos=tuple(photos))
+
+
+def test_paint_in_place_of_lettering_is_on_the_mirrored_side_only(
+    tiny: Model, instance: Instance, camera: Camera
+) -> None:
+    maps = run_to_end(detail_maps(instance))
+    assert maps is not None and maps.photos[0].mirrored is maps.photos[0].fine
+    behind = tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)
+    for view, least, most in ((camera, 0, 0.0005), (behind, 0.003, 1)):
+        jobs = [RenderJob(instance, view, RenderSettings(divisors=(1,)), detail) for detail in (maps, lettered(maps))]
+        plain, covered = (list(progressive.render_progressively(job))[-1].image / 255 for job in jobs)
+        assert least <= np.abs(plain - covered).mean() <= most
+
+
 def test_frames_tell_where_colours_are_from(tiny: Model, instance: Instance, camera: Camera) -> None:
     front, behind = (render_frame(instance, one) for one in (camera, tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)))
     for frame in (front, behind):
@@ -145,17 +167,22 @@ def test_every_stage_shows_it(tiny: Model, instance: Instance, camera: Camera) -
     assert all((a.image != b.image).any() for a, b in zip(*frames, strict=True))
 
 
-def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, instance: Instance) -> None:
+@pytest.mark.parametrize(("azimuth", "covers"), [(1.4, False), (np.pi - 1.1, False), (np.pi - 1.1, True)])
+def test_what_opengl_draws_is_what_the_processor_looks_up(
+    tiny: Model, instance: Instance, azimuth: float, covers: bool
+) -> None:
     *_, shadowed = filter(None, bake(instance))
     baked = replace(shadowed, shadow=None)
-    beside = tiny.camera(1.4, 0.4).resized(96, 96)
+    if covers:
+        baked = replace(baked, detail=lettered(baked.detail))
+    view = tiny.camera(azimuth, 0.4).resized(96, 96)
     try:
         pictures = OffscreenRenderer((96, 96))
     except RuntimeError as error:
         no_opengl(error)
     with pictures:
-        drawn, bare = (pictures.draw(one, beside) / 255 for one in (baked, replace(baked, detail=None)))
-    looked_up = render_baked(baked, beside).colour.numpy()
+        drawn, bare = (pictures.draw(field, view) / 255 for field in (baked, replace(baked, detail=None)))
+    looked_up = render_baked(baked, view).colour.numpy()
     added = np.abs(drawn - bare).mean()
     assert added > 0.001
     assert np.abs(drawn - looked_up).mean() < added / 4
@@ -170,7 +197,7 @@ def test_the_main_paint_changes_evenly_and_rough_places_that_hardly_change_stay(
     texels = SurfaceTexels(full > 1, torch.zeros(0, 8), torch.zeros(0, 8))
     one = ComparedPhoto(
         *(camera, tiny[0], grey, grey, full, full, full, 0.1 * (1 - left), left),
-        *(torch.zeros(4, 64, 64), texels, ColourMatch()),
+        *(torch.zeros(64, 64), torch.zeros(4, 64, 64), texels, ColourMatch()),
     )
     moved = one.repainted(change) - grey
     assert torch.allclose(moved[:, :, :20], change[:, :1, :1], atol=0.02)
@@ -206,7 +233,7 @@ def test_no_step_shows_where_it_fades_out() -> None:
     fine = torch.cat((torch.full((3, *weight.shape), 0.66), packed(weight, torch.ones_like(weight))[None]))
     soft = torch.cat((fine[:3] - 0.5, 0.6 * weight[None]))
     surface = torch.cat((normals, seen.depth[..., None]), -1).movedim(-1, 0)
-    maps = DetailMaps((PhotoMaps(source, (fine,), soft, surface),), other_side="soft")
+    maps = DetailMaps((PhotoMaps(source, (fine,), (fine,), soft, surface),), other_side="soft")
     for turn in (0.0, 0.5, 1.2, 2.0):
         view = Camera(0.4 + turn, 0.5, 2.0, 600.0, 512, 512)
         rays, plain = ball(view)

@@ -14,13 +14,14 @@ from PIL import Image
 
 from core.detail.rendering import bake
 from core.export.page import MAX_BYTES, write_page
+from core.export.page import page as page_text
 from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.photo_detail import OtherSide
 from core.rendering.offscreen import OffscreenRenderer
 from tests.conftest import no_opengl, unchecked_shapes
-from tests.core.detail.test_maps import striped
+from tests.core.detail.test_maps import lettered, striped
 from tests.core.export.chromium import Chromium
 
 SIZE = 160
@@ -81,6 +82,25 @@ def test_it_shows_the_programs_own_picture(
     assert chromium.requests() == [path.as_uri()]
     assert chromium.complaints() == []
     assert chromium.evaluate("document.title") == "Stool <1>"
+
+
+def test_paint_in_place_of_mirrored_lettering_is_that_of_the_programs_picture(
+    tiny: Model, camera: Camera, chromium: Chromium, tmp_path: Path
+) -> None:
+    *_, baked = filter(None, bake(striped(tiny, camera.resized(192, 192))))
+    baked = replace(baked, detail=lettered(baked.detail))
+    path = tmp_path / "object.html"
+    path.write_text(page_text(baked, camera, np.zeros((64, 64, 4), np.uint8), "Stool"))
+    chromium.open(path, SIZE, SIZE + 100)
+    chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
+    try:
+        pictures = OffscreenRenderer((SIZE, SIZE), background=None)
+    except RuntimeError as error:
+        no_opengl(error)
+    with pictures:
+        for azimuth in (1.1, math.pi - 1.1):
+            own = on_white(pictures.draw(baked, replace(camera, azimuth=azimuth)))
+            assert psnr(drawn(chromium, azimuth, camera.elevation), own) >= 35
 
 
 SIZES = [(390, 844), (150, 150), (1280, 800)]

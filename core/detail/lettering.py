@@ -1,0 +1,93 @@
+"""Lettering in a photo, which is unreadable on the mirrored side.
+
+Lettering has thin strokes in more than one direction, unlike door gaps and trim, several of them in a row, unlike
+handles, and paint of one colour between them, unlike lamps.
+"""
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional
+
+from core.detail.filters import blurred, continued, enlarged, resized
+from core.rendering.detail_maps import smooth_step
+
+_SIDE = 512  # px, longer side of the photo that is searched; lengths in px refer to it
+_STROKE = 7  # px, width of the widest thin stroke
+_WINDOW = 7.0  # px, standard deviation of the window in which strokes count together
+_THIN = 0.055, 0.042  # contrast per px across strokes in two directions, amid lettering and at its ends
+_CALM = 0.12, 0.06  # contrast of thin strokes: none of a pixel's colour is paint from the first, all up to the second
+_OTHER_PAINT = 0.25, 0.15  # difference from the main paint of the colour between strokes
+_CONTRAST = 0.25  # difference from the colour between strokes, of a stroke that counts
+_IN_A_ROW = 4  # strokes that most rows of pixels cross: "TAXI" has six
+_ROWS = 0.7  # quantile over the rows of pixels
+_EVEN, _SOFT = 5.0, 1.0  # px of the map, standard deviations: of the paint in place of lettering, and of its edge
+
+
+def lettering(
+    photo: Float[Tensor, "3 height width"], paint: Float[Tensor, "3 h w"], flank: Float[Tensor, "h w"]
+) -> Float[Tensor, "h w"]:
+    """Return the places of a photo with lettering, 0..1.
+
+    Args:
+        paint: the main paint near each place.
+        flank: 0..1, places that can have lettering.
+    """
+    size = [max(_STROKE, round(_SIDE * side / max(photo.shape[1:]))) for side in photo.shape[1:]]
+    image = functional.interpolate(photo[None], size, mode="bilinear", antialias=True)[0]
+    allowed = enlarged(flank[None], image)
+    paint = enlarged(paint, image)
+    closing = -_largest(-_largest(image))
+    opening = _largest(-_largest(-image))
+    calm = allowed * smooth_step((closing - opening).amax(0), *_CALM)
+    between = blurred(image * calm, _WINDOW) / blurred(calm, _WINDOW).clamp_min(1e-3)
+    thin = _thinness(closing + opening - 2 * image, allowed)
+    painted = smooth_step((between - paint).abs().amax(0), *_OTHER_PAINT)
+    strokes = (image - between).abs().amax(0) > _CONTRAST
+    places = _written(thin * painted > _THIN[0], thin > _THIN[1], strokes)
+    return functional.max_pool2d(resized(places[None].float(), flank), 3, 1, 1)[0].ceil()
+
+
+def without_lettering(
+    image: Float[Tensor, "3 h w"], places: Float[Tensor, "h w"], paint: Bool[Tensor, "h w"]
+) -> tuple[Float[Tensor, "3 h w"], Float[Tensor, "h w"]]:
+    """Return the nearest paint to each place, and the share (0..1) of an image's colours that it replaces.
+
+    Args:
+        paint: places with the main paint.
+    """
+    clean = continued(image, paint & (places == 0))
+    return blurred(clean, _EVEN), blurred(functional.max_pool2d(places[None], 3, 1, 1), _SOFT)[0]
+
+
+def _thinness(thin: Float[Tensor, "3 h w"], allowed: Float[Tensor, "1 h w"]) -> Float[Tensor, "h w"]:
+    """Return the contrast per px of thin strokes across the direction in which it is least, in windows.
+
+    Args:
+        thin: thin dark strokes, minus thin light ones.
+    """
+    down, across = torch.gradient(thin, dim=(1, 2))
+    products = torch.stack((across * across, across * down, down * down)).mean(1)
+    xx, xy, yy = blurred(allowed * products, _WINDOW) / blurred(allowed, _WINDOW).clamp_min(0.05)
+    least = (xx + yy) / 2 - (((xx - yy) / 2).square() + xy.square()).sqrt()
+    return allowed[0] * least.clamp_min(0).sqrt()
+
+
+def _written(certain: Bool[Tensor, "h w"], possible: Bool[Tensor, "h w"], strokes: Bool[Tensor, "h w"]) -> Tensor:
+    """Return the possible regions that hold a certain place and several strokes in a row."""
+    from scipy.ndimage import label
+
+    labels, _ = label(possible.numpy())
+    written = torch.zeros_like(possible)
+    for number in np.unique(labels[certain.numpy() & (labels > 0)]):
+        region = labels == number
+        inside = strokes.numpy() & region
+        begins = (inside[:, 1:] & ~inside[:, :-1]).sum(1)[region.any(1)]
+        if np.quantile(begins, _ROWS) >= _IN_A_ROW:
+            written |= torch.from_numpy(region)
+    return written
+
+
+def _largest(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 h w"]:
+    return functional.max_pool2d(image, _STROKE, 1, _STROKE // 2)

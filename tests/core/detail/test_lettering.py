@@ -1,0 +1,78 @@
+"""On drawn car sides: lettering is found, lines and lamps are not."""
+
+import numpy as np
+import pytest
+import torch
+from jaxtyping import Float
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+
+from core.detail.lettering import lettering, without_lettering
+
+SIDE = 512
+MAP = 256
+PAINTS = {"white": (235, 235, 240), "red": (150, 20, 25), "black": (25, 25, 30)}
+Places = Float[Tensor, "h w"]
+
+
+def side_of_a_car(
+    paint: tuple[int, int, int], word: str = "", ink: tuple[int, int, int] = (190, 130, 40)
+) -> Image.Image:
+    """A plain side with door gaps, a handle, a trim line, the edge of a window and a round lamp."""
+    image = Image.new("RGB", (SIDE, SIDE), paint)
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((60, 100, 450, 160), (30, 40, 45))
+    for x in (150, 300):
+        draw.line((x, 160, x, 340), (60, 60, 60), 3)
+        draw.rectangle((x + 12, 180, x + 34, 187), (50, 50, 50))
+    draw.line((40, 300, 470, 300), (70, 70, 70), 4)
+    draw.ellipse((440, 220, 480, 260), (220, 220, 210), (120, 120, 120), 3)
+    if word:
+        draw.text((180, 225), word, ink, ImageFont.load_default(30))
+    return image
+
+
+def places_in(image: Image.Image, flank: float = 1.0) -> Places:
+    photo = torch.from_numpy(np.array(image)).movedim(-1, 0) / 255
+    paint = photo[:, 0, 0][:, None, None].expand(3, MAP, MAP)
+    return lettering(photo, paint, torch.full((MAP, MAP), flank))
+
+
+@pytest.mark.parametrize("word", ["POLICE", "TAXI", "Bakery", "0800 1234"])
+@pytest.mark.parametrize(
+    ("paint", "ink"), [("white", (190, 130, 40)), ("red", (240, 235, 220)), ("black", (250, 250, 250))]
+)
+def test_words_are_found_and_nothing_beside_them(word: str, paint: str, ink: tuple[int, int, int]) -> None:
+    plain, written = side_of_a_car(PAINTS[paint]), side_of_a_car(PAINTS[paint], word, ink)
+    strokes = torch.from_numpy((np.abs(np.array(plain, int) - np.array(written)) > 60).any(-1))
+    places = places_in(written) > 0
+    shown = places.repeat_interleave(2, 0).repeat_interleave(2, 1)
+    assert float(shown[strokes].float().mean()) > 0.97
+    assert int(places[:100].sum()) == int(places[:, :75].sum()) == int(places[:, 215:].sum()) == 0
+
+
+@pytest.mark.parametrize("paint", PAINTS)
+def test_gaps_handles_trim_and_lamps_are_no_lettering(paint: str) -> None:
+    assert not places_in(side_of_a_car(PAINTS[paint])).any()
+
+
+def test_places_that_cannot_have_lettering_have_none() -> None:
+    assert not places_in(side_of_a_car(PAINTS["white"], "POLICE"), flank=0.0).any()
+
+
+def test_a_photo_of_any_size_is_searched() -> None:
+    image = side_of_a_car(PAINTS["white"], "POLICE")
+    for size in ((1024, 1024), (400, 400), (1, 1), (700, 9), (9, 700)):
+        assert bool(torch.isfinite(places_in(image.resize(size))).all())
+    assert places_in(image.resize((1024, 1024))).any() and places_in(image.resize((400, 400))).any()
+
+
+def test_paint_takes_the_place_of_lettering() -> None:
+    image = torch.full((3, 64, 64), 0.9)
+    image[:, 20:40, 20:40] = 0.2
+    places = torch.zeros(64, 64)
+    places[18:42, 18:42] = 1
+    clean, share = without_lettering(image, places, torch.ones(64, 64, dtype=torch.bool))
+    result = torch.lerp(image, clean, share)
+    assert torch.allclose(result, torch.full_like(image, 0.9), atol=1e-3)
+    assert share[:10].max() == 0
