@@ -20,6 +20,7 @@ from core.fitting.schedule import Stage
 from core.fitting.search import refine, score
 from core.models.latents import Latents
 
+_CAUTION = 10.0  # times the prior's weight where the object was cut out of a photograph
 _SOLID = 0.7  # opacity of codes above which they hold a background pixel of a doubtful mask for the object
 
 
@@ -44,9 +45,10 @@ def free_biases(
 
 
 def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Generator) -> Problem:
-    """Return the problem in which doubtful masks add to the object, but carve nothing that its codes hold solid.
+    """Return the problem of objects cut out of photographs, which are trusted less than renders.
 
-    A gap in such a mask may be a mistake.
+    Free biases would explain light, gloss and errors of the mask by shape, so the prior weighs more. Doubtful masks add
+    to the object, but carve nothing that its codes hold solid: a gap may be a mistake.
     """
     if all(photo.mask_confidence == 1 for photo in problem.photos):
         return problem
@@ -55,7 +57,8 @@ def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Genera
         for view, (observation, photo) in enumerate(zip(problem.observations, problem.photos, strict=True))
     )
     scoring = sample_pixels(observations, SCORING_RAYS, generator)
-    return replace(problem, observations=observations, scoring=scoring)
+    settings = replace(problem.settings, code_prior=_CAUTION * problem.settings.code_prior)
+    return replace(problem, observations=observations, scoring=scoring, settings=settings)
 
 
 def _without_solid(problem: Problem, winner: HypothesisBatch, observation: Observation, view: int) -> Observation:
