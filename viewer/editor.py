@@ -39,6 +39,7 @@ class Editor:
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
         self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
         self._generator = generator
+        self._dragged = scene.codes  # before the newest drag along a direction
 
     # State
 
@@ -152,9 +153,13 @@ class Editor:
         return direction.strength(self.scene.codes, self.model.codes.mean)
 
     def move_along(self, direction: Direction, to: float, gesture: str = "") -> None:
-        """Move the object along a direction to a position in standard deviations from the mean."""
-        codes = direction.moved(self.scene.codes, self.model.codes.mean, to)
-        self._set_codes(codes, self.state.mix, gesture)
+        """Move the object along a direction to a position in standard deviations from the mean.
+
+        It ends at the direction's reach. All moves of a drag start from the same codes, so their errors do not add up.
+        """
+        if not gesture or gesture != self.history.gesture:
+            self._dragged = self.scene.codes
+        self._set_codes(direction.moved(self.model, self._dragged, to), self.state.mix, gesture)
 
     # Objects A and B
 

@@ -22,7 +22,7 @@ from core.models.codes import Codes
 from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Model
 from core.models.scene import Scene, open_scene, save_image, scene_model
-from core.rendering.direction_words import direction_words, moved
+from core.rendering.direction_words import direction_words, most, moved
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
@@ -134,6 +134,9 @@ def _edited(chosen: argparse.Namespace, model: Model, codes: Codes) -> Codes:
         *_, words = direction_words(model)
         assert words is not None
         for name, amount in chosen.edit:
+            limit = most(model, codes, words, name)
+            if amount > limit:
+                say(f"{name}={amount:g}: ends at {limit:.2g}, beyond which this {model.noun} would fall to pieces")
             codes = moved(model, codes, words, name, amount)
     for part, colour in chosen.paint:
         codes = run_to_end(paint(model, codes, Paint(colour, part)))

@@ -26,6 +26,7 @@ from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_steps
+from core.rendering.motion import warp_to_fitted
 from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
@@ -79,7 +80,7 @@ def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps 
         with torch.inference_mode():
             known = _painted_maps(model, photos, codes)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
-    return DetailMaps(known[0], share, detail.other_side, known[1])
+    return DetailMaps(known[0], share, detail.other_side, known[1], warp_to_fitted(model, detail.fitted, codes))
 
 
 def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, list["ComparedPhoto"]]:

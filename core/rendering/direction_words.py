@@ -15,6 +15,7 @@ from torch import Tensor
 
 from core.models.codes import CodeKind, Codes
 from core.models.model import Model, Words
+from core.rendering.motion import moved_along, reach
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture
@@ -85,7 +86,7 @@ def direction_words(model: Model) -> Iterator[Words | None]:
 
 
 def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) -> Codes:
-    """Move codes along a named direction; the opposite word moves backwards.
+    """Move codes along a named direction, as far as the object may go; the opposite word moves backwards.
 
     Args:
         words: from :func:`direction_words`.
@@ -93,15 +94,39 @@ def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) ->
 
     Raises ``ValueError`` for an unknown name.
     """
-    known = dict[str, tuple[CodeKind, int, int]]()
+    kind, number, sign = _direction(words, name)
+    if kind == "texture":
+        return _moved(codes, kind, sign * amount * model.codes.texture_space.basis[number])
+    return moved_along(model, codes, number, _coordinate(model, codes, number) + sign * amount)
+
+
+def most(model: Model, codes: Codes, words: Words, name: str) -> float:
+    """Return the largest amount by which :func:`moved` moves codes along a named direction, standard deviations.
+
+    Raises ``ValueError`` for an unknown name.
+    """
+    kind, number, sign = _direction(words, name)
+    if kind == "texture":
+        return math.inf
+    low, high = reach(model, codes, number)
+    now = _coordinate(model, codes, number)
+    return high - now if sign > 0 else now - low
+
+
+def _coordinate(model: Model, codes: Codes, number: int) -> float:
+    return float(model.codes.shape_space.coordinates(codes.shape)[number])
+
+
+def _direction(words: Words, name: str) -> tuple[CodeKind, int, int]:
+    """Return kind and number of a named direction, and 1, or -1 for its opposite."""
+    directions = dict[str, tuple[CodeKind, int, int]]()
     for kind in _TABLES:
         for number, word in enumerate(words[kind]):
             if word:
-                known |= {word: (kind, number, 1), OPPOSITES[word]: (kind, number, -1)}
-    if name not in known:
-        raise ValueError(f"no direction {name!r}; choose one of {', '.join(known)}")
-    kind, number, sign = known[name]
-    return _moved(codes, kind, sign * amount * getattr(model.codes, f"{kind}_space").basis[number])
+                directions |= {word: (kind, number, 1), OPPOSITES[word]: (kind, number, -1)}
+    if name not in directions:
+        raise ValueError(f"no direction {name!r}; choose one of {', '.join(directions)}")
+    return directions[name]
 
 
 def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from core.rendering import progressive
 from core.rendering.baked_field import render_baked
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
+from core.rendering.motion import LIMIT
 from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
 from core.rendering.progressive import RenderJob, RenderSettings
@@ -114,11 +115,10 @@ def test_the_stripe_turns_with_the_surface(tiny: Model, codes: Codes) -> None:
 
 
 def test_edits_of_the_shape_fade_it(tiny: Model, codes: Codes) -> None:
-    space = tiny.codes.shape_space
-    way = torch.tensor([1.0, 0.5])
-    unit = way / float(space.distance(way, torch.zeros(2)))
+    """It moves with the surface along directions, so only moves beyond the limit count."""
+    step = tiny.codes.shape_space.basis[0]
     shares = [
-        shown_share(tiny, replace(codes, shape=codes.shape + distance * unit))
+        shown_share(tiny, replace(codes, shape=codes.shape + (LIMIT + 2**0.5 * distance) * step))
         for distance in (0.0, FADED / 2, FADED, 2 * FADED)
     ]
     assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)

@@ -14,9 +14,10 @@ def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, kind:
     before, other = space.coordinates(getattr(codes, kind)), "texture" if kind == "shape" else "shape"
     assert direction.kind == kind
     assert direction.strength(codes, book.mean) == pytest.approx(float(before[1]), abs=1e-4)
-    moved = direction.moved(codes, book.mean, 1.5)
+    to = float(before[1]) + 0.5
+    moved = direction.moved(model, codes, to)
     after = space.coordinates(getattr(moved, kind))
     expected = before.clone()
-    expected[1] = 1.5
+    expected[1] = to
     torch.testing.assert_close(after, expected, atol=1e-3, rtol=1e-3)
     assert getattr(moved, other) is getattr(codes, other)
