@@ -161,12 +161,14 @@ class DetailMaps:
         if self.other_side != "model":
             hidden = (direct < 0.99).nonzero()[:, 0]
             turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
-            twins = [rows.index_select(0, hidden) * turn for rows in (points, origins, directions)]
+            twins, sources, along = (rows.index_select(0, hidden) * turn for rows in (points, origins, directions))
             soft = self.other_side == "soft"
             if soft:
-                colour, share = self._blended(*twins, [photo.mirrored for photo in self.photos], soft=True)
+                colour, share = self._blended(
+                    twins, sources, along, [photo.mirrored for photo in self.photos], soft=True
+                )
             else:
-                colour, share = self._blended(*twins, fine)
+                colour, share = self._blended(twins, sources, along, fine)
                 colour = colour - colours.index_select(0, hidden)
             share = share * (1 - direct.index_select(0, hidden))
             added.index_add_(0, hidden, share[:, None] * colour)

@@ -23,7 +23,7 @@ from core.models.latents import Latents
 from core.models.model import Model
 
 DIRECTIONS = 6  # the first ones, which have words
-LIMIT = 1.0  # standard deviations to either side: in 95 % of measured edits, fitted objects stay in one piece
+LIMIT = 1.0  # standard deviations to either side, for objects as usual as the training objects
 TERMS = [(x, y, z) for x in range(4) for y in range(4 - x) for z in range(4 - x - y)]  # exponents of the polynomials
 _CANDIDATES, _POINTS = 40_000, 1500  # random places, and those that are kept beside the surface
 _BESIDE = 2.0  # logit of such a place: the surface is at 0
@@ -84,11 +84,13 @@ def moved_along(model: Model, codes: Codes, direction: int, to: float) -> Codes:
 def reach(model: Model, codes: Codes, direction: int) -> tuple[float, float]:
     """Return the ends of an object's way along a shape direction: coordinates in standard deviations.
 
-    It is the same before and after edits.
+    It is the same before and after edits. An object unlike the training objects breaks earlier, so its way is shorter.
     """
+    space = model.codes.shape_space
     origin = _origin(model, codes)[0] if supports_motion(model) else codes
-    middle = float(model.codes.shape_space.coordinates(origin.shape)[direction])
-    return middle - LIMIT, middle + LIMIT
+    middle = float(space.coordinates(origin.shape)[direction])
+    limit = LIMIT / max(1.0, float(space.distance(origin.shape)))
+    return middle - limit, middle + limit
 
 
 def warp_to_fitted(model: Model, fitted: Latents, codes: Codes) -> Warp | None:
@@ -200,7 +202,7 @@ def _warp(model: Model, origin: Latents, steps: tuple[float, ...]) -> Warp:
         terms = _monomials(moved, model.extent_tensor)
         normal = terms.T @ terms + _RIDGE * len(points) * torch.eye(len(TERMS))
         coefficients = torch.linalg.solve(normal, terms.T @ (points - moved))
-    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())))  # type: ignore[arg-type]
+    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())))
 
 
 def _moved_points(model: Model, origin: Latents, steps: tuple[float, ...]) -> Float[Tensor, "points 3"]:
@@ -288,6 +290,6 @@ def _slopes(
 
 
 def _monomials(points: Float[Tensor, "*batch 3"], extent: Float[Tensor, "3"]) -> Float[Tensor, "*batch terms"]:
-    x, y, z = ((1, *(place**power for power in (1, 2, 3))) for place in (points / extent).clamp(-1, 1).unbind(-1))
-    one = torch.ones_like(points[..., 0])
-    return torch.stack([one * x[a] * y[b] * z[c] for a, b, c in TERMS], -1)
+    place = (points / extent).clamp(-1, 1)
+    x, y, z = torch.stack([place**power for power in range(4)]).unbind(-1)
+    return torch.stack([x[a] * y[b] * z[c] for a, b, c in TERMS], -1)

@@ -19,7 +19,7 @@ from core.rendering import progressive
 from core.rendering.baked_field import render_baked
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
-from core.rendering.motion import LIMIT
+from core.rendering.motion import LIMIT, moved_along
 from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
 from core.rendering.progressive import RenderJob, RenderSettings
@@ -144,8 +144,11 @@ def test_every_stage_shows_it(tiny: Model, codes: Codes, camera: Camera) -> None
     assert all((a.image != b.image).any() for a, b in zip(*frames, strict=True))
 
 
-def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, codes: Codes) -> None:
+@pytest.mark.parametrize("edited", [False, True])
+def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, codes: Codes, edited: bool) -> None:
+    codes = moved_along(tiny, codes, 0, 9.0) if edited else codes
     *_, shadowed = filter(None, bake(tiny, codes))
+    assert shadowed.detail is not None and (shadowed.detail.warp is not None) == edited
     baked = replace(shadowed, shadow=None)
     beside = tiny.camera(1.4, 0.4).resized(96, 96)
     try:

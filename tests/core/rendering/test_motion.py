@@ -60,7 +60,9 @@ def test_codes_beyond_the_limit_stay_as_they_are_and_move_on_from_there(tiny: Mo
     direction, _ = taller(tiny)
     stored = replace(fitted, shape=fitted.shape + 3 * tiny.codes.shape_space.basis[direction])
     now = coordinate(tiny, stored, direction)
-    assert reach(tiny, stored, direction) == pytest.approx((now - LIMIT, now + LIMIT), abs=1e-3)
+    low, high = reach(tiny, stored, direction)
+    assert (low + high) / 2 == pytest.approx(now, abs=1e-3)
+    assert high - now < LIMIT - 0.1  # an unusual shape breaks earlier
     assert moved_along(tiny, stored, direction, now).shape_key == stored.shape_key
 
 
@@ -71,9 +73,11 @@ def test_a_warp_leads_points_of_the_edited_surface_back_to_the_fitted_one(tiny: 
     warp = warp_to_fitted(tiny, fitted, higher)
     assert warp is not None
     surface = motion(tiny, higher).surface
-    tops = [float(points[:, 2].quantile(0.98)) for points in (motion(tiny, fitted).surface, surface)]
-    assert tops[1] > tops[0] + 0.02
-    assert float(warp.origins(surface)[:, 2].quantile(0.98)) == pytest.approx(tops[0], abs=0.4 * (tops[1] - tops[0]))
+    top, moved, back = (
+        float(points[:, 2].quantile(0.98)) for points in (motion(tiny, fitted).surface, surface, warp.origins(surface))
+    )
+    assert moved > top + 0.02
+    assert abs(back - top) < 0.8 * (moved - top)
 
 
 def test_codes_of_the_authors_networks_move_alone() -> None:
