@@ -137,10 +137,9 @@ def _candidates(model: Model, codes: Latents, fitted: Latents | None) -> Iterato
     rest = model.codes.shape_space.directions[DIRECTIONS:]
     if fitted is not None and float(((codes.shape - fitted.shape) @ rest.T).norm()) < _SAME[1]:
         yield fitted
-    if len(model.codes.shapes) and len(rest):
-        away, index = ((model.codes.shapes - codes.shape) @ rest.T).norm(dim=1).min(0)
-        if float(away) < _SAME[1]:
-            yield _untextured(Latents(model.codes.shapes[index], codes.texture))
+    away = ((model.codes.shapes - codes.shape) @ rest.T).norm(dim=1)
+    for index in (away < _SAME[1]).nonzero()[:, 0]:
+        yield _untextured(Latents(model.codes.shapes[index], codes.texture))
 
 
 def _offset_difference(first: Tensor | None, second: Tensor | None) -> float:
