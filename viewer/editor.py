@@ -39,6 +39,7 @@ class Editor:
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
         self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
         self._generator = generator
+        self._dragged = scene.instance  # before the newest drag along a direction
 
     # State
 
@@ -157,9 +158,13 @@ class Editor:
         return direction.strength(self.scene.instance)
 
     def move_along(self, direction: Direction, to: float, gesture: str = "") -> None:
-        """Move the object along a direction to a position in standard deviations from the mean."""
-        instance = direction.moved(self.scene.instance, to)
-        self._set_codes(instance, self.state.mix, gesture)
+        """Move the object along a direction to a position in standard deviations from the mean.
+
+        It ends at the direction's reach. All moves of a drag start from the same object, so their errors do not add up.
+        """
+        if not gesture or gesture != self.history.gesture:
+            self._dragged = self.scene.instance
+        self._set_codes(direction.moved(self._dragged, to), self.state.mix, gesture)
 
     # Objects A and B
 

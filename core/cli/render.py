@@ -20,7 +20,7 @@ from core.geometry.pixels import to_bytes
 from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Instance
 from core.models.scene import Scene, open_scene, save_image, scene_model
-from core.rendering.direction_words import direction_words, moved
+from core.rendering.direction_words import direction_words, most, moved
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
@@ -132,6 +132,10 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
         *_, words = direction_words(instance.model)
         assert words is not None
         for name, amount in chosen.edit:
+            limit = most(instance, words, name)
+            if amount > limit:
+                noun = instance.model.noun
+                say(f"{name}={amount:g}: ends at {limit:.2g}, beyond which this {noun} would fall to pieces")
             instance = moved(instance, words, name, amount)
     for part, colour in chosen.paint:
         instance = run_to_end(paint(instance, Paint(colour, part)))

@@ -27,6 +27,7 @@ from core.models.photo_detail import PhotoView
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_steps
+from core.rendering.motion import warp_to_fitted
 from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
@@ -84,7 +85,7 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
         with torch.inference_mode():
             known = _painted_maps(photos, instance)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
-    return DetailMaps(known[0], share, detail.other_side, known[1])
+    return DetailMaps(known[0], share, detail.other_side, known[1], warp_to_fitted(instance))
 
 
 def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:

@@ -104,11 +104,17 @@ class Field(nn.Module):
         self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         """Evaluate :meth:`density` from the activations of the first layer, which depend on no code."""
+        logit, features = self.logits_from_activations(y, shape_bias)
+        return logits_to_density(logit, self.config), features
+
+    def logits_from_activations(
+        self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
+        """Return logits of the density, and features, from the activations of the first layer."""
         for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
             y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         features = self.feature_layer(y)
-        logit = self.density_layer(features)[..., 0].float()
-        return logits_to_density(logit, self.config), features
+        return self.density_layer(features)[..., 0].float(), features
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
         """Return the direction's contribution to the texture part's first layer, including that layer's bias.

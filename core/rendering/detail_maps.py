@@ -19,6 +19,7 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera, camera_directions
 from core.models.photo_detail import OtherSide
+from core.rendering.motion import Warp
 from core.rendering.reference import Rendered
 
 DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
@@ -83,18 +84,23 @@ class PhotoMaps:
         return max(0, min(len(self.fine) - 1, round(math.log2(max(ratio, 1e-6)))))
 
     def look_up(
-        self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], map: Float[Tensor, "4 _ _"]
+        self,
+        points: Float[Tensor, "points 3"],
+        origins: Float[Tensor, "points 3"],
+        directions: Float[Tensor, "points 3"],
+        map: Float[Tensor, "4 _ _"],
     ) -> tuple[Float[Tensor, "points 4"], Float[Tensor, "points"], Float[Tensor, "points"]]:
-        """Sample a map where points project; return its values and two weights, 0..1.
+        """Sample a map where points' origins project; return its values and two weights, 0..1.
 
         The first weight tells if the photo shows the point from the viewer's side, the second if the viewer is at the
         photo's own camera.
 
         Args:
+            origins: the points on the fitted object, which differ on an edited one.
             directions: unit viewing directions.
         """
         rotation, origin = self.camera.world_to_camera(points.device)
-        away = points - origin
+        away = origins - origin
         local = away @ rotation.T
         scale = 2 * self.camera.focal / (-local[:, 2]).clamp_min(1e-6)
         place = torch.stack((local[:, 0] * scale / self.camera.width, -local[:, 1] * scale / self.camera.height), -1)
@@ -103,7 +109,7 @@ class PhotoMaps:
         behind = (distance - surface[:, 3]).abs()
         facing = smooth_step(-(directions * surface[:, :3]).sum(-1), 0.0, FACING)
         steep = smooth_step(-(ray * surface[:, :3]).sum(-1), FLAT, STEEP)
-        along = (ray * directions).sum(-1)
+        along = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
         seen = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * torch.maximum(facing * steep, smooth_step(along, *BESIDE))
         near = smooth_step(along, *NEAR) * smooth_step(behind, *NEAR_DEPTHS)
         inside = (local[:, 2] < 0) & (place.abs() <= 1).all(-1)
@@ -118,6 +124,7 @@ class DetailMaps:
     strength: float = 1.0  # factor on all detail
     other_side: OtherSide = "mirrored"
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
+    warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
         """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change."""
@@ -152,18 +159,20 @@ class DetailMaps:
         """
         levels = [photo.level(camera) if camera else 0 for photo in self.photos]
         fine = [photo.fine[level] for photo, level in zip(self.photos, levels, strict=True)]
-        colour, direct = self._blended(points, directions, fine, own=True)
+        origins = self.warp.origins(points) if self.warp else points
+        colour, direct = self._blended(points, origins, directions, fine, own=True)
         added, mirrored = direct[:, None] * (colour - colours), torch.zeros_like(direct)
         if self.other_side != "model":
             hidden = (direct < 0.99).nonzero()[:, 0]
             turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
-            twins, along = (part.index_select(0, hidden) * turn for part in (points, directions))
+            twins, sources, along = (rows.index_select(0, hidden) * turn for rows in (points, origins, directions))
             soft = self.other_side == "soft"
             if soft:
-                colour, share = self._blended(twins, along, [photo.soft for photo in self.photos], soft=True)
+                soft_photos = [photo.soft for photo in self.photos]
+                colour, share = self._blended(twins, sources, along, soft_photos, soft=True)
             else:
                 fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
-                colour, share = self._blended(twins, along, fine)
+                colour, share = self._blended(twins, sources, along, fine)
                 colour = colour - colours.index_select(0, hidden)
             share = share * (1 - direct.index_select(0, hidden))
             added.index_add_(0, hidden, share[:, None] * colour)
@@ -174,6 +183,7 @@ class DetailMaps:
     def _blended(
         self,
         points: Float[Tensor, "points 3"],
+        origins: Float[Tensor, "points 3"],
         directions: Float[Tensor, "points 3"],
         maps: Sequence[Float[Tensor, "4 _ _"]],
         own: bool = False,
@@ -188,7 +198,7 @@ class DetailMaps:
         """
         colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
         for photo, map in zip(self.photos, maps, strict=True):
-            values, seen, near = photo.look_up(points, directions, map)
+            values, seen, near = photo.look_up(points, origins, directions, map)
             weight, reach = (values[:, 3], values[:, 3]) if soft else unpacked(values[:, 3])
             share = torch.maximum(seen * weight, reach * near) if own else seen * weight
             colours.append(values[:, :3])

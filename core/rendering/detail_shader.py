@@ -21,16 +21,17 @@ from core.rendering.detail_maps import (
     DetailMaps,
     PhotoMaps,
 )
+from core.rendering.motion import TERMS
 
 _MAPS = "fine", "mirrored", "surface"
 _PHOTO = """
     if (photos > PHOTO) {
-        float near, seen = seen_by_photo(surfacePHOTO, PHOTO, point, along, place, near);
+        float near, seen = seen_by_photo(surfacePHOTO, PHOTO, point, from, along, place, near);
         vec4 value = textureLod(finePHOTO, place, level[PHOTO]);
         float share = max(seen * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near * clamp(2.0 * value.a, 0.0, 1.0));
         own += (share * share + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
         direct = max(direct, share);
-        seen = seen_by_photo(surfacePHOTO, PHOTO, point * turn, along * turn, place, near);
+        seen = seen_by_photo(surfacePHOTO, PHOTO, point * turn, from * turn, along * turn, place, near);
         value = textureLod(mirroredPHOTO, place, other_side == 2 ? level[PHOTO] : 0.0);
         share = seen * (other_side == 2 ? clamp(2.0 * value.a - 1.0, 0.0, 1.0) : other_side == 1 ? value.a : 0.0);
         twin += share * share * vec4(value.rgb, 1.0);
@@ -38,6 +39,7 @@ _PHOTO = """
     }"""
 _EACH = "".join(_PHOTO.replace("PHOTO", str(number)) for number in range(MAX_PHOTOS))
 _SAMPLERS = ", ".join(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
+_WARP = " + ".join(f"x[{a}] * y[{b}] * z[{c}] * warp[{at}]" for at, (a, b, c) in enumerate(TERMS))
 GLSL = f"""
 uniform float strength;
 uniform sampler2D {_SAMPLERS};
@@ -48,19 +50,30 @@ uniform vec3 photo_origin[{MAX_PHOTOS}];
 uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
 uniform vec2 photo_focal[{MAX_PHOTOS}]; // in widths and heights of the photo
 uniform float level[{MAX_PHOTOS}];
+uniform vec3 warp[{len(TERMS)}];
 float smooth_step(float zero, float one, float value) {{
     float share = clamp((value - zero) / (one - zero), 0.0, 1.0);
     return share * share * (3.0 - 2.0 * share);
 }}
-// DetailMaps' two weights of a photo for a point, and the point's place in the photo.
-float seen_by_photo(sampler2D surface, int photo, vec3 point, vec3 along, out vec2 place, out float near) {{
-    vec3 away = point - photo_origin[photo], local = photo_axes[photo] * away;
+// The place that a point of the edited object came from, as in core.rendering.motion.Warp.
+vec3 warped(vec3 point) {{
+    vec3 at = clamp(point / extent, -1.0, 1.0);
+    vec4 x = vec4(1.0, at.x, at.x * at.x, at.x * at.x * at.x), y = vec4(1.0, at.y, at.y * at.y, at.y * at.y * at.y);
+    vec4 z = vec4(1.0, at.z, at.z * at.z, at.z * at.z * at.z);
+    return point + {_WARP};
+}}
+// DetailMaps' two weights of a photo for a point and its origin, and the place of that in the photo.
+float seen_by_photo(
+    sampler2D surface, int photo, vec3 point, vec3 from, vec3 along, out vec2 place, out float near
+) {{
+    vec3 away = from - photo_origin[photo], local = photo_axes[photo] * away;
     place = 0.5 + vec2(local.x, -local.y) * photo_focal[photo] / max(-local.z, 1e-6);
     vec4 found = textureLod(surface, place, 0.0);
     float reached = length(away), behind = abs(reached - found.a);
     vec3 ray = away / max(reached, 1e-6);
     float facing = smooth_step(0.0, {FACING}, -dot(along, found.xyz));
-    float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, found.xyz)), angle = dot(ray, along);
+    float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, found.xyz));
+    float angle = dot(normalize(point - photo_origin[photo]), along);
     float beside = smooth_step({BESIDE[0]}, {BESIDE[1]}, angle);
     float inside = local.z < 0.0 && place == clamp(place, 0.0, 1.0) ? 1.0 : 0.0;
     near = inside * smooth_step({NEAR[0]}, {NEAR[1]}, angle) * smooth_step({NEAR_DEPTHS[0]}, {NEAR_DEPTHS[1]}, behind);
@@ -68,7 +81,7 @@ float seen_by_photo(sampler2D surface, int photo, vec3 point, vec3 along, out ve
 }}
 vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec2 place;
-    vec3 turn = vec3(-1.0, 1.0, 1.0);
+    vec3 from = warped(point), turn = vec3(-1.0, 1.0, 1.0);
     vec4 own = vec4(0.0), twin = vec4(0.0);
     float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
     vec3 matched = model * (gain - 1.0) + offset;
@@ -150,4 +163,5 @@ def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
         "photo_axes": axes,
         "photo_focal": focals,
         "level": levels,
+        "warp": maps.warp.coefficients if maps.warp else ((0.0, 0.0, 0.0),) * len(TERMS),
     }

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from core.models.codes import CodeKind
 from core.models.model import Instance, Model, Words
+from core.rendering.motion import moved_along, reach
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture
@@ -84,7 +85,7 @@ def direction_words(model: Model) -> Iterator[Words | None]:
 
 
 def moved(instance: Instance, words: Words, name: str, amount: float) -> Instance:
-    """Move an object along a named direction; the opposite word moves backwards.
+    """Move an object along a named direction, as far as it may go; the opposite word moves backwards.
 
     Args:
         words: from :func:`direction_words`.
@@ -92,16 +93,39 @@ def moved(instance: Instance, words: Words, name: str, amount: float) -> Instanc
 
     Raises ``ValueError`` for an unknown name.
     """
-    known = dict[str, tuple[CodeKind, int, int]]()
+    kind, number, sign = _direction(words, name)
+    if kind == "texture":
+        return instance.moved(kind, sign * amount * instance.model.codes.texture_space.basis[number])
+    return moved_along(instance, number, _coordinate(instance, number) + sign * amount)
+
+
+def most(instance: Instance, words: Words, name: str) -> float:
+    """Return the largest amount by which :func:`moved` moves an object along a named direction, standard deviations.
+
+    Raises ``ValueError`` for an unknown name.
+    """
+    kind, number, sign = _direction(words, name)
+    if kind == "texture":
+        return math.inf
+    low, high = reach(instance, number)
+    position = _coordinate(instance, number)
+    return high - position if sign > 0 else position - low
+
+
+def _coordinate(instance: Instance, number: int) -> float:
+    return float(instance.model.codes.shape_space.coordinates(instance.codes.shape)[number])
+
+
+def _direction(words: Words, name: str) -> tuple[CodeKind, int, int]:
+    """Return kind and number of a named direction, and 1, or -1 for its opposite."""
+    directions = dict[str, tuple[CodeKind, int, int]]()
     for kind in _TABLES:
         for number, word in enumerate(words[kind]):
             if word:
-                known |= {word: (kind, number, 1), OPPOSITES[word]: (kind, number, -1)}
-    if name not in known:
-        raise ValueError(f"no direction {name!r}; choose one of {', '.join(known)}")
-    kind, number, sign = known[name]
-    space = getattr(instance.model.codes, f"{kind}_space")
-    return instance.moved(kind, sign * amount * space.basis[number])
+                directions |= {word: (kind, number, 1), OPPOSITES[word]: (kind, number, -1)}
+    if name not in directions:
+        raise ValueError(f"no direction {name!r}; choose one of {', '.join(directions)}")
+    return directions[name]
 
 
 def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.models.model import Instance
 from core.models.photo_detail import BACKGROUND, PhotoView
 from core.rendering.folded_layers import batch_density
+from core.rendering.motion import Warp, unmoved_distance, warp_to_fitted
 from core.rendering.shape_cells import shape_cells
 
 FADED = 1.5  # distance of an edited shape, in standard deviations, at which the detail has vanished
@@ -36,14 +37,14 @@ _COHERENCE_SAMPLES = 64  # height of the image in px, and samples of a ray, for 
 def shown_share(instance: Instance) -> float:
     """Return the effective strength of an object's photo detail, 0..1.
 
-    Fades as the shape is edited, but not with the texture, which repaints the detail. 0 for the authors' checkpoints
-    and for M1 and M2.
+    Fades as the shape becomes another one, but neither along directions, with which the detail moves, nor with the
+    texture, which repaints it. 0 for the authors' checkpoints and for M1 and M2.
     """
     detail = instance.detail
     model = instance.model
     if detail is None or model.white_from_network or model.is_ablation:
         return 0.0
-    away = float(model.codes.shape_space.distance(instance.codes.shape, detail.shape))
+    away = unmoved_distance(instance)
     return detail.strength * max(0.0, 1 - away / FADED)
 
 
@@ -77,9 +78,11 @@ class Outline(NamedTuple):
     silhouettes: tuple[Silhouette, ...]
     mirrored: tuple[bool, ...]  # True: the silhouette also bounds mirrored points
     strength: float  # of the gain, 0..1
+    warp: Warp | None = None  # to the object that was fitted to the photos
 
     def factor(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return the factor on the density of points: their share in all masks, and the largest gain."""
+        points = self.warp.origins(points) if self.warp else points
         share, gain = torch.ones_like(points[..., 0]), torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
             for place in (points, _mirror(points)) if mirrored else (points,):
@@ -101,7 +104,7 @@ def outline(instance: Instance) -> Outline | None:
     bounding = [Silhouette(view, view.outline_margin, fitted) for view in detail.views if view.outline_margin]
     mirrored = tuple(detail.other_side != "model" and _is_symmetric(silhouette) for silhouette in bounding)
     widened = tuple(silhouette._replace(margin=silhouette.margin / strength) for silhouette in bounding)
-    return Outline(widened, mirrored, strength) if bounding else None
+    return Outline(widened, mirrored, strength, warp_to_fitted(instance)) if bounding else None
 
 
 def coherence(silhouette: Silhouette) -> float:

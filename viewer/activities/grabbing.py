@@ -13,7 +13,6 @@ from viewer.values.direction import Direction
 
 _DETAIL = 256  # px of the view's shorter side when measuring pulls
 _BEGUN = 4.0  # px of the view after which a drag's direction is known
-_REACH = 3.0  # standard deviations to either side of the mean, as for sliders
 
 Place = tuple[float, float]  # fractions of the view's width and height
 
@@ -66,7 +65,7 @@ class Grabbing:
             self._held = direction, self._editor.strength(direction)
         direction, start = self._held
         amount = self.pull.amount((drag[0] / self.scale, drag[1] / self.scale))
-        self._editor.move_along(direction, max(-_REACH, min(_REACH, start + amount)), gesture="grab")
+        self._editor.move_along(direction, start + amount, gesture="grab")
 
     def release(self) -> None:
         """End the pull; the next one is another step of undo."""

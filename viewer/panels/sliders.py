@@ -17,10 +17,9 @@ from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_UNDO
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
-_REACH = 3.0  # standard deviations to either side of the mean
-_STEPS = (-2, 0, 2)  # standard deviations of the previews beside a slider
+_PREVIEWS = (0.0, 0.5, 1.0)  # places along a slider
 _INFLUENCE = 96  # px, side of the compared renders
-_HELP = "Ctrl+click to type, right click for 0"
+_HELP = "Ctrl+click to type, right click for the middle"
 
 
 class SlidersPanel(Panel):
@@ -71,27 +70,28 @@ class SlidersPanel(Panel):
         paint_caption(context, ends[1], corner + ImVec2(room.x / 2, 0), room.x / 2, 1.0, quiet=False)
         imgui.dummy((room.x, small_height()))
         imgui.set_next_item_width(-1)
-        moved, to = imgui.slider_float(f"##{key}", value, -_REACH, _REACH, "")
+        low, high = direction.reach(editor.scene.instance)
+        moved, to = imgui.slider_float(f"##{key}", value, low, high, "", imgui.SliderFlags_.always_clamp)
         if moved and abs(to - value) > 1e-6:
             editor.move_along(direction, to, gesture=key)
         end_gesture(context)
         if imgui.is_item_clicked(imgui.MouseButton_.right):
-            editor.move_along(direction, 0.0)
+            editor.move_along(direction, (low + high) / 2)
         if imgui.is_item_hovered() and not imgui.is_item_active():
             outline = self._show_influence(context, direction)
             if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip) and begin_tooltip_beside():
                 self._draw_strip(context, direction)
                 imgui.text(f"{ends[0].capitalize()} to the left, {ends[1]} to the right{outline}")
-                imgui.text_disabled(f"Now {value:+.2f} σ. {_HELP}")
+                imgui.text_disabled(f"Now {value:+.2f} σ, from {low:+.2f} to {high:+.2f}. {_HELP}")
                 imgui.end_tooltip()
 
     def _show_influence(self, context: PanelContext, direction: Direction) -> str:
-        """Overlay the object with the influence of a standard deviation to either side; describe it in words."""
+        """Overlay the object with the influence of the slider's ends; describe it in words."""
         editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
-        instance, value = editor.scene.instance, editor.strength(direction)
-        ends = (direction.moved(instance, value + step) for step in (-1.0, 1.0))
-        low, high = (context.session.thumbnails.get(one, camera, soon=True) for one in ends)
+        instance = editor.scene.instance
+        ends = (direction.moved(instance, to) for to in direction.reach(instance))
+        low, high = (context.session.thumbnails.get(end, camera, soon=True) for end in ends)
         if low is None or high is None:
             return ""
         if self.influence is None or self._compared != (low, high):
@@ -105,14 +105,15 @@ class SlidersPanel(Panel):
         side, model = object_tiles.THUMBNAIL * hello_imgui.em_size(), context.session.editor.model
         corner = imgui.get_cursor_screen_pos()
         assert self._basis is not None
-        for number, to in enumerate(_STEPS):
+        low, high = direction.reach(self._basis)
+        for number, place in enumerate(_PREVIEWS):
             frame = context.session.thumbnails.get(
-                direction.moved(self._basis, float(to)),
+                direction.moved(self._basis, low + place * (high - low)),
                 orbit.home(model).resized(SIZE, SIZE),
                 soon=True,
             )
             object_tiles.paint_frame(context, frame, corner + ImVec2(1.1 * number * side, 0), side)
-        imgui.dummy((1.1 * len(_STEPS) * side, side))
+        imgui.dummy((1.1 * len(_PREVIEWS) * side, side))
 
 
 def _draw_lock(context: PanelContext, kind: CodeKind) -> None:

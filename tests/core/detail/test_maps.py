@@ -18,6 +18,7 @@ from core.rendering import progressive
 from core.rendering.baked_field import render_baked
 from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
+from core.rendering.motion import LIMIT, moved_along
 from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
 from core.rendering.progressive import RenderJob, RenderSettings
@@ -137,11 +138,10 @@ def test_the_stripe_turns_with_the_surface(tiny: Model, instance: Instance) -> N
 
 
 def test_edits_of_the_shape_fade_it(tiny: Model, instance: Instance) -> None:
-    space = tiny.codes.shape_space
-    way = torch.tensor([1.0, 0.5])
-    unit = way / float(space.distance(way, torch.zeros(2)))
+    """It moves with the surface along directions, so only moves beyond the limit count."""
+    step = tiny.codes.shape_space.basis[0]
     shares = [
-        shown_share(instance.changed(shape=instance.codes.shape + distance * unit))
+        shown_share(instance.moved("shape", (LIMIT + 2**0.5 * distance) * step))
         for distance in (0.0, FADED / 2, FADED, 2 * FADED)
     ]
     assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)
@@ -167,11 +167,16 @@ def test_every_stage_shows_it(tiny: Model, instance: Instance, camera: Camera) -
     assert all((a.image != b.image).any() for a, b in zip(*frames, strict=True))
 
 
-@pytest.mark.parametrize(("azimuth", "covers"), [(1.4, False), (np.pi - 1.1, False), (np.pi - 1.1, True)])
+@pytest.mark.parametrize(
+    ("azimuth", "covers", "edited"),
+    [(1.4, False, False), (1.4, False, True), (np.pi - 1.1, False, False), (np.pi - 1.1, True, False)],
+)
 def test_what_opengl_draws_is_what_the_processor_looks_up(
-    tiny: Model, instance: Instance, azimuth: float, covers: bool
+    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool
 ) -> None:
+    instance = moved_along(instance, 0, 9.0) if edited else instance
     *_, shadowed = filter(None, bake(instance))
+    assert shadowed.detail is not None and (shadowed.detail.warp is not None) == edited
     baked = replace(shadowed, shadow=None)
     if covers:
         baked = replace(baked, detail=lettered(baked.detail))

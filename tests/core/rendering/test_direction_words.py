@@ -3,7 +3,8 @@ import torch
 
 from core.models.library import load_model
 from core.models.model import Model
-from core.rendering.direction_words import Words, direction_words, moved, name_changes
+from core.rendering.direction_words import Words, direction_words, most, moved, name_changes
+from core.rendering.motion import LIMIT
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 
@@ -46,11 +47,14 @@ def lightness_rises(name: str, words: Words) -> bool | None:
 def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
     instance, words = tiny[0], Words(shape=("", "taller"), texture=("bluer",))
     step = tiny.codes.shape_space.basis[1]
-    higher, lower = (moved(instance, words, name, 1.5) for name in ("taller", "lower"))
-    assert torch.allclose(higher.codes.shape, instance.codes.shape + 1.5 * step) and torch.equal(
-        higher.codes.texture, instance.codes.texture
-    )
-    assert torch.allclose(lower.codes.shape, instance.codes.shape - 1.5 * step)
+    higher, lower = (moved(instance, words, name, 0.5) for name in ("taller", "lower"))
+    assert torch.allclose(higher.codes.shape, instance.codes.shape + 0.5 * step, atol=1e-3)
+    assert torch.equal(higher.codes.texture, instance.codes.texture)
+    assert torch.allclose(lower.codes.shape, instance.codes.shape - 0.5 * step, atol=1e-3)
+    assert most(instance, words, "taller") == pytest.approx(LIMIT)
+    farthest = moved(instance, words, "taller", 9.0)
+    assert torch.allclose(farthest.codes.shape, instance.codes.shape + LIMIT * step, atol=1e-3)
+    assert most(instance, words, "bluer") == torch.inf
     assert not torch.equal(moved(instance, words, "more yellow", 1.0).codes.texture, instance.codes.texture)
     with pytest.raises(ValueError, match="no direction 'roof'; choose one of taller, lower, bluer, more yellow"):
         moved(instance, words, "roof", 1.0)

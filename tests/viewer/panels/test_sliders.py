@@ -7,6 +7,7 @@ from imgui_bundle import imgui
 from core.models.codes import CODE_KINDS
 from tests.viewer.driver import Driver, in_window
 from viewer.panels.sliders import SlidersPanel
+from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 
 
@@ -17,10 +18,16 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
     window.wait()
     before = editor.state
     assert not window.exists("Sliders/**/##shape 2")  # it has no word
-    window.set("Sliders/**/##shape 1", 1.5)
+    direction = Direction.principal(editor.model.codes, "shape", 0)
+    low, high = direction.reach(editor.scene.instance)
+    window.set("Sliders/**/##shape 1", low + 0.2)
     window.ctx.yield_(2)
-    moved = editor.space("shape").coordinates(editor.code("shape"))
-    assert moved[0] == pytest.approx(1.5, abs=1e-3)
+    assert editor.strength(direction) == pytest.approx(low + 0.2, abs=1e-3)
+    window.set("Sliders/**/##shape 1", 9.0)
+    window.ctx.yield_(2)
+    assert editor.strength(direction) == pytest.approx(high, abs=1e-3)  # a soft stop
+    window.click("Sliders/**/##shape 1", 1)
+    assert editor.strength(direction) == pytest.approx((low + high) / 2, abs=1e-3)
     assert editor.scene.instance.codes.texture is before.scene.instance.codes.texture
     past = len(editor.history.past)
     window.drag("Sliders/**/##texture 1", 70)

@@ -14,9 +14,10 @@ def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, kind:
     before, other = space.coordinates(getattr(instance.codes, kind)), "texture" if kind == "shape" else "shape"
     assert direction.kind == kind
     assert direction.strength(instance) == pytest.approx(float(before[1]), abs=1e-4)
-    moved = direction.moved(instance, 1.5)
+    to = float(before[1]) + 0.5
+    moved = direction.moved(instance, to)
     after = space.coordinates(getattr(moved.codes, kind))
     expected = before.clone()
-    expected[1] = 1.5
+    expected[1] = to
     torch.testing.assert_close(after, expected, atol=1e-3, rtol=1e-3)
     assert getattr(moved.codes, other) is getattr(instance.codes, other)
