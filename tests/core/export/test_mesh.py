@@ -19,6 +19,7 @@ from core.export.mesh_formats import Mesh
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.library import load_model
 from core.models.model import Instance, Model
+from core.rendering import fast
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import unchecked_shapes
@@ -43,6 +44,8 @@ def ball(monkeypatch: pytest.MonkeyPatch):
     """Makes every field one ball, or several: density and colour by the distance from their surfaces."""
 
     def make(*balls: tuple[tuple[float, float, float], float], hollow: float = 0.0) -> None:
+        fast.clear_cache()
+
         def density(self, points):
             away = torch.stack([radius - (points - torch.tensor(middle)).norm(dim=-1) for middle, radius in balls], -1)
             outside = away.amax(-1)

@@ -12,8 +12,7 @@ from imgui_bundle import imgui
 
 from core.detail.paint import Paint
 from core.fitting.fit import FitJob, FitStep
-from core.models.codes import Codes
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.photo_detail import Erasure
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
@@ -368,7 +367,7 @@ def test_a_paint_that_is_computed_when_the_program_is_killed_is_found_at_the_nex
     monkeypatch.setattr(autosave, "EVERY", 0.0)
     colour = rgb(next(iter(paints_of("").values())))
 
-    def endless_paint(model: Model, codes: Codes, paint: Paint) -> Iterator[None]:
+    def endless_paint(instance: Instance, paint: Paint) -> Iterator[None]:
         while True:
             time.sleep(0.01)
             yield None
@@ -382,9 +381,9 @@ def test_a_paint_that_is_computed_when_the_program_is_killed_is_found_at_the_nex
     def second(window: Driver) -> None:
         editor = window.session.editor
         window.wait()
-        assert editor.scene.codes.texture[:3].tolist() == pytest.approx(colour)
+        assert editor.scene.instance.codes.texture[:3].tolist() == pytest.approx(colour)
         window.undo()
-        assert editor.scene.codes == editor.original
+        assert editor.scene.instance == editor.original
 
     drive(first, replace(backend, paint=endless_paint), folder=tmp_path / "config")
     drive(second, folder=tmp_path / "killed")
@@ -394,11 +393,11 @@ def test_a_swatch_never_shows_the_colour_of_another_object(drive: Drive, backend
     may_measure = threading.Event()
     may_measure.set()
 
-    def slow_colour(model: Model, codes: Codes, part: str) -> Iterator[None]:
+    def slow_colour(instance: Instance, part: str) -> Iterator[None]:
         while not may_measure.is_set():
             time.sleep(0.01)
             yield None
-        return (yield from quick_colour(model, codes, part))
+        return (yield from quick_colour(instance, part))
 
     def swatch(window: Driver) -> np.ndarray:
         place = window.ctx.item_info("//Photo/###paint").rect_full.get_center()
