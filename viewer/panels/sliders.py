@@ -2,6 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.geometry.camera import Camera
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance
 from core.rendering.direction_words import OPPOSITES
@@ -19,6 +20,7 @@ _DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _PREVIEWS = (0.0, 0.5, 1.0)  # places along a slider
 _INFLUENCE = 96  # px, side of the compared renders
+_MAX_PREVIEWS = 64  # kept previews, more than the sliders of an object show
 _HELP = "Ctrl+click to type, right click for the middle"
 
 
@@ -32,6 +34,8 @@ class SlidersPanel(Panel):
         self._basis: Instance | None = None  # base of the thumbnails: the object before the drag began
         self._compared: tuple[Frame, Frame] | None = None  # the object at less and at more of a direction
         self.influence: CodeInfluence | None = None  # the difference between these
+        self._previews: dict[tuple[Instance, CodeKind, int, float], Instance] = {}
+        self._last_preview = -1  # number of the window's frame that computed one
 
     def draw(self, context: PanelContext) -> None:
         """Draw the buttons (random, reset, locks), then the sliders."""
@@ -90,8 +94,7 @@ class SlidersPanel(Panel):
         editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         instance = editor.scene.instance
-        ends = (direction.moved(instance, to) for to in direction.reach(instance))
-        low, high = (context.session.thumbnails.get(end, camera, soon=True) for end in ends)
+        low, high = (self._preview(context, direction, instance, to, camera) for to in direction.reach(instance))
         if low is None or high is None:
             return ""
         if self.influence is None or self._compared != (low, high):
@@ -107,13 +110,27 @@ class SlidersPanel(Panel):
         assert self._basis is not None
         low, high = direction.reach(self._basis)
         for number, place in enumerate(_PREVIEWS):
-            frame = context.session.thumbnails.get(
-                direction.moved(self._basis, low + place * (high - low)),
-                orbit.home(model).resized(SIZE, SIZE),
-                soon=True,
-            )
+            camera = orbit.home(model).resized(SIZE, SIZE)
+            frame = self._preview(context, direction, self._basis, low + place * (high - low), camera)
             object_tiles.paint_frame(context, frame, corner + ImVec2(1.1 * number * side, 0), side)
         imgui.dummy((1.1 * len(_PREVIEWS) * side, side))
+
+    def _preview(
+        self, context: PanelContext, direction: Direction, instance: Instance, to: float, camera: Camera
+    ) -> Frame | None:
+        """Return the thumbnail of an object moved along a direction, or None until it is rendered.
+
+        A frame of the window moves at most one object, as that takes up to a few tenths of a second.
+        """
+        key = instance, direction.kind, direction.index, to
+        if key not in self._previews:
+            if self._last_preview == imgui.get_frame_count():
+                return None
+            self._last_preview = imgui.get_frame_count()
+            if len(self._previews) >= _MAX_PREVIEWS:
+                self._previews.clear()
+            self._previews[key] = direction.moved(instance, to)
+        return context.session.thumbnails.get(self._previews[key], camera, soon=True)
 
 
 def _draw_lock(context: PanelContext, kind: CodeKind) -> None:
