@@ -195,7 +195,12 @@ def bench_candidates(chosen: argparse.Namespace) -> None:
             device=chosen.device,
             pool=pool,
         )
-        _bench(chosen, "candidates", candidates.Judgement, about, lambda done: measure(done=done))
+        try:
+            _bench(chosen, "candidates", candidates.Judgement, about, lambda done: measure(done=done))
+        except ValueError:  # of some candidates or fits: show the table of the rest
+            if (chosen.out / "candidates.csv").exists():
+                print(charts.draw(chosen.out, "candidates"), flush=True)
+            raise
 
 
 def _chosen_candidates(chosen: argparse.Namespace, dataset: Dataset) -> dict[str, TrainSettings]:

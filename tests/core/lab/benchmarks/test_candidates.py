@@ -18,6 +18,7 @@ from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.lab.training.test_trainer import SETTINGS
 from tests.core.tiny import tiny_model
 
+TWO_STEPS = Budget(None, 2)
 QUICK = FitSettings(hypotheses=2, steps=4, rays=32, samples=8, free_steps=1, max_restarts=0)
 
 
@@ -37,7 +38,7 @@ def measure(
     folder: Path,
     chosen: dict[str, TrainSettings],
     done: Collection[tuple[str, bool, str, int]] = (),
-    budget: Budget = Budget(None, 2),
+    budget: Budget = TWO_STEPS,
 ) -> list[Judgement]:
     """Train on two stools and judge by a third."""
     model = tiny_model()
@@ -67,7 +68,7 @@ def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Pat
     assert "| plain | unknown | 1 |" in table
 
 
-@pytest.mark.parametrize("budget", [Budget(None, 2), Budget(1e-6, 2)])  # a time ends after the pace is known
+@pytest.mark.parametrize("budget", [TWO_STEPS, Budget(1e-6, 2)])  # a time ends after the pace is known
 def test_a_candidate_that_fails_stops_no_other_and_is_named(tmp_path: Path, budget: Budget):
     """After so few steps the second shows nothing, so that it cannot be judged; but it is saved."""
     chosen = {"wild": replace(SETTINGS, code_noise=(math.inf, 0.0)), "empty": SETTINGS}
