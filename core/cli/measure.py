@@ -177,13 +177,14 @@ def bench_candidates(chosen: argparse.Namespace) -> None:
     if category != dataset.category:
         raise ValueError(f"{category} cannot judge models of {dataset.category}")
     entries = evenly_spaced(entries, chosen.objects)
-    about = {"machine": describe_machine(torch.device(chosen.device)), "objects": str(len(entries))}
-    about |= {"budget": f"{chosen.seconds} s" if chosen.seconds else f"{chosen.steps} steps", "rays": str(chosen.rays)}
-    context = get_context("spawn")  # a graphics card does not survive a fork
-    workers = max(1, thread_count() - (chosen.device == "cuda"))  # training keeps a core
+    conditions = {
+        "machine": describe_machine(torch.device(chosen.device)),
+        "objects": str(len(entries)),
+        "budget": f"{chosen.seconds} s" if chosen.seconds else f"{chosen.steps} steps",
+        "rays": str(chosen.rays),
+        "preset": chosen.preset,
+    }
     with ExitStack() as stack:
-        pool = ProcessPoolExecutor(workers, context, use_threads, (1,))
-        stack.callback(pool.shutdown, cancel_futures=True)
         measure = partial(
             candidates.measure_candidates,
             dataset,
@@ -193,14 +194,23 @@ def bench_candidates(chosen: argparse.Namespace) -> None:
             PRESETS[chosen.preset],
             out=chosen.out,
             device=chosen.device,
-            pool=pool,
+            pool=_processes(chosen, stack),
         )
         try:
-            _bench(chosen, "candidates", candidates.Judgement, about, lambda done: measure(done=done))
+            _bench(chosen, "candidates", candidates.Judgement, conditions, lambda done: measure(done=done))
         except ValueError:  # of some candidates or fits: show the table of the rest
             if (chosen.out / "candidates.csv").exists():
                 print(charts.draw(chosen.out, "candidates"), flush=True)
             raise
+
+
+def _processes(chosen: argparse.Namespace, stack: ExitStack) -> ProcessPoolExecutor:
+    """Return processes of one thread each, one per thread of the command; ``stack`` ends them."""
+    workers = max(1, thread_count() - (chosen.device == "cuda"))  # training keeps a core busy
+    context = get_context("spawn")  # a graphics card does not survive a fork
+    pool = ProcessPoolExecutor(workers, context, use_threads, (1,))
+    stack.callback(pool.shutdown, cancel_futures=True)
+    return pool
 
 
 def _chosen_candidates(chosen: argparse.Namespace, dataset: Dataset) -> dict[str, TrainSettings]:

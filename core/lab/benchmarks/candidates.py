@@ -29,7 +29,7 @@ from core.runtime.precision import require_device
 SHIPPED = "shipped"
 _PHOTO_VIEWS = (1, 5, 9, 14, 18, 22)  # of the first object; every further object's are three views on
 _NEXT_OBJECT = 3
-_OTHER_VIEWS = (3, 7, 11, 15, 19)  # views after the photo's that judge a fit
+_NOVEL_VIEWS = (3, 7, 11, 15, 19)  # how many views after the photo's are those that judge a fit
 _WARM = 20  # steps that compile and warm up, excluded from the measured pace
 _PACE_EVERY = 50  # steps between two estimates of the pace
 _UNKNOWN_PACE = 1_000_000  # steps of a schedule until then: it has not left its beginning
@@ -49,7 +49,7 @@ class Judgement:
     view: int
     rotation: float  # degrees, error of the fitted camera
     photo: ViewScore  # the fitted view
-    others: ViewScore  # mean of the other views
+    novel: ViewScore  # mean of some other views
     confidence: float | None  # None for a known camera
     seconds: float  # of the fit
 
@@ -60,7 +60,7 @@ class Judgement:
 
     def __str__(self) -> str:
         camera = "known camera" if self.posed else f"{self.rotation:.0f} degrees off"
-        return f"{self.candidate}: {self.name} {self.view}, {camera}, others {self.others.psnr:.1f} dB"
+        return f"{self.candidate}: {self.name} {self.view}, {camera}, other views {self.novel.psnr:.1f} dB"
 
 
 class Case(NamedTuple):
@@ -101,8 +101,8 @@ def _regular_shares(counts: Sequence[int], regular: int) -> tuple[tuple[float, t
     """Return changing shares of the regular dataset; the rest goes to the other objects alike."""
     rest = sum(counts) - counts[regular]
     return tuple(
-        (moment, tuple(share if index == regular else (1 - share) * n / rest for index, n in enumerate(counts)))
-        for moment, share in _REGULAR
+        (moment, tuple(fraction if i == regular else (1 - fraction) * count / rest for i, count in enumerate(counts)))
+        for moment, fraction in _REGULAR
     )
 
 
@@ -148,15 +148,21 @@ def measure_candidates(
             continue
         assert rays
         trainer = Trainer(dataset, replace(settings, steps=budget.steps), device, rays.with_own_hulls())
-        try:
-            for _ in _timed(trainer, budget):
-                yield from judge.finished()
-            judge.complete(name, trainer.model(), path)
-        except ValueError as error:  # the other candidates go on
-            judge.failures.append(f"{name}: {error}")
+        yield from _train(trainer, budget, judge, name, path)
     yield from judge.rest()
     if judge.failures:
         raise ValueError("; ".join(judge.failures))
+
+
+def _train(trainer: Trainer, budget: Budget, judge: "_Judge", name: str, path: Path) -> Iterator[Judgement]:
+    """Train a candidate and hand it to the judge; yield the judgements of earlier ones that are finished meanwhile."""
+    try:
+        for _ in _timed(trainer, budget):
+            yield from judge.finished()
+    except ValueError as error:  # the other candidates go on
+        judge.failures.append(f"{name}: {error}")
+        return
+    judge.complete(name, trainer.model(), path)
 
 
 def _timed(trainer: Trainer, budget: Budget) -> Iterator[None]:
@@ -244,23 +250,24 @@ def _load(model: str) -> Model:
 
 def _judge(candidate: str, model_name: str, case: Case, settings: FitSettings) -> Judgement:
     """Fit a view at the model's image size, and compare renders with the object's views at the dataset's size."""
-    model, whole = _load(model_name), case.entry.read()
-    count = len(whole.cameras)
-    view = case.view % count
-    photo = as_photo(whole.reduced(model.image_size), view, case.posed)
+    model = _load(model_name)
+    views = case.entry.read()
+    count = len(views.cameras)
+    index = case.view % count
+    photo = as_photo(views.reduced(model.image_size), index, case.posed)
     began = time.perf_counter()
     *_, last = fit(model, FitJob((photo,), settings))
     seconds = time.perf_counter() - began
     codes = replace(last.codes, detail=None)
-    others = [score_view(model, codes, whole, (view + offset) % count) for offset in _OTHER_VIEWS]
+    scores = [score_view(model, codes, views, (index + offset) % count) for offset in _NOVEL_VIEWS]
     return Judgement(
         candidate,
         case.posed,
         case.entry.name,
         case.view,
-        rotation=rotation_error(last.cameras[0], whole.cameras[view]),
-        photo=score_view(model, codes, whole, view),
-        others=ViewScore(*np.mean(others, axis=0).tolist()),
+        rotation=rotation_error(last.cameras[0], views.cameras[index]),
+        photo=score_view(model, codes, views, index),
+        novel=ViewScore(*np.mean(scores, axis=0).tolist()),
         confidence=last.confidence,
         seconds=seconds,
     )

@@ -161,10 +161,10 @@ _ABLATIONS: list[Column] = [
 ]
 
 
-def candidates_table(found: Results[Judgement]) -> str:
+def candidates_table(results: Results[Judgement]) -> str:
     """Format a line per candidate and kind of camera, compared with the shipped model on the same views."""
     groups: dict[tuple[str, bool], dict[tuple[str, int], Judgement]] = {}
-    for row in found.rows:
+    for row in results.rows:
         groups.setdefault((row.candidate, row.posed), {})[row.name, row.view] = row
     columns: list[Column] = [
         ("candidate", itemgetter(0), "{}"),
@@ -172,13 +172,13 @@ def candidates_table(found: Results[Judgement]) -> str:
         ("fits", lambda key: len(groups[key]), "{}"),
         ("within 10°", lambda key: sum(row.rotation <= 10 for row in groups[key].values()), "{}"),
         ("the photo: dB, overlap, haze", lambda key: _mean_view(groups[key].values(), "photo"), _view_score),
-        ("other views", lambda key: _mean_view(groups[key].values(), "others"), _view_score),
+        ("other views", lambda key: _mean_view(groups[key].values(), "novel"), _view_score),
         ("dB over the shipped model", lambda key: _gain_over(groups.get((SHIPPED, key[1])), groups[key], "psnr"), "{}"),
         ("overlap over it", lambda key: _gain_over(groups.get((SHIPPED, key[1])), groups[key], "overlap"), "{}"),
         ("s (median)", lambda key: statistics.median(row.seconds for row in groups[key].values()), "{:.1f}"),
     ]
-    about = "{machine}; {objects} objects; other views at the dataset's size, with 95 % intervals over views."
-    return _text(about.format(**found.about), markdown_table(columns, groups))
+    heading = "{machine}; {objects} objects; other views at the dataset's size, with 95 % intervals over views."
+    return _text(heading.format(**results.about), markdown_table(columns, groups))
 
 
 def _mean_view(rows: Iterable[Judgement], kind: str) -> ViewScore:
@@ -190,7 +190,7 @@ def _gain_over(
     shipped: Mapping[tuple[str, int], Judgement] | None, own: Mapping[tuple[str, int], Judgement], measure: str
 ) -> str:
     """Format the mean gain in the other views of the fits that both have; nothing without any."""
-    pairs = [(row.others, shipped[key].others) for key, row in own.items() if shipped and key in shipped]
+    pairs = [(row.novel, shipped[key].novel) for key, row in own.items() if shipped and key in shipped]
     if not pairs or shipped is own:
         return ""
     return format_difference(mean_of([getattr(after, measure) - getattr(before, measure) for after, before in pairs]))

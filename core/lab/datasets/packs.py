@@ -48,8 +48,8 @@ class PackEntry(NamedTuple):
     views: int
 
 
-class _About(NamedTuple):
-    """Metadata of a pack."""
+class _Header(NamedTuple):
+    """Description of a pack in its metadata."""
 
     category: str
     size: int  # px, width and height of a view
@@ -60,7 +60,7 @@ class _About(NamedTuple):
 class _Pack(NamedTuple):
     """A pack in memory, its images still compressed."""
 
-    about: _About
+    header: _Header
     positions: dict[str, int]  # of the objects, by name
     tensors: dict[str, Tensor]
 
@@ -83,7 +83,7 @@ def write_pack(path: Path, category: str, objects: Iterable[PackedObject], quali
         cameras += packed.cameras
         yield packed.name
     listed = [entry._asdict() for entry in entries]
-    about = {"category": category, "size": cameras[0].width, "focal": cameras[0].focal, "objects": listed}
+    header = {"category": category, "size": cameras[0].width, "focal": cameras[0].focal, "objects": listed}
     angles = [(camera.azimuth, camera.elevation, camera.distance) for camera in cameras]
     tensors = {
         "images": torch.frombuffer(bytearray(b"".join(images)), dtype=torch.uint8),
@@ -91,13 +91,13 @@ def write_pack(path: Path, category: str, objects: Iterable[PackedObject], quali
         "cameras": torch.tensor(angles, dtype=torch.float32),
     }
     with atomic_file(path, index_pack) as partial:
-        partial.write_bytes(save(tensors, {"format": FORMAT, "dataset": json.dumps(about)}))
+        partial.write_bytes(save(tensors, {"format": FORMAT, "dataset": json.dumps(header)}))
 
 
 def index_pack(path: Path) -> tuple[str, tuple[PackEntry, ...]]:
     """Return the category and the objects of a pack. Raises ``ValueError`` naming a file that is not one."""
-    about = _open(path).about
-    return about.category, about.objects
+    header = _open(path).header
+    return header.category, header.objects
 
 
 def read_packed(path: Path, name: str, scale: float = 1.0) -> PackedObject:
@@ -106,16 +106,16 @@ def read_packed(path: Path, name: str, scale: float = 1.0) -> PackedObject:
     Args:
         scale: scene units of a unit of its distances.
     """
-    about, positions, tensors = _open(path)
+    header, positions, tensors = _open(path)
     position = positions[name]
-    entry = about.objects[position]
-    first_view = sum(packed.views for packed in about.objects[:position])
+    entry = header.objects[position]
+    first_view = sum(packed.views for packed in header.objects[:position])
     begin = int(tensors["ends"][position - 1]) if position else 0
     with reading(path, "a pack of views"):
         image = tensors["images"][begin : int(tensors["ends"][position])].numpy().tobytes()
-        images, masks = _decode(image, entry.views, about.size)
+        images, masks = _decode(image, entry.views, header.size)
         cameras = tuple(
-            Camera(azimuth, elevation, distance * scale, about.focal, about.size, about.size)
+            Camera(azimuth, elevation, distance * scale, header.focal, header.size, header.size)
             for azimuth, elevation, distance in tensors["cameras"][first_view : first_view + entry.views].tolist()
         )
     return PackedObject(entry.name, entry.shape_id, entry.texture_id, images, masks, cameras)
@@ -132,11 +132,11 @@ def _open_version(path: Path, _modified: int) -> _Pack:
         metadata, tensors = read_tensors(path)
         if metadata.get("format") != FORMAT or set(tensors) != {"images", "ends", "cameras"}:
             raise ValueError("it is not a pack of views")
-        about = typed(_About, parse_json(metadata["dataset"]), name="dataset")
-        views = sum(entry.views for entry in about.objects)
-        if len(tensors["ends"]) != len(about.objects) or tensors["cameras"].shape != (views, 3):
+        header = typed(_Header, parse_json(metadata["dataset"]), name="dataset")
+        views = sum(entry.views for entry in header.objects)
+        if len(tensors["ends"]) != len(header.objects) or tensors["cameras"].shape != (views, 3):
             raise ValueError("its tensors do not fit its list of objects")
-    return _Pack(about, {entry.name: position for position, entry in enumerate(about.objects)}, tensors)
+    return _Pack(header, {entry.name: position for position, entry in enumerate(header.objects)}, tensors)
 
 
 def _columns(views: int) -> int:

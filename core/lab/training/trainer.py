@@ -79,6 +79,7 @@ class Trainer:
         rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
         self.shape_row, self.texture_row = rows.unbind(-1)
         self.step, self.seconds = 0, 0.0
+        self.planned_steps = settings.steps  # length of the schedule, see :meth:`reschedule`
         on_card = self.device.type == "cuda"
         self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=False) if on_card else self._evaluate_ray_loss
         self.extends: tuple[str, ...] = ()  # see :attr:`core.models.model.Model.extends`
@@ -125,7 +126,7 @@ class Trainer:
 
         Raises ``ValueError`` if the loss is not finite.
         """
-        while self.step < self.settings.steps:
+        while self.step < self.planned_steps:
             began = time.perf_counter()
             if self._is_pruning_due():
                 self.ray_dataset.prune(self.field, self.field.shape_bias(self.shapes[self.shape_row]))
@@ -134,11 +135,19 @@ class Trainer:
             self.seconds += time.perf_counter() - began
             if not math.isfinite(loss):
                 raise ValueError(f"training diverged at step {self.step}: lower the learning rates")
-            yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
+            yield TrainStep(self.step, self.planned_steps, loss, psnr_from_mse(error), self.seconds)
+
+    @property
+    def progress(self) -> float:
+        """Part of the schedule that is done, 0..1."""
+        return self.step / self.planned_steps
 
     def reschedule(self, steps: int) -> None:
-        """Change the number of steps of a run that is under way, and with it the learning rates from now on."""
-        self.settings = replace(self.settings, steps=max(steps, self.step))
+        """Change the number of steps of a run that is under way, and with it the learning rates from now on.
+
+        The settings stay, as the compiled loss depends on them.
+        """
+        self.planned_steps = max(steps, self.step)
 
     def model(self) -> Model:
         """Return the current model: averaged weights, codes rounded to half precision as in files."""
@@ -223,7 +232,7 @@ class Trainer:
         start, end = self.settings.code_noise
         if not (start or end):
             return 0.0, 0.0
-        scale = start + (end - start) * self.step / self.settings.steps
+        scale = start + (end - start) * self.progress
         shape, texture = (self._noise_of(codes.detach(), scale) for codes in (self.shapes, self.textures))
         return shape, texture
 
@@ -304,14 +313,14 @@ class Trainer:
     def _object_weights(self) -> Float[Tensor, "objects"]:
         """Divide the present share of each dataset among its objects."""
         moments, shares_then = zip(*self.settings.shares, strict=True)
-        progress = self.step / self.settings.steps
+        progress = self.progress
         shares_now = [float(np.interp(progress, moments, column)) for column in zip(*shares_then, strict=True)]
         shares = torch.tensor(shares_now, device=self.device)
         return (shares / self._sources.bincount(minlength=len(shares)))[self._sources]
 
     def _is_pruning_due(self) -> bool:
         """Return True at the step that reaches a fraction of the schedule at which hulls are pruned."""
-        before, now = (step / self.settings.steps for step in (self.step - 1, self.step))
+        before, now = ((self.step - back) / self.planned_steps for back in (1, 0))
         reached = any(before < fraction <= now for fraction in _PRUNE_AT)
         return reached and self.step >= _PRUNE_AFTER and not self.settings.whole_image
 
@@ -321,7 +330,7 @@ class Trainer:
     def _lr_factor(self, step: int) -> float:
         """Return the learning rate relative to its peak: a short linear warm-up, then a half cosine."""
         warmup = min(1.0, (step + 1) / _WARMUP_STEPS)
-        cosine = (1 + math.cos(math.pi * min(1.0, step / self.settings.steps))) / 2
+        cosine = (1 + math.cos(math.pi * min(1.0, step / self.planned_steps))) / 2
         return warmup * (_FINAL_LR + (1 - _FINAL_LR) * cosine)
 
 

@@ -58,7 +58,7 @@ def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Pat
     rows = measure(tmp_path, {"plain": SETTINGS})
     assert {row.key for row in rows} == {("plain", True, "stool2", 1), ("plain", False, "stool2", 1)}
     for row in rows:
-        assert row.rotation < 180 and row.others.psnr > 5 and row.seconds > 0
+        assert row.rotation < 180 and row.novel.psnr > 5 and row.seconds > 0
         assert (row.confidence is None) == row.posed == (row.rotation < 1e-3)
     assert measure(tmp_path, {"plain": SETTINGS}, {row.key for row in rows}) == []
     assert (tmp_path / "plain.safetensors").stat().st_mtime_ns == written
