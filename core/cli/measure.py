@@ -195,6 +195,7 @@ def bench_candidates(chosen: argparse.Namespace) -> None:
             out=chosen.out,
             device=chosen.device,
             pool=_processes(chosen, stack),
+            report=say,
         )
         try:
             _bench(chosen, "candidates", candidates.Judgement, conditions, lambda done: measure(done=done))

@@ -5,7 +5,7 @@ library's, with free biases, and are compared with those by the shipped model of
 """
 
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -125,6 +125,7 @@ def measure_candidates(
     out: Path,
     device: str,
     pool: Executor,
+    report: Callable[[str], object],
     done: Collection[tuple[str, bool, str, int]] = (),
 ) -> Iterator[Judgement]:
     """Train each candidate and yield each judgement as it is finished, also during training.
@@ -134,6 +135,7 @@ def measure_candidates(
 
     Args:
         pool: runs the fits.
+        report: gets a line when a candidate is trained.
         done: keys of judgements of an earlier run.
     """
     judge = _Judge(pool, cases, fit_settings, done)
@@ -149,6 +151,7 @@ def measure_candidates(
         assert rays
         trainer = Trainer(dataset, replace(settings, steps=budget.steps), device, rays.with_own_hulls())
         yield from _train(trainer, budget, judge, name, path)
+        report(f"{name}: {trainer.step} steps in {trainer.seconds:.0f} s")
     yield from judge.rest()
     if judge.failures:
         raise ValueError("; ".join(judge.failures))

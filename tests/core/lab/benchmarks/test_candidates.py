@@ -1,5 +1,5 @@
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -39,6 +39,7 @@ def measure(
     chosen: dict[str, TrainSettings],
     done: Collection[tuple[str, bool, str, int]] = (),
     budget: Budget = TWO_STEPS,
+    report: Callable[[str], object] = str,
 ) -> list[Judgement]:
     """Train on two stools and judge by a third."""
     model = tiny_model()
@@ -46,10 +47,8 @@ def measure(
     write_object(folder / "held out", views_of(model, 2, 4))
     cases = judged_cases(index_objects([folder / "held out"])[1], 1)
     with ThreadPoolExecutor(1) as pool:
-        stream = measure_candidates(
-            dataset, cases, chosen, budget, QUICK, out=folder, device="cpu", pool=pool, done=done
-        )
-        return list(stream)
+        work = {"out": folder, "device": "cpu", "pool": pool, "report": report, "done": done}
+        return list(measure_candidates(dataset, cases, chosen, budget, QUICK, **work))
 
 
 def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Path):
@@ -71,9 +70,12 @@ def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Pat
 @pytest.mark.parametrize("budget", [TWO_STEPS, Budget(1e-6, 2)])  # a time ends after the pace is known
 def test_a_candidate_that_fails_stops_no_other_and_is_named(tmp_path: Path, budget: Budget):
     """After so few steps the second shows nothing, so that it cannot be judged; but it is saved."""
+    lines = list[str]()
     chosen = {"wild": replace(SETTINGS, code_noise=(math.inf, 0.0)), "empty": SETTINGS}
     with pytest.raises(ValueError, match=r"wild: training diverged at step 1\b.*; empty: the model shows"):
-        measure(tmp_path, chosen, budget=budget)
+        measure(tmp_path, chosen, budget=budget, report=lines.append)
+    steps = 2 if budget is TWO_STEPS else 70  # the pace is first known after 70
+    assert lines[1].startswith(f"empty: {steps} steps in ")
     assert [path.name for path in tmp_path.glob("*.safetensors")] == ["empty.safetensors"]
 
 
