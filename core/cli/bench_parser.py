@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from core.cli.argument_types import count, part, whole_from
-from core.cli.options import add_command, add_model, add_seed
+from core.cli.argument_types import count, number_from, part, whole_from
+from core.cli.options import add_command, add_device, add_model, add_seed
 
 
 def add_bench(commands: argparse._SubParsersAction) -> None:
@@ -58,6 +58,22 @@ def _add_photos(kind: argparse.ArgumentParser) -> None:
     kind.add_argument("--preset", default="normal", metavar="P", help="of the fits")
 
 
+def _add_candidates(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders or packs to train on")
+    kind.add_argument("--judge", type=Path, nargs="+", required=True, metavar="D", help="held-out objects to fit")
+    kind.add_argument("--regular", type=Path, metavar="D", help="of the datasets, the one of regular objects")
+    length = kind.add_mutually_exclusive_group()
+    length.add_argument("--seconds", type=number_from(1, 1e6), metavar="S", help="training of each, after first steps")
+    length.add_argument("--steps", type=count, default=10, metavar="N", help="training of each, instead: a dry run")
+    kind.add_argument("--rays", type=count, default=32768, metavar="N", help="per step")
+    kind.add_argument("--latent", type=count, nargs=2, default=(64, 32), metavar=("SHAPE", "TEXTURE"), help="of codes")
+    kind.add_argument("--only", nargs="+", default=[], metavar="NAME", help="candidates to train (default: all)")
+    kind.add_argument("--objects", type=count, metavar="N", help="held-out objects to fit (default: all)")
+    kind.add_argument("--views", type=whole_from(1, 6), default=6, metavar="N", help="fitted views of each, 1 to 6")
+    kind.add_argument("--preset", choices=("draft", "normal", "fine"), default="normal", help="of the fits")
+    add_device(kind)
+
+
 def _add_write(kind: argparse.ArgumentParser) -> None:
     kind.add_argument("--write", action="store_true", help="write gate.csv, the baseline, instead")
 
@@ -69,6 +85,7 @@ _KINDS: dict[str, tuple[str, *tuple[Callable[[argparse.ArgumentParser], object],
     "ablations": ("fits without single components of the method", _add_fits, add_model),
     "robustness": ("where fits fail: success rate against stressors", _add_robustness, _add_fits, add_model),
     "detail": ("effect of photo detail on other views", _add_detail, add_model),
+    "candidates": ("train candidates for a better model and judge each by fits of held-out objects", _add_candidates),
     "photos": ("fits of photographs, compared with judgement by eye", _add_photos),
     "gate": ("fail if anything takes twice as long as in gate.csv", _add_write),
     "redraw": ("write tables and charts again from the CSV files",),

@@ -3,7 +3,10 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +18,7 @@ from core.cli.progress import wait_for_view_bank
 from core.fitting.settings import PRESETS
 from core.lab.benchmarks import (
     ablations,
+    candidates,
     charts,
     detail_gains,
     drawing,
@@ -29,14 +33,16 @@ from core.lab.benchmarks.csv_files import Results, Row, append_record, read_reco
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
 from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects
+from core.lab.datasets.srn import Dataset, ObjectEntry, ObjectViews, index_objects, read_dataset
 from core.lab.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
 from core.lab.evaluation.protocol import evaluate as scored
 from core.lab.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
+from core.lab.training.recipes import TrainSettings
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
 from core.runtime.files import is_stream, require_writable
+from core.runtime.threads import thread_count, use_threads
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")
@@ -162,6 +168,62 @@ def bench_photos(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{chosen.by_eye}: none of its photos is in {', '.join(map(str, chosen.folders))}")
 
     _bench(chosen, "photos", photos.PhotoTrial, about, partial(photos.measure_photos, files, seen, chosen.preset))
+
+
+def bench_candidates(chosen: argparse.Namespace) -> None:
+    """Run ``bench candidates``: train candidates for a better model, and judge them in processes of their own."""
+    dataset = read_dataset(chosen.datasets)
+    category, entries = index_objects(chosen.judge)
+    if category != dataset.category:
+        raise ValueError(f"{category} cannot judge models of {dataset.category}")
+    entries = evenly_spaced(entries, chosen.objects)
+    conditions = {
+        "machine": describe_machine(torch.device(chosen.device)),
+        "objects": str(len(entries)),
+        "budget": f"{chosen.seconds} s" if chosen.seconds else f"{chosen.steps} steps",
+        "rays": str(chosen.rays),
+        "preset": chosen.preset,
+    }
+    with ExitStack() as stack:
+        measure = partial(
+            candidates.measure_candidates,
+            dataset,
+            candidates.judged_cases(entries, chosen.views),
+            _chosen_candidates(chosen, dataset),
+            candidates.Budget(chosen.seconds, chosen.steps),
+            PRESETS[chosen.preset],
+            out=chosen.out,
+            device=chosen.device,
+            pool=_processes(chosen, stack),
+            report=say,
+        )
+        try:
+            _bench(chosen, "candidates", candidates.Judgement, conditions, lambda done: measure(done=done))
+        except ValueError:  # of some candidates or fits: show the table of the rest
+            if (chosen.out / "candidates.csv").exists():
+                print(charts.draw(chosen.out, "candidates"), flush=True)
+            raise
+
+
+def _processes(chosen: argparse.Namespace, stack: ExitStack) -> ProcessPoolExecutor:
+    """Return processes of one thread each, one per thread of the command; ``stack`` ends them."""
+    workers = max(1, thread_count() - (chosen.device == "cuda"))  # training keeps a core busy
+    context = get_context("spawn")  # a graphics card does not survive a fork
+    pool = ProcessPoolExecutor(workers, context, use_threads, (1,))
+    stack.callback(pool.shutdown, cancel_futures=True)
+    return pool
+
+
+def _chosen_candidates(chosen: argparse.Namespace, dataset: Dataset) -> dict[str, TrainSettings]:
+    """Return the candidates to train. Raises ``ValueError`` for unknown names."""
+    if chosen.regular and chosen.regular not in chosen.datasets:
+        raise ValueError(f"--regular {chosen.regular} is none of the datasets")
+    regular = chosen.datasets.index(chosen.regular) if chosen.regular else None
+    counts = [dataset.sources.count(number) for number in range(len(chosen.datasets))]
+    every = candidates.candidates(counts, regular, chosen.rays, tuple(chosen.latent))
+    if unknown := set(chosen.only) - set(every):
+        raise ValueError(f"no candidate {', '.join(sorted(unknown))}: choose from {', '.join(every)}")
+    return {name: settings for name, settings in every.items() if name in chosen.only or not chosen.only}
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:

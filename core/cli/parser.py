@@ -249,6 +249,11 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=whole_from(8, 4096), default=128, metavar="PX", help="width and height")
         command.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
+    pack = add_command(kinds, "pack", "train.dataset_pack", "write datasets into one small file, read like a folder")
+    pack.add_argument("folders", type=Path, nargs="+", metavar="DATASET")
+    pack.add_argument("--out", type=Path, required=True, metavar="X.views")
+    pack.add_argument("--size", type=whole_from(8, 4096), metavar="PX", help="reduce larger images to this")
+    pack.add_argument("--quality", type=whole_from(1, 100), default=60, metavar="N", help="of the colours, 1 to 100")
 
 
 _DEFAULT_FIELD = RECIPES["default"].field

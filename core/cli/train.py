@@ -13,8 +13,9 @@ from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress, wait_for_view_bank
 from core.lab.datasets.categories import Split
 from core.lab.datasets.glb_objects import mesh_tasks, pair_tasks
+from core.lab.datasets.packs import SUFFIX
 from core.lab.datasets.render_objects import RenderTask, render_objects
-from core.lab.datasets.srn import Dataset, read_dataset
+from core.lab.datasets.srn import Dataset, index_objects, pack_datasets, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
 from core.lab.training.parts import fit_part_head, labelled_places
@@ -45,6 +46,16 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
 def dataset_pairs(chosen: argparse.Namespace) -> None:
     """Run ``dataset pairs``: render trained and untrained pairs for ``evaluate --disentanglement``."""
     _render(chosen, pair_tasks(chosen.folder, chosen.category, chosen.variants, chosen.meshes), "test")
+
+
+def dataset_pack(chosen: argparse.Namespace) -> None:
+    """Run ``dataset pack``: write dataset folders into one file."""
+    if chosen.out.suffix != SUFFIX:
+        raise ValueError(f"{chosen.out.name}: a pack of views must end in {SUFFIX}")
+    require_writable(chosen.out)
+    _, entries = index_objects(chosen.folders)
+    packed = pack_datasets(chosen.folders, chosen.out, chosen.size, chosen.quality)
+    run_with_progress(packed, len(entries), "object")
 
 
 def _render(chosen: argparse.Namespace, tasks: Sequence[RenderTask], split: Split) -> None:

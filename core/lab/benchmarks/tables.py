@@ -2,12 +2,13 @@
 
 import statistics
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import attrgetter, itemgetter
 from typing import Any
 
 from core.fitting.confidence import auroc
 from core.lab.benchmarks.ablations import Ablation
+from core.lab.benchmarks.candidates import SHIPPED, Judgement
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
@@ -24,7 +25,7 @@ from core.lab.benchmarks.robustness import (
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.benchmarks.videos import VideoTiming
 from core.lab.evaluation.protocol import ViewScore
-from core.lab.evaluation.statistics import Mean, format_difference, format_fraction, fraction_within
+from core.lab.evaluation.statistics import Mean, format_difference, format_fraction, fraction_within, mean_of
 
 _SURE = 0.9  # a wrong camera of more confidence misleads
 _THRESHOLDS = (0.0, 0.5, 0.8, _SURE)  # confidences from which a camera may be believed
@@ -158,6 +159,41 @@ _ABLATIONS: list[Column] = [
     ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
     ("difference to the full method (dB)", "gain", format_difference),
 ]
+
+
+def candidates_table(results: Results[Judgement]) -> str:
+    """Format a line per candidate and kind of camera, compared with the shipped model on the same views."""
+    groups: dict[tuple[str, bool], dict[tuple[str, int], Judgement]] = {}
+    for row in results.rows:
+        groups.setdefault((row.candidate, row.posed), {})[row.name, row.view] = row
+    columns: list[Column] = [
+        ("candidate", itemgetter(0), "{}"),
+        ("camera", lambda key: "known" if key[1] else "unknown", "{}"),
+        ("fits", lambda key: len(groups[key]), "{}"),
+        ("within 10°", lambda key: sum(row.rotation <= 10 for row in groups[key].values()), "{}"),
+        ("the photo: dB, overlap, haze", lambda key: _mean_view(groups[key].values(), "photo"), _view_score),
+        ("other views", lambda key: _mean_view(groups[key].values(), "novel"), _view_score),
+        ("dB over the shipped model", lambda key: _gain_over(groups.get((SHIPPED, key[1])), groups[key], "psnr"), "{}"),
+        ("overlap over it", lambda key: _gain_over(groups.get((SHIPPED, key[1])), groups[key], "overlap"), "{}"),
+        ("s (median)", lambda key: statistics.median(row.seconds for row in groups[key].values()), "{:.1f}"),
+    ]
+    heading = "{machine}; {objects} objects; other views at the dataset's size, with 95 % intervals over views."
+    return _text(heading.format(**results.about), markdown_table(columns, groups))
+
+
+def _mean_view(rows: Iterable[Judgement], kind: str) -> ViewScore:
+    scores = [getattr(row, kind) for row in rows]
+    return ViewScore(*(statistics.mean(values) for values in zip(*scores, strict=True)))
+
+
+def _gain_over(
+    shipped: Mapping[tuple[str, int], Judgement] | None, own: Mapping[tuple[str, int], Judgement], measure: str
+) -> str:
+    """Format the mean gain in the other views of the fits that both have; nothing without any."""
+    pairs = [(row.novel, shipped[key].novel) for key, row in own.items() if shipped and key in shipped]
+    if not pairs or shipped is own:
+        return ""
+    return format_difference(mean_of([getattr(after, measure) - getattr(before, measure) for after, before in pairs]))
 
 
 def robustness_table(found: Results[RobustnessTrial]) -> str:

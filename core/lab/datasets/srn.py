@@ -3,11 +3,12 @@
 An object in SRN's layout is ``{rgb/000000.png, pose/000000.txt, intrinsics.txt}``; in NeRF's, a ``transforms.json`` or
 ``transforms_train.json`` with the images that it names. Its folder, or the file, may also stand for a dataset. Two
 optional additions: ``OBJECT/mask/000000.png`` (255 inside the object, SRN's layout only), and ``DATASET/manifest.json``
-with the category and the objects that share a shape or a texture.
+with the category and the objects that share a shape or a texture. A pack (:mod:`core.lab.datasets.packs`) is read like
+the folder that it was made from.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from PIL import Image
 
 from core.geometry.camera import Camera
 from core.geometry.pose_files import PosedImage, read_pose, read_transforms, require_scale, scaled
+from core.lab.datasets.packs import PackedObject, index_pack, is_pack, read_packed, write_pack
 from core.photos.decode import IMAGE_SUFFIXES
 from core.runtime.files import atomic_folder, write_json
 from core.runtime.numbers import number, whole
@@ -72,6 +74,7 @@ class Dataset:
     image_size: int  # px, width and height
     focal: float  # px, at image_size
     weights: tuple[float, ...] = ()  # relative frequency of each object's training rays; uniform if empty
+    sources: tuple[int, ...] = ()  # number of the dataset that each object comes from; all the same if empty
 
 
 class _Identity(NamedTuple):
@@ -90,7 +93,7 @@ class _Manifest(NamedTuple):
 class ObjectEntry:
     """An object of a dataset that is read on demand: a test set need not fit into memory."""
 
-    folder: Path  # or its transforms.json
+    folder: Path  # or its transforms.json; in a pack, the pack's path and the object's name
     shape_id: str
     texture_id: str
     scale: float = 1.0  # scene units of a unit of its poses
@@ -120,8 +123,8 @@ def index_objects(folders: Sequence[Path | str], scale: float = 1.0) -> tuple[st
         entries += [replace(entry, scale=scale) for entry in found]
     if len(categories) > 1:
         raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
-    names = [entry.name for entry in entries]
-    twice = next((name for name in names if names.count(name) > 1), None)
+    counts = Counter(entry.name for entry in entries)
+    twice = next((name for name, count in counts.items() if count > 1), None)
     if twice:
         raise ValueError(f"{twice}: two dataset folders contain an object of this name")
     return "".join(categories), tuple(entries)
@@ -147,18 +150,45 @@ def read_dataset(
         objects = tuple(pool.map(ObjectEntry.read, entries))
     _check_sizes(objects)
     camera = objects[0].cameras[0]
-    weights = _weights(entries, [Path(folder) for folder in folders], shares) if shares else ()
-    return Dataset(objects, category, camera.height, camera.focal, weights)
+    sources = _sources(entries, [Path(folder) for folder in folders])
+    weights = _weights(sources, len(folders), shares) if shares else ()
+    return Dataset(objects, category, camera.height, camera.focal, weights, sources)
 
 
-def _weights(entries: Sequence[ObjectEntry], folders: Sequence[Path], shares: Sequence[float]) -> tuple[float, ...]:
+def _sources(entries: Sequence[ObjectEntry], folders: Sequence[Path]) -> tuple[int, ...]:
+    """Return the number of each object's folder."""
+    number = {folder: index for index, folder in enumerate(folders)}
+    return tuple(number[entry.folder if entry.folder in number else entry.folder.parent] for entry in entries)
+
+
+def _weights(sources: Sequence[int], folders: int, shares: Sequence[float]) -> tuple[float, ...]:
     """Divide each folder's fraction among its objects."""
-    if len(shares) != len(folders) or min(shares) <= 0:
-        raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
-    share_of = dict(zip(folders, shares, strict=True))
-    owners = [entry.folder if entry.folder in share_of else entry.folder.parent for entry in entries]
-    counts = Counter(owners)
-    return tuple(share_of[owner] / counts[owner] for owner in owners)
+    if len(shares) != folders or min(shares) <= 0:
+        raise ValueError(f"{folders} datasets need as many positive shares, got {list(shares)}")
+    counts = Counter(sources)
+    return tuple(shares[source] / counts[source] for source in sources)
+
+
+def pack_datasets(folders: Sequence[Path | str], path: Path, size: int | None, quality: int) -> Iterator[str]:
+    """Write dataset folders into one pack (:func:`core.lab.datasets.packs.write_pack`), yielding each object's name.
+
+    Args:
+        size: px; larger images are reduced to this. None keeps their size.
+
+    Raises ``ValueError`` as :func:`read_dataset`.
+    """
+    category, entries = index_objects(folders)
+
+    def objects() -> Iterator[PackedObject]:
+        first: ObjectViews | None = None
+        for entry in entries:
+            views = entry.read()
+            views = views.reduced(size) if size else views
+            first = first or views
+            _check_sizes((first, views))
+            yield PackedObject(*(getattr(views, name) for name in PackedObject._fields))
+
+    yield from write_pack(path, category, objects(), quality)
 
 
 def write_object(folder: Path | str, views: ObjectViews) -> None:
@@ -198,6 +228,9 @@ def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
     """
     if folder.is_file() and folder.suffix.lower() == ".json":
         return "", [_own_entry(folder)]
+    if is_pack(folder):
+        category, packed = index_pack(folder)
+        return category, [ObjectEntry(folder / entry.name, entry.shape_id, entry.texture_id) for entry in packed]
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such dataset folder")
     category, identities = _read_manifest(folder / "manifest.json")
@@ -222,7 +255,9 @@ def _transforms(folder: Path) -> Path | None:
 
 
 def _object_name(folder: Path) -> str:
-    """Return the name of an object's folder, or of the folder of its transforms.json."""
+    """Return the name of an object's folder, of the folder of its transforms.json, or of an object in a pack."""
+    if is_pack(folder.parent):
+        return folder.name
     return (folder if folder.is_dir() else folder.parent).resolve().name
 
 
@@ -236,7 +271,9 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
 
 
 def _read_object(entry: ObjectEntry) -> ObjectViews:
-    """Read one object's folder."""
+    """Read one object's folder, or an object of a pack."""
+    if is_pack(entry.folder.parent):
+        return ObjectViews(*read_packed(entry.folder.parent, entry.folder.name, entry.scale))
     file = _transforms(entry.folder)
     views = _nerf_views(file) if file else _srn_views(entry.folder)
     images, masks = zip(*(_read_image(view.image, view.mask) for view in views), strict=True)

@@ -1,5 +1,8 @@
 """Training pixels as rays, and visual hulls that bound the object along each ray."""
 
+import copy
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +18,7 @@ from core.lab.training.processes import Processes
 from core.lab.training.visual_hull import Extent, grid_centres, visual_hull
 from core.models.field import Field
 from core.runtime.precision import autocast
+from core.runtime.threads import thread_count
 
 _HULL_RESOLUTION = 64  # cells of a hull along each axis
 _MIN_OPACITY = 0.02  # a cell with less opacity is empty
@@ -58,15 +62,14 @@ class RayDataset:
         self.size = (dataset.image_size, dataset.image_size)
         self.focal = dataset.focal
         self.centres = pixel_centres(*self.size, device).flatten(0, 1)
+        self.box = extent
         self.extent = torch.tensor(extent, device=device)
         cameras = [camera for views in objects for camera in views.cameras]
         angles = [(camera.azimuth, camera.elevation, camera.distance) for camera in cameras]
         self.angles = torch.tensor(angles, device=device)
         numbers = range(len(dataset.objects))[processes.own]
-        found = [
-            _training_pixels(views, whole_image, np.random.default_rng(number))
-            for views, number in zip(objects, numbers, strict=True)
-        ]
+        with ThreadPoolExecutor(thread_count()) as pool:  # torch's operations release the interpreter lock
+            found = list(pool.map(partial(_training_pixels, whole_image), objects, numbers))
         counts, first_view = [len(one.view) for one in found], np.cumsum([0, *(len(one.cameras) for one in objects)])
         views = [one.view + first for one, first in zip(found, first_view, strict=False)]
         self.view = torch.from_numpy(np.concatenate(views).astype(np.int32)).to(device)
@@ -81,6 +84,12 @@ class RayDataset:
             for hull, own_views in zip(self.hulls[processes.own], objects, strict=True):
                 hull.copy_(visual_hull(own_views, extent, _HULL_RESOLUTION, device))
             processes.intersect(self.hulls)
+
+    def with_own_hulls(self) -> "RayDataset":
+        """Return the same rays with hulls that another training run may prune."""
+        copied = copy.copy(self)
+        copied.hulls = self.hulls.clone()
+        return copied
 
     def sample(self, count: int, generator: torch.Generator) -> RayBatch:
         """Sample rays through random pixels; objects are chosen by the dataset's weights.
@@ -121,7 +130,7 @@ class RayDataset:
         self.processes.intersect(self.hulls)
 
 
-def _training_pixels(views: ObjectViews, whole_image: bool, choice: np.random.Generator) -> _Pixels:
+def _training_pixels(whole_image: bool, views: ObjectViews, seed: int) -> _Pixels:
     """Return the training pixels of an object, at most :data:`_PIXELS_PER_VIEW` per view on average."""
     masks = torch.from_numpy(views.masks)
     mask_class = (_dilate(masks, 1).to(torch.uint8) + (~_dilate(~masks, 1)).to(torch.uint8)).flatten(1)
@@ -129,12 +138,13 @@ def _training_pixels(views: ObjectViews, whole_image: bool, choice: np.random.Ge
     view, pixel = (index.numpy() for index in near.flatten(1).nonzero(as_tuple=True))
     limit = _PIXELS_PER_VIEW * len(masks)
     if len(view) > limit and not whole_image:
-        kept = choice.choice(len(view), limit, replace=False)
+        kept = np.random.default_rng(seed).choice(len(view), limit, replace=False)
         view, pixel = view[kept], pixel[kept]
     colours = views.images.reshape(len(masks), -1, 3)
     return _Pixels(view, pixel, colours[view, pixel], mask_class.numpy()[view, pixel])
 
 
 def _dilate(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:
-    """Dilate masks by ``reach`` px."""
-    return functional.max_pool2d(masks[:, None].float(), 2 * reach + 1, 1, reach)[:, 0] > 0
+    """Dilate masks by ``reach`` px, along rows and then along columns."""
+    rows = functional.max_pool2d(masks[:, None].float(), (1, 2 * reach + 1), 1, (0, reach))
+    return functional.max_pool2d(rows, (2 * reach + 1, 1), 1, (reach, 0))[:, 0] > 0

@@ -40,6 +40,8 @@ _MEASURED_OBJECTS = 8  # of which held-out views are compared during training
 _WARMUP_STEPS = 500
 _FINAL_LR = 0.01  # learning rates at the end of the schedule, relative to their peaks
 
+CodeNoise = tuple[Float[Tensor, "rays shape_latent"] | float, Float[Tensor, "rays texture_latent"] | float]
+
 
 @dataclass(frozen=True)
 class TrainStep:
@@ -56,8 +58,14 @@ class Trainer:
     """A training run whose state can be saved and resumed at any step, by any number of processes."""
 
     def __init__(
-        self, dataset: Dataset, settings: TrainSettings, device: str = "cpu", processes: Processes = ALONE
+        self,
+        dataset: Dataset,
+        settings: TrainSettings,
+        device: str = "cpu",
+        processes: Processes = ALONE,
+        prepared: RayDataset | None = None,
     ) -> None:
+        """Start a run; ``prepared`` are the rays of the same dataset, whose hulls training prunes."""
         self.settings = settings
         self.processes = processes
         self.dataset = replace(dataset, objects=())  # without the images, of which the rays are a copy
@@ -65,19 +73,22 @@ class Trainer:
         self.device = require_device(device)
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
-        self.extent = shared_extent(dataset.objects)
-        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image, processes)
+        self.ray_dataset = prepared or prepare_rays(dataset, self.device, settings.whole_image, processes)
+        self.extent = self.ray_dataset.box
+        self._sources = torch.tensor(dataset.sources or [0] * len(dataset.objects), device=self.device)
+        _require_shares(settings, int(self._sources.max()) + 1)
         self.entries, shapes, textures = _build_entries(dataset)
         config = settings.field
         self.field = build_field(config).to(self.device)
         self.shapes = nn.Parameter(_initial_codes(shapes, config.shape_latent).to(self.device))
         self.textures = nn.Parameter(_initial_codes(textures, config.texture_latent).to(self.device))
+        self._bound_code_layers()
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
         self.optimisers, self._peak_lrs = self._build_optimisers()
         rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
         self.shape_row, self.texture_row = rows.unbind(-1)
-        self._prune_steps = () if settings.whole_image else tuple(int(share * settings.steps) for share in _PRUNE_AT)
         self.step, self.seconds = 0, 0.0
+        self.planned_steps = settings.steps  # length of the schedule, see :meth:`reschedule`
         self._ray_loss = self._evaluate_ray_loss
         if self.device.type == "cuda":  # of several processes, each has another number of rays in every step
             self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=processes.count > 1)
@@ -125,16 +136,28 @@ class Trainer:
 
         Raises ``ValueError`` if the loss is not finite.
         """
-        while self.step < self.settings.steps:
+        while self.step < self.planned_steps:
             began = time.perf_counter()
-            if self.step >= _PRUNE_AFTER and self.step in self._prune_steps:
+            if self._is_pruning_due():
                 self.ray_dataset.prune(self.field, self.field.shape_bias(self.shapes[self.shape_row]))
             loss, error = self._optimise_step()
             self.step += 1
             self.seconds += time.perf_counter() - began
             if not math.isfinite(loss):
                 raise ValueError(f"training diverged at step {self.step}: lower the learning rates")
-            yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
+            yield TrainStep(self.step, self.planned_steps, loss, psnr_from_mse(error), self.seconds)
+
+    @property
+    def progress(self) -> float:
+        """Part of the schedule that is done, 0..1."""
+        return self.step / self.planned_steps
+
+    def reschedule(self, steps: int) -> None:
+        """Change the number of steps of a run that is under way, and with it the learning rates from now on.
+
+        The settings stay, as the compiled loss depends on them.
+        """
+        self.planned_steps = max(steps, self.step)
 
     def model(self) -> Model:
         """Return the current model: averaged weights, codes rounded to half precision as in files."""
@@ -186,6 +209,8 @@ class Trainer:
 
     def _optimise_step(self) -> tuple[float, float]:
         """Optimise once; return loss and squared error."""
+        if self.settings.shares:
+            self.ray_dataset.weight = self._object_weights()
         batch = self.ray_dataset.sample(self.settings.rays, self.generator)
         with autocast(self.device):
             loss, error = self._loss(batch)
@@ -200,6 +225,7 @@ class Trainer:
             group["lr"] = peak * self._lr_factor(self.step)
         for optimiser in self.optimisers:
             optimiser.step()
+        self._bound_code_layers()
         decay = min(self.settings.ema_decay, (1 + self.step) / (10 + self.step))
         torch._foreach_lerp_(self.ema_parameters, [p.detach() for p in self._parameters()], 1 - decay)
         total, squared_error = losses.tolist()
@@ -214,19 +240,36 @@ class Trainer:
         rows = self.shape_row[batch.owner], self.texture_row[batch.owner]
         certain = (batch.mask_class != 1).float().sum()
         self.processes.add(certain)
-        loss, error = self._ray_loss(self._place_samples(batch, *rows), batch, *rows, certain)
+        noise = self._code_noise(batch)
+        loss, error = self._ray_loss(self._place_samples(batch, *rows, noise), batch, *rows, certain, noise)
         if settings.outside_points:
             loss = loss + settings.empty_space_weight * self._empty_space_loss()
         return loss, error
 
+    def _code_noise(self, batch: RayBatch) -> CodeNoise:
+        """Draw noise for the shape and the texture codes of rays; zeros without noise."""
+        start, end = self.settings.code_noise
+        if not (start or end):
+            return 0.0, 0.0
+        scale = start + (end - start) * self.progress
+        # All processes draw the noise of the same rays; each uses that of its own.
+        shape, texture = (self._noise_of(codes.detach(), scale)[batch.place] for codes in (self.shapes, self.textures))
+        return shape, texture
+
+    def _noise_of(self, codes: Float[Tensor, "objects latent"], scale: float) -> Float[Tensor, "rays latent"]:
+        size = self.settings.rays, codes.shape[1]
+        normal = torch.randn(size, generator=self.generator, device=self.device)
+        return scale * codes.square().mean().sqrt() * normal
+
     def _place_samples(
-        self, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"]
+        self, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"], noise: CodeNoise
     ) -> PlacedSamples:
         settings, coarse = self.settings, None
         # M1's density depends on the direction; the paper samples the whole ray.
         if not settings.whole_image and settings.field.architecture != "M1":
             with torch.no_grad():
-                bias, _ = self.field.biases(self.shapes[shape_row], self.textures[texture_row])
+                shape, texture = self.shapes[shape_row] + noise[0], self.textures[texture_row] + noise[1]
+                bias, _ = self.field.biases(shape, texture)
             coarse = partial(self._coarse_density, bias=bias[:, None])
         inside = partial(self.ray_dataset.inside_hull, owner=batch.owner[:, None])
         jitter = torch.rand(settings.rays, settings.samples, generator=self.generator, device=self.device)
@@ -245,11 +288,12 @@ class Trainer:
         shape_row: Int[Tensor, "rays"],
         texture_row: Int[Tensor, "rays"],
         certain_count: Float[Tensor, ""],
+        noise: CodeNoise,
     ) -> tuple[Tensor, Tensor]:
         """Return loss and squared error of rays, as fractions of the whole batch's; compiled on a graphics card."""
         settings = self.settings
         shape, texture = functional.embedding(shape_row, self.shapes), functional.embedding(texture_row, self.textures)
-        biases = [bias[:, None] for bias in self.field.biases(shape, texture)]
+        biases = [bias[:, None] for bias in self.field.biases(shape + noise[0], texture + noise[1])]
         direction = self.field.direction_bias(batch.rays.directions)[:, None]
         density, colours = self.field.radiance(samples.points, direction, *biases)
         weights, transmittance = compositing_weights(density.float(), samples.edges)
@@ -280,14 +324,52 @@ class Trainer:
         step = 2 * self.ray_dataset.extent.amin() / _OUTSIDE_INTERVALS
         return (-torch.expm1(-density * step) * outside[own]).sum() / count
 
+    @torch.no_grad()
+    def _bound_code_layers(self) -> None:
+        """Scale the rows of the layers that codes enter down to their bound, which their averages then keep, too."""
+        bound = self.settings.code_bound
+        if bound is None:
+            return
+        for layer in (*self.field.shape_latent, *self.field.texture_latent):
+            weight = layer.get_parameter("weight")
+            weight.mul_((bound / weight.abs().sum(1, keepdim=True)).clamp_max(1.0))
+
+    def _object_weights(self) -> Float[Tensor, "objects"]:
+        """Divide the present share of each dataset among its objects."""
+        moments, shares_then = zip(*self.settings.shares, strict=True)
+        progress = self.progress
+        shares_now = [float(np.interp(progress, moments, column)) for column in zip(*shares_then, strict=True)]
+        shares = torch.tensor(shares_now, device=self.device)
+        return (shares / self._sources.bincount(minlength=len(shares)))[self._sources]
+
+    def _is_pruning_due(self) -> bool:
+        """Return True at the step that reaches a fraction of the schedule at which hulls are pruned."""
+        before, now = ((self.step - back) / self.planned_steps for back in (1, 0))
+        reached = any(before < fraction <= now for fraction in _PRUNE_AT)
+        return reached and self.step >= _PRUNE_AFTER and not self.settings.whole_image
+
     def _parameters(self) -> list[Tensor]:
         return [*self.field.parameters(), self.shapes, self.textures]
 
     def _lr_factor(self, step: int) -> float:
         """Return the learning rate relative to its peak: a short linear warm-up, then a half cosine."""
         warmup = min(1.0, (step + 1) / _WARMUP_STEPS)
-        cosine = (1 + math.cos(math.pi * min(1.0, step / self.settings.steps))) / 2
+        cosine = (1 + math.cos(math.pi * min(1.0, step / self.planned_steps))) / 2
         return warmup * (_FINAL_LR + (1 - _FINAL_LR) * cosine)
+
+
+def prepare_rays(
+    dataset: Dataset, device: torch.device, whole_image: bool = False, processes: Processes = ALONE
+) -> RayDataset:
+    """Return the rays of a dataset within the box of all of its objects."""
+    return RayDataset(dataset, shared_extent(dataset.objects, device), device, whole_image, processes)
+
+
+def _require_shares(settings: TrainSettings, datasets: int) -> None:
+    """Raise ``ValueError`` unless the changing shares are of this many datasets."""
+    for _, shares in settings.shares:
+        if len(shares) != datasets or min(shares) < 0 or not sum(shares):
+            raise ValueError(f"{datasets} datasets need as many shares that are not negative, got {list(shares)}")
 
 
 def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:
@@ -304,7 +386,7 @@ def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:
     rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
     some = dataset.objects[:: max(1, len(dataset.objects) // _MEASURED_OBJECTS)][:_MEASURED_OBJECTS]
     held = tuple(part(views, slice(-1, None)) for views in some)
-    return replace(dataset, objects=rest), replace(dataset, objects=held, weights=())
+    return replace(dataset, objects=rest), replace(dataset, objects=held, weights=(), sources=())
 
 
 def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:

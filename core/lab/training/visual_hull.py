@@ -49,12 +49,12 @@ def visual_hull(
     return hull.reshape(resolution, resolution, resolution)
 
 
-def shared_extent(objects: Sequence[ObjectViews]) -> Extent:
+def shared_extent(objects: Sequence[ObjectViews], device: torch.device | None = None) -> Extent:
     """Return the smallest origin-centred box around the hulls of all objects, with one cell of margin."""
-    occupied = torch.zeros((_CELLS,) * 3, dtype=torch.bool)
+    occupied = torch.zeros((_CELLS,) * 3, dtype=torch.bool, device=device)
     for views in objects:
-        occupied |= visual_hull(views, (0.5, 0.5, 0.5), _CELLS)
-    centres = grid_centres((0.5, 0.5, 0.5), _CELLS)[occupied.reshape(-1)]
+        occupied |= visual_hull(views, (0.5, 0.5, 0.5), _CELLS, device)
+    centres = grid_centres((0.5, 0.5, 0.5), _CELLS)[occupied.reshape(-1).cpu()]
     if not len(centres):
         raise ValueError("the masks rule out all space: poses and masks do not match")
     reach = (centres.abs().amax(0) + 1.5 / _CELLS).clamp_max(0.5)
