@@ -166,7 +166,8 @@ def embedded_scene(path: Path) -> str | None:
 
     def read() -> object:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
-            return image.info.get(_KEY)  # our text precedes the pixels; `image.text` would decode them to look behind
+            # The scene precedes the pixels, which `image.text` would decode to reach later chunks.
+            return image.info.get(_KEY)
 
     text = optional(read)  # a damaged PNG counts as none of ours
     return None if text is None else str(text)

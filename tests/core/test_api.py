@@ -50,7 +50,7 @@ def test_importing_the_package_is_cheap_and_its_names_are_there() -> None:
         _ = core.nothing
 
 
-def test_a_prepared_photo_is_fitted_alike_by_the_same_seed_and_seen_from_its_camera(tiny: Model) -> None:
+def test_a_prepared_photo_is_fitted_equally_by_the_same_seed_and_rendered_from_its_camera(tiny: Model) -> None:
     photo = photo_of(tiny[1], tiny.camera(1.2, 0.3))
     hasty = FitSettings(hypotheses=4, steps=4, rays=64, samples=16, free_steps=1, max_restarts=0)
     first, second = (core.fit(tiny, photo, settings=hasty, seed=4) for _ in range(2))

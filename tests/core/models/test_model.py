@@ -59,7 +59,7 @@ def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
         replace(head, bias=head.bias * math.inf)
 
 
-def test_codes_are_half_precision_where_that_loses_nothing_and_name_the_model(model: Model, tmp_path):
+def test_codes_are_saved_in_half_precision_if_lossless_and_identify_the_model(model: Model, tmp_path):
     shapes = model.codes.shapes.half().float()
     rounded = replace(model, codes=replace(model.codes, shapes=shapes, textures=shapes[:, :4] + 1e-5))
     rounded.save(tmp_path / "m.safetensors")
@@ -155,7 +155,7 @@ def test_a_soft_model_has_no_contrast_and_shares_weights_and_scenes(model: Model
     assert model.soft is model
 
 
-def test_an_object_is_a_model_with_codes_compared_by_what_its_renders_show(model: Model) -> None:
+def test_objects_are_equal_if_their_models_render_alike_and_their_codes_are_equal(model: Model) -> None:
     first = model[0]
     second = model[1]
     assert first == Instance(replace(model), model.codes[0]) and hash(first) == hash(model[0])

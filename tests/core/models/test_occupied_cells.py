@@ -17,7 +17,7 @@ from tests.core.tiny import EXTENT, tiny_model
 _EXTENT = torch.tensor(EXTENT)
 
 
-def test_a_cell_is_occupied_where_a_corner_is_and_other_cells_are_refused():
+def test_a_cell_with_an_occupied_corner_is_occupied_and_other_sizes_are_refused():
     density = torch.zeros((CELLS + 1) ** 3)
     density[(CELLS + 1) ** 2 * 5 + (CELLS + 1) * 7 + 9] = 1e3
     cells = cells_at_corners(density, _EXTENT)

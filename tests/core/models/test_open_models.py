@@ -59,7 +59,7 @@ def test_codes_of_a_formerly_shipped_model_open_it(model: Model, cars: Model, tm
     assert models.is_former(former) and not models.is_former(cars)
 
 
-def test_objects_of_two_models_are_told_apart_and_not_mixed(model: Model, cars: Model) -> None:
+def test_objects_of_two_models_differ_and_are_not_mixed(model: Model, cars: Model) -> None:
     mine = model[0]
     same = Instance(cars, mine.codes)
     assert mine != same
