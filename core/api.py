@@ -44,8 +44,9 @@ __all__ = [
 
 SIZE = 512  # px, usual side of a frame
 SETTINGS = FitSettings()
-_AZIMUTH, _ELEVATION = math.radians(60), math.radians(20)  # of the usual view
-_TOLD_STEPS = 10  # steps of a fit between two lines of progress
+_AZIMUTH = math.radians(60)  # of the usual view
+_ELEVATION = math.radians(20)
+_PROGRESS_STEPS = 10  # steps of a fit between two lines of progress
 
 
 def fit(
@@ -81,7 +82,7 @@ def fit(
         photo = load_photo(photo, model)
     last: FitStep | None = None
     for last in fitting.fit(model, fitting.FitJob((photo,), settings or SETTINGS, seed)):
-        if last.step % _TOLD_STEPS == 0:
+        if last.step % _PROGRESS_STEPS == 0:
             say(f"Step {last.step} of {last.steps}, {last.psnr:.1f} dB")
     assert last is not None, "a fit has a step"
     say(_described(last))

@@ -60,10 +60,10 @@ def view_numbers(text: str) -> tuple[int, ...]:
 
 def part(text: str) -> tuple[int, int]:
     """Parse part K of N, ``K/N``, with K from 1."""
-    which, _, parts = text.partition("/")
-    if not (which.isdecimal() and parts.isdecimal() and 1 <= int(which) <= int(parts)):
+    number, _, total = text.partition("/")
+    if not (number.isdecimal() and total.isdecimal() and 1 <= int(number) <= int(total)):
         raise argparse.ArgumentTypeError(f"a part is K/N, like 1/2, not {text!r}")
-    return int(which), int(parts)
+    return int(number), int(total)
 
 
 def image_size(text: str) -> tuple[int, int]:
@@ -93,7 +93,7 @@ def point(text: str) -> tuple[float, float]:
 
 def edits(text: str) -> tuple[tuple[str, float], ...]:
     """Parse names of directions and amounts in standard deviations, ``NAME=X,NAME=X``."""
-    found = []
+    changes = []
     for word in text.split(","):
         name, _, amount = word.partition("=")
         value = _as_number(amount)
@@ -102,8 +102,8 @@ def edits(text: str) -> tuple[tuple[str, float], ...]:
         if abs(value) > _FARTHEST_EDIT:
             limits = f"from -{_FARTHEST_EDIT:g} to {_FARTHEST_EDIT:g} standard deviations"
             raise argparse.ArgumentTypeError(f"an edit is {limits}, not {word!r}")
-        found.append((name.strip(), value))
-    return tuple(found)
+        changes.append((name.strip(), value))
+    return tuple(changes)
 
 
 def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
@@ -111,12 +111,12 @@ def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
 
     Channels are returned as 0..1, and a missing part as "".
     """
-    found = []
+    colours = []
     for word in text.split(","):
-        part, _, colour = word.rpartition("=")
+        name, _, colour = word.rpartition("=")
         match = re.fullmatch("#?([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})", colour.strip())
         if not match:
             raise argparse.ArgumentTypeError(f"a paint is #rrggbb or PART=#rrggbb, not {text!r}")
         red, green, blue = (int(channel, 16) / 255 for channel in match.groups())
-        found.append((part.strip(), (red, green, blue)))
-    return tuple(found)
+        colours.append((name.strip(), (red, green, blue)))
+    return tuple(colours)

@@ -12,9 +12,9 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
     """Add ``bench`` and its kinds."""
     parser = commands.add_parser("bench", help="measure on this machine and plot charts")
     kinds = parser.add_subparsers(required=True, metavar="KIND")
-    for name, (help_text, *parts) in _KINDS.items():
+    for name, (help_text, *option_adders) in _KINDS.items():
         kind = add_command(kinds, name, f"measure.bench_{name}", help_text)
-        for add in parts:
+        for add in option_adders:
             add(kind)
         kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="folder of the charts")
 
@@ -89,4 +89,4 @@ _KINDS: dict[str, tuple[str, *tuple[Callable[[argparse.ArgumentParser], object],
     "photos": ("fits of photographs, compared with judgement by eye", _add_photos),
     "gate": ("fail if anything takes twice as long as in gate.csv", _add_write),
     "redraw": ("write tables and charts again from the CSV files",),
-}  # what each measures, and functions that add its options
+}  # help text of each kind, and functions that add its options

@@ -22,10 +22,10 @@ _CAPTION_LETTERS = 96  # that fit under three images
 
 def photo_strip(image: Image.Image, scene: Scene) -> Image.Image:
     """Return a photo beside renders from its camera and from 60° beside, without photo detail."""
-    shown = on_white(image)
-    shown.thumbnail((_SIDE, _SIDE))
+    photo = on_white(image)
+    photo.thumbnail((_SIDE, _SIDE))
     strip = Image.new("RGB", (3 * _SIDE, _SIDE), "white")
-    strip.paste(shown, ((_SIDE - shown.width) // 2, (_SIDE - shown.height) // 2))
+    strip.paste(photo, ((_SIDE - photo.width) // 2, (_SIDE - photo.height) // 2))
     camera = scene.camera.resized(_SIDE, _SIDE)
     cameras = camera, replace(camera, azimuth=camera.azimuth + _BESIDE)
     views = filling_frame([View(scene.instance, camera) for camera in cameras])
@@ -37,13 +37,15 @@ def photo_strip(image: Image.Image, scene: Scene) -> Image.Image:
 
 def write_contact_sheet(path: Path, strips: Sequence[tuple[Path, str]]) -> None:
     """Write an image of strips (files) and their captions in columns; a missing strip leaves its place empty."""
-    width, height = 3 * _SIDE + _GAP, _SIDE + _CAPTION + _GAP
+    width = 3 * _SIDE + _GAP
+    height = _SIDE + _CAPTION + _GAP
     columns = max(1, round(math.sqrt(len(strips) * height / width)))
     rows = math.ceil(len(strips) / columns)
     sheet = Image.new("RGB", (columns * width + _GAP, rows * height + _GAP), "white")
     pen = ImageDraw.Draw(sheet)
     for number, (strip, caption) in enumerate(strips):
-        left, top = number % columns * width + _GAP, number // columns * height + _GAP
+        left = number % columns * width + _GAP
+        top = number // columns * height + _GAP
         if strip.exists():
             with Image.open(strip) as image:
                 sheet.paste(image, (left, top))

@@ -28,16 +28,16 @@ _STYLE = (
 )
 
 
-def write_page(model: Model, photo: Photo, last: FitStep, seen: Image.Image, folder: Path) -> Path:
+def write_page(model: Model, photo: Photo, last: FitStep, detections: Image.Image, folder: Path) -> Path:
     """Write ``index.html`` and its images into an existing folder; return the page's path.
 
     Args:
         photo: the first one of the fit.
         last: the fit's last step.
-        seen: the photo with its detections (:func:`draw_detections`).
+        detections: the photo with its detections (:func:`draw_detections`).
     """
     figures = list[str]()
-    for number, (caption, image) in enumerate([("Detections", seen), *_images(model, photo, last)]):
+    for number, (caption, image) in enumerate([("Detections", detections), *_images(model, photo, last)]):
         image.save(folder / f"{number}.png")
         figures.append(f"<figure><img src={number}.png><figcaption>{caption}</figcaption></figure>")
     cells = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in _witnesses(model, photo, last))
@@ -50,29 +50,29 @@ def write_page(model: Model, photo: Photo, last: FitStep, seen: Image.Image, fol
 
 def draw_detections(image: Image.Image, cut: CutOut) -> Image.Image:
     """Draw the numbered boxes of chairs and cars, and a chair's 3D box with an orange front, over a photo."""
-    shown = on_white(image)
-    shown.thumbnail((_DETECTIONS, _DETECTIONS))
-    pen = ImageDraw.Draw(shown)
-    for number, one in enumerate(cut.detections, 1):
-        left, top, right, bottom = (side * size for side, size in zip(one.box, shown.size * 2, strict=True))
+    drawing = on_white(image)
+    drawing.thumbnail((_DETECTIONS, _DETECTIONS))
+    pen = ImageDraw.Draw(drawing)
+    for number, detection in enumerate(cut.detections, 1):
+        left, top, right, bottom = (side * size for side, size in zip(detection.box, drawing.size * 2, strict=True))
         pen.rectangle((left, top, right, bottom), outline="lime")
-        label = f"{number}: {one.category} {one.score:.2f}"
+        label = f"{number}: {detection.category} {detection.score:.2f}"
         pen.text((left + 3, top + 2), label, "lime", stroke_width=2, stroke_fill="black")
     if cut.corners is not None:
-        places = [tuple(corner) for corner in (cut.corners * shown.size).tolist()]
+        places = [tuple(corner) for corner in (cut.corners * drawing.size).tolist()]
         for edge in EDGES:
             front = all((corner - 1) % 2 for corner in edge)
             pen.line([places[corner] for corner in edge], "orange" if front else "cyan", 2)
-    return shown
+    return drawing
 
 
 def _images(model: Model, photo: Photo, last: FitStep) -> Iterator[tuple[str, Image.Image]]:
     opacity = photo.mask.float() if photo.opacity is None else photo.opacity
     yield "Photo as fitted", _image(photo.pixels)
     yield "Mask", _image(opacity[..., None].expand(-1, -1, 3))
-    for name, one in zip(_RESULTS, last.hypotheses, strict=False):
-        seen = render_image(one.instance, one.cameras[0].resized(2 * _SIDE, 2 * _SIDE))
-        yield name.capitalize(), _image(seen.colour)
+    for name, hypothesis in zip(_RESULTS, last.hypotheses, strict=False):
+        camera = hypothesis.cameras[0].resized(2 * _SIDE, 2 * _SIDE)
+        yield name.capitalize(), _image(render_image(hypothesis.instance, camera).colour)
 
 
 def _image(pixels: Float[Tensor, "height width 3"]) -> Image.Image:
@@ -88,13 +88,14 @@ def _witnesses(model: Model, photo: Photo, last: FitStep) -> Iterator[tuple[str,
         yield "detector", category, f"probability {probability:.2f}"
     yield "cut-out", f"edges within {photo.edge_error:.1f} px", f"confidence {photo.mask_confidence:.2f}"
     if model.viewpoint_classifier is not None:
-        told = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
-        azimuth, elevation = (float(part[told.argmax()]) for part in directions())
-        yield "viewpoint classifier", _degrees(azimuth, elevation), f"probability {told.max():.2f}"
+        probabilities = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
+        azimuth, elevation = (float(angles[probabilities.argmax()]) for angles in directions())
+        yield "viewpoint classifier", _degrees(azimuth, elevation), f"probability {probabilities.max():.2f}"
     if photo.direction is not None:
         yield "3D box", _degrees(*photo.direction), "front and back may be confused"
-    for name, one in zip(_RESULTS, last.hypotheses, strict=False):
-        yield name, _degrees(one.cameras[0].azimuth, one.cameras[0].elevation), f"loss {one.loss:.4f}"
+    for name, hypothesis in zip(_RESULTS, last.hypotheses, strict=False):
+        camera = hypothesis.cameras[0]
+        yield name, _degrees(camera.azimuth, camera.elevation), f"loss {hypothesis.loss:.4f}"
     if last.confidence is not None:
         yield "confidence", f"{last.confidence:.2f}", f"uncertainty {last.uncertainty:.1f}°, {last.psnr:.1f} dB"
 

@@ -53,7 +53,7 @@ def fit(chosen: argparse.Namespace) -> None:
     fitted = fit_images(chosen, clock)
     try:
         _write_files(chosen, fitted)
-    finally:  # files first, as words may have no reader; but a file that fails takes no words away
+    finally:  # files first, because the output may have no reader; printed even if a file fails
         say_doubts(fitted)
         print(json.dumps(to_dict(fitted.last) | seconds_of(chosen, clock)), flush=True)
 
@@ -65,7 +65,8 @@ def fit_images(chosen: argparse.Namespace, clock: "Stopwatch") -> Fitted:
     hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
     poses = _poses(chosen) or nothing
     masks = chosen.mask or nothing
-    cuts = tuple(_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True))
+    inputs = zip(chosen.images, hints, masks, strict=True)
+    cuts = tuple(_cut_out(path, hint, mask, clock) for path, hint, mask in inputs)
     _compare_categories(chosen, cuts)
     model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
@@ -79,10 +80,10 @@ def fit_images(chosen: argparse.Namespace, clock: "Stopwatch") -> Fitted:
 
 def say_doubts(fitted: Fitted) -> None:
     """Print warnings about a result whose camera may be wrong or was not assessed."""
-    photos, last = fitted.photos, fitted.last
+    last = fitted.last
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         say(_doubt(last.confidence, last.runner_up))
-    if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
+    if len(fitted.photos) > 1 and last.confidence is None and not all(photo.camera for photo in fitted.photos):
         say(_TOGETHER)
 
 
@@ -93,8 +94,8 @@ def fitted_scene(chosen: argparse.Namespace, last: FitStep) -> Scene:
 
 
 def seconds_of(chosen: argparse.Namespace, clock: "Stopwatch") -> dict[str, object]:
-    """Return the seconds since the command began, and those of its parts."""
-    return {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
+    """Return the seconds since the command began, and those of its stages."""
+    return {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.seconds}
 
 
 def _write_files(chosen: argparse.Namespace, fitted: Fitted) -> None:
@@ -102,17 +103,18 @@ def _write_files(chosen: argparse.Namespace, fitted: Fitted) -> None:
     if chosen.out:
         save_or_elsewhere(fitted_scene(chosen, fitted.last).save, chosen.out)
     if chosen.explain:
-        seen = draw_detections(read_rgba(chosen.images[0]), fitted.cuts[0])
-        write_page(fitted.model, fitted.photos[0], fitted.last, seen, chosen.explain)
+        detections = draw_detections(read_rgba(chosen.images[0]), fitted.cuts[0])
+        write_page(fitted.model, fitted.photos[0], fitted.last, detections, chosen.explain)
 
 
 def check_counts(chosen: argparse.Namespace) -> None:
     """Raise ``ValueError`` for options that contradict each other or the number of images."""
-    count, kinds = len(chosen.images), {"pose": "poses", "box": "boxes", "point": "points", "mask": "masks"}
-    for name, plural in (kinds | {"object": "object numbers"}).items():
-        given = getattr(chosen, name)
-        if given and len(given) != count and not (name == "pose" and _is_transforms(given)):
-            raise ValueError(f"{count} images need as many {plural}, got {len(given)}")
+    count = len(chosen.images)
+    plurals = {"pose": "poses", "box": "boxes", "point": "points", "mask": "masks", "object": "object numbers"}
+    for name, plural in plurals.items():
+        values = getattr(chosen, name)
+        if values and len(values) != count and not (name == "pose" and _is_transforms(values)):
+            raise ValueError(f"{count} images need as many {plural}, got {len(values)}")
     if chosen.estimate_focal and chosen.pose:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
 
@@ -152,11 +154,11 @@ def _compare_categories(chosen: argparse.Namespace, cuts: Sequence[CutOut]) -> N
 
 def _say_category(chosen: argparse.Namespace, model: Model, guess: Mapping[str, float]) -> None:
     """Print a warning unless an image clearly shows the model's category."""
-    if said := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
-        say(said)
+    if warning := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
+        say(warning)
 
 
-def _other_objects(cut: CutOut, hints: Hints | None) -> str:
+def _further_objects(cut: CutOut, hints: Hints | None) -> str:
     """Return a note about other objects nearly as prominent as the one cut out; "" for none."""
     if hints or cut.confidence == 1 or len(cut.detections) < 2:
         return ""
@@ -166,17 +168,17 @@ def _other_objects(cut: CutOut, hints: Hints | None) -> str:
 
 
 class Stopwatch:
-    """Adds up seconds by part: ``with clock("decode"): ...``."""
+    """Adds up seconds by stage: ``with clock("decode"): ...``."""
 
     def __init__(self) -> None:
-        self.parts: dict[str, float] = {}
+        self.seconds: dict[str, float] = {}  # by stage
 
     @contextmanager
-    def __call__(self, part: str) -> Iterator[None]:
-        """Add the duration of the ``with`` block to a part."""
+    def __call__(self, stage: str) -> Iterator[None]:
+        """Add the duration of the ``with`` block to a stage."""
         began = time.perf_counter()
         yield
-        self.parts[part] = round(self.parts.get(part, 0.0) + time.perf_counter() - began, 3)
+        self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - began, 3)
 
 
 def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatch) -> CutOut:
@@ -194,8 +196,8 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
         if not mask and cut.confidence < DOUBTFUL_MASK:
             doubt = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by})"
             _say(path, f"{doubt}: --point, --box or --mask helps")
-        if not mask and (said := _other_objects(cut, hints)):
-            _say(path, said)
+        if not mask:
+            _say(path, _further_objects(cut, hints))
         return cut
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
@@ -263,8 +265,8 @@ def _hints(
 
 
 def to_dict(step: FitStep) -> dict[str, object]:
-    """Return what ``fit`` prints about a step."""
-    other = step.runner_up
+    """Return a step as a dictionary for ``fit``'s JSON."""
+    second = step.runner_up
     return {
         **_camera_to_dict(step.cameras[0]),
         "psnr": round(step.psnr, 3),
@@ -274,8 +276,8 @@ def to_dict(step: FitStep) -> dict[str, object]:
         "confidence": step.confidence and round(step.confidence, 3),
         "uncertainty_deg": step.uncertainty and round(step.uncertainty, 3),
         "focal": _focal(step.cameras[0]),
-        "runner_up": other
-        and {**_camera_to_dict(other.cameras[0]), "focal": _focal(other.cameras[0]), "loss": other.loss},
+        "runner_up": second
+        and {**_camera_to_dict(second.cameras[0]), "focal": _focal(second.cameras[0]), "loss": second.loss},
     }
 
 
@@ -292,7 +294,7 @@ def _focal(camera: Camera) -> float:
     return round(camera.focal / camera.height, 4)
 
 
-def _doubt(confidence: float, other: RunnerUp) -> str:
-    camera = _camera_to_dict(other.cameras[0])
-    where = f"azimuth {camera['azimuth']:.0f}, elevation {camera['elevation']:.0f}"
-    return f"the camera is doubtful (confidence {confidence:.2f}): it may be {where}, or no object of this category"
+def _doubt(confidence: float, second: RunnerUp) -> str:
+    camera = _camera_to_dict(second.cameras[0])
+    direction = f"azimuth {camera['azimuth']:.0f}, elevation {camera['elevation']:.0f}"
+    return f"the camera is doubtful (confidence {confidence:.2f}): it may be {direction}, or no object of this category"

@@ -40,12 +40,12 @@ _PARENT_POLL = 0.5  # seconds between a process's looks for the command that sta
 def fit_each(chosen: argparse.Namespace) -> None:
     """Run ``fit --each``: fit the photos that have no result in the folder yet, then write the contact sheet."""
     _check(chosen)
-    fits = {_key(one): one for one in _single_fits(chosen)}  # a photo that is given twice is fitted once
-    photos = {str(one.images[0]) for one in fits.values()}
+    fits = {_key(single): single for single in _single_fits(chosen)}  # a photo that is named twice is fitted once
+    photos = {str(single.images[0]) for single in fits.values()}
     earlier = _read_rows(chosen.out)
     kept = {key: row for key, row in earlier.items() if _is_done(chosen.out, row) or row["photo"] not in photos}
     _write_rows(chosen.out, kept.values())
-    missing = {key: one for key, one in fits.items() if key not in kept}
+    missing = {key: single for key, single in fits.items() if key not in kept}
     rows = kept | _fit_missing(chosen, missing, len(fits))
     failed = sum("error" in rows[key] for key in fits)
     sheet = chosen.out / _SHEET
@@ -73,13 +73,15 @@ def _check(chosen: argparse.Namespace) -> None:
 def _single_fits(chosen: argparse.Namespace) -> Iterator[argparse.Namespace]:
     """Yield the options of each photo's fit, with absolute paths, as a cluster's workers run in other folders."""
     for number in range(len(chosen.images)):
-        own = {}
+        options = {}
         for name in _PER_IMAGE:
             values = getattr(chosen, name)
-            values = values if len(values) < len(chosen.images) else [values[number]]  # one transforms.json is for all
-            own[name] = [value.absolute() if isinstance(value, Path) else value for value in values]
+            values = (
+                values if len(values) < len(chosen.images) else [values[number]]
+            )  # a transforms.json is for all images
+            options[name] = [value.absolute() if isinstance(value, Path) else value for value in values]
         model = str(Path(chosen.model).absolute()) if chosen.model and Path(chosen.model).is_file() else chosen.model
-        yield argparse.Namespace(**{**vars(chosen), **own, "model": model, "out": chosen.out.absolute()})
+        yield argparse.Namespace(**{**vars(chosen), **options, "model": model, "out": chosen.out.absolute()})
 
 
 def _key(single: argparse.Namespace) -> str:
@@ -90,9 +92,9 @@ def _key(single: argparse.Namespace) -> str:
     digest = hashlib.sha256(single.images[0].name.encode(errors="surrogateescape"))
     for name in (*_PER_IMAGE, *_FOR_ALL):
         value = getattr(single, name)
-        for part in value if isinstance(value, list) else [value]:
-            is_file = isinstance(part, Path) or (name == "model" and part and Path(part).is_absolute())
-            digest.update(b"|" + name.encode() + (_content(Path(part)) if is_file else repr(part).encode()))
+        for item in value if isinstance(value, list) else [value]:
+            is_file = isinstance(item, Path) or (name == "model" and item and Path(item).is_absolute())
+            digest.update(b"|" + name.encode() + (_content(Path(item)) if is_file else repr(item).encode()))
     return f"{single.images[0].stem[:60]}-{digest.hexdigest()[:8]}"
 
 
@@ -106,7 +108,8 @@ def _content(path: Path) -> bytes:
 
 def _read_rows(folder: Path) -> dict[str, Row]:
     """Return the rows of earlier runs by key, without a line that was not finished."""
-    path, rows = folder / _ROWS, dict[str, Row]()
+    path = folder / _ROWS
+    rows = dict[str, Row]()
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
         try:
             row = json.loads(line)
@@ -134,10 +137,10 @@ def _caption(row: Row) -> str:
     return f"{name}  {row['psnr']:.1f} dB{sure}"
 
 
-def _fit_missing(chosen: argparse.Namespace, missing: Mapping[str, argparse.Namespace], whole: int) -> dict[str, Row]:
+def _fit_missing(chosen: argparse.Namespace, missing: Mapping[str, argparse.Namespace], total: int) -> dict[str, Row]:
     """Fit under a progress bar; append each row to the file as it comes, and return all."""
     rows = dict[str, Row]()
-    bar = tqdm(total=whole, initial=whole - len(missing), unit="photo", smoothing=0, disable=None)
+    bar = tqdm(total=total, initial=total - len(missing), unit="photo", smoothing=0, disable=None)
     with bar, (chosen.out / _ROWS).open("a", encoding="utf-8") as file, _workers(chosen) as run:
         for row in _surviving(run, missing):
             rows[row["key"]] = row
@@ -152,7 +155,8 @@ _Run = Callable[[Iterator[tuple[str, argparse.Namespace]]], Iterator[Row]]
 
 def _surviving(run: _Run, missing: Mapping[str, argparse.Namespace]) -> Iterator[Row]:
     """Yield a row for each fit. If a process dies, the fits that were under way are repeated one by one at the end."""
-    waiting, suspects = dict(missing), dict[str, argparse.Namespace]()
+    waiting = dict(missing)
+    suspects = dict[str, argparse.Namespace]()
 
     def begun() -> Iterator[tuple[str, argparse.Namespace]]:
         while waiting:
@@ -181,8 +185,8 @@ def _workers(chosen: argparse.Namespace) -> Iterator[_Run]:
         stack.enter_context(_backend(chosen, stack))
         parallel = Parallel(return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
         settings = {name: value for name, value in os.environ.items() if name.startswith("CODENERF_")}
-        about = settings, os.getpid()
-        yield lambda fits: parallel(delayed(_row)(key, single, *about) for key, single in fits)
+        command = os.getpid()
+        yield lambda fits: parallel(delayed(_row)(key, single, settings, command) for key, single in fits)
 
 
 def _backend(chosen: argparse.Namespace, stack: ExitStack) -> AbstractContextManager:

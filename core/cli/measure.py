@@ -63,9 +63,9 @@ def evaluate(chosen: argparse.Namespace) -> None:
     if chosen.report:
         require_writable(chosen.report)
     wait_for_view_bank(model)
-    about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
+    conditions = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
     if chosen.disentanglement:
-        _evaluate_disentanglement(chosen, model, entries, about)
+        _evaluate_disentanglement(chosen, model, entries, conditions)
         return
     entries = evenly_spaced(entries, chosen.objects)
     scores = list[ObjectScore]()
@@ -73,14 +73,14 @@ def evaluate(chosen: argparse.Namespace) -> None:
     def keep(score: ObjectScore) -> None:
         scores.append(score)
         if chosen.report and not is_stream(chosen.report):  # after each object, so that a later failure loses nothing
-            write_report(chosen.report, scores, protocol, about)
+            write_report(chosen.report, scores, protocol, conditions)
 
     views = _with_objects((entry.read() for entry in entries), protocol)
     _gather(scored(model, views, protocol), len(entries), keep)
     if not scores:
         raise ValueError("all objects of the dataset are blank")
     if chosen.report and is_stream(chosen.report):
-        write_report(chosen.report, scores, protocol, about)
+        write_report(chosen.report, scores, protocol, conditions)
     print(format_table(scores, protocol), flush=True)
 
 
@@ -97,18 +97,18 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 def bench_render(chosen: argparse.Namespace) -> None:
     """Run ``bench render``: speed and accuracy of the renderer; resumes an earlier run."""
     model = load_model(chosen.model, chosen.device)
-    about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
+    conditions = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
     measure = partial(rendering.measure_rendering, model, chosen.views)
-    _bench(chosen, "render", rendering.RenderTiming, about, measure)
+    _bench(chosen, "render", rendering.RenderTiming, conditions, measure)
 
 
 def bench_videos(chosen: argparse.Namespace) -> None:
     """Run ``bench videos``: speed and accuracy of videos, exact and baked."""
     model = load_model(chosen.model, chosen.device)
-    about = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
-    about |= {"frames": str(videos.FRAMES), "size": str(videos.SIZE), "image": str(videos.IMAGE_SIZE)}
-    about |= {"model": model.fingerprint}
-    _bench(chosen, "videos", videos.VideoTiming, about, partial(videos.measure_videos, model, chosen.objects))
+    conditions = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
+    conditions |= {"frames": str(videos.FRAMES), "size": str(videos.SIZE), "image": str(videos.IMAGE_SIZE)}
+    conditions |= {"model": model.fingerprint}
+    _bench(chosen, "videos", videos.VideoTiming, conditions, partial(videos.measure_videos, model, chosen.objects))
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
@@ -117,10 +117,10 @@ def bench_gate(chosen: argparse.Namespace) -> None:
     baseline = () if chosen.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
     wait_for_view_bank(model)
-    found = list(_reported(gate.measure_ratios(model)))
+    ratios = list(_reported(gate.measure_ratios(model)))
     if chosen.write:
-        write_results(path, Results({}, tuple(found)))
-    elif lines := gate.compare(found, baseline):
+        write_results(path, Results({}, tuple(ratios)))
+    elif lines := gate.compare(ratios, baseline):
         raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
 
 
@@ -128,8 +128,8 @@ def bench_fit(chosen: argparse.Namespace) -> None:
     """Run ``bench fit``: speed and accuracy of blind fits."""
     model, views = _held_out_views(chosen)
     methods = {name: fits.FitMethod(preset) for name, preset in PRESETS.items()}
-    about = {"machine": describe_machine(model.device), "model": model.fingerprint}
-    _bench(chosen, "fit", fits.FitTrial, about, partial(fits.fit_views, model, views, methods))
+    conditions = {"machine": describe_machine(model.device), "model": model.fingerprint}
+    _bench(chosen, "fit", fits.FitTrial, conditions, partial(fits.fit_views, model, views, methods))
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
@@ -137,16 +137,18 @@ def bench_ablations(chosen: argparse.Namespace) -> None:
     drawing.prepare(chosen.out)
     model, views = _held_out_views(chosen)
     trials = list(_reported(fits.fit_views(model, views, ablations.ABLATIONS)))
-    found = Results({"machine": describe_machine(model.device)}, ablations.summarise_ablations(trials))
-    print(charts.write(chosen.out, "ablations", found), flush=True)
+    results = Results({"machine": describe_machine(model.device)}, ablations.summarise_ablations(trials))
+    print(charts.write(chosen.out, "ablations", results), flush=True)
 
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
     """Run ``bench robustness``: failures of blind fits."""
     model, views = _held_out_views(chosen)
-    about, wanted = {"machine": describe_machine(model.device)}, (chosen.stressors, chosen.presets, chosen.part)
-    measure = partial(robustness.measure_robustness, model, views, *wanted, chosen.seed)
-    _bench(chosen, "robustness", robustness.RobustnessTrial, about, measure)
+    conditions = {"machine": describe_machine(model.device)}
+    measure = partial(
+        robustness.measure_robustness, model, views, chosen.stressors, chosen.presets, chosen.part, chosen.seed
+    )
+    _bench(chosen, "robustness", robustness.RobustnessTrial, conditions, measure)
 
 
 def bench_detail(chosen: argparse.Namespace) -> None:
@@ -154,20 +156,22 @@ def bench_detail(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
-    views, about = (chosen.input_view, chosen.view_stride), {"machine": describe_machine(model.device)}
-    measure = partial(detail_gains.measure_detail, model, entries, chosen.renderer, *views)
-    _bench(chosen, "photo_detail", detail_gains.DetailView, about, measure)
+    conditions = {"machine": describe_machine(model.device)}
+    measure = partial(
+        detail_gains.measure_detail, model, entries, chosen.renderer, chosen.input_view, chosen.view_stride
+    )
+    _bench(chosen, "photo_detail", detail_gains.DetailView, conditions, measure)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
     """Run ``bench photos``: fits of photographs against judgement by eye."""
-    seen = photos.read_judgements(chosen.by_eye)
-    about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
-    files = [file for folder in chosen.folders for file in sorted(folder.iterdir()) if file.stem in seen]
+    judgements = photos.read_judgements(chosen.by_eye)
+    conditions = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
+    files = [file for folder in chosen.folders for file in sorted(folder.iterdir()) if file.stem in judgements]
     if not files:
         raise ValueError(f"{chosen.by_eye}: none of its photos is in {', '.join(map(str, chosen.folders))}")
-
-    _bench(chosen, "photos", photos.PhotoTrial, about, partial(photos.measure_photos, files, seen, chosen.preset))
+    measure = partial(photos.measure_photos, files, judgements, chosen.preset)
+    _bench(chosen, "photos", photos.PhotoTrial, conditions, measure)
 
 
 def bench_candidates(chosen: argparse.Namespace) -> None:
@@ -244,20 +248,24 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
 
 
 def _bench(
-    chosen: argparse.Namespace, name: str, kind: type[Any], about: Row, measure: Callable[[set[Any]], Iterator[Any]]
+    chosen: argparse.Namespace,
+    name: str,
+    kind: type[Any],
+    conditions: Row,
+    measure: Callable[[set[Any]], Iterator[Any]],
 ) -> None:
     """Measure a benchmark's missing rows into its CSV file; write its table and chart.
 
     Args:
         kind: type of the rows, which have a ``key``.
-        about: the conditions of the rows, such as the machine.
+        conditions: the conditions of the rows, such as the machine.
         measure: yields the rows whose keys are not in its argument, the keys of an earlier run.
     """
     drawing.prepare(chosen.out)
     path = chosen.out / f"{name}.csv"
-    done = {row.key for row in read_records(path, kind, about)}
+    done = {row.key for row in read_records(path, kind, conditions)}
     for row in _reported(measure(done)):
-        append_record(path, about, row)
+        append_record(path, conditions, row)
     print(charts.draw(chosen.out, name), flush=True)
 
 
@@ -269,14 +277,14 @@ def _reported(rows: Iterator[_Item]) -> Iterator[_Item]:
 
 
 def _evaluate_disentanglement(
-    chosen: argparse.Namespace, model: Model, entries: tuple[ObjectEntry, ...], about: dict[str, str]
+    chosen: argparse.Namespace, model: Model, entries: tuple[ObjectEntry, ...], conditions: dict[str, str]
 ) -> None:
-    found = pairs(model, entries)
-    kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
-    some = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
-    scores = _gather(score_pairs(model, some, chosen.seed), len(some))
+    every_pair = pairs(model, entries)
+    kinds = ([pair for pair in every_pair if pair.trained == trained] for trained in (False, True))
+    selected = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
+    scores = _gather(score_pairs(model, selected, chosen.seed), len(selected))
     if chosen.report:
-        write_disentanglement_report(chosen.report, scores, about)
+        write_disentanglement_report(chosen.report, scores, conditions)
     print(format_disentanglement(scores), flush=True)
 
 
@@ -290,11 +298,11 @@ def _index_entries(model: Model, datasets: Sequence[Path], scale: float = 1.0) -
 
 def _gather(scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None) -> list[_Score]:
     """Return all scores of a stream, under a bar that shows their mean PSNR; call ``keep`` with each."""
-    found = []
+    gathered = []
     with tqdm(total=total, unit="object", disable=None) as bar:
         for score in scores:
-            found.append(score)
+            gathered.append(score)
             keep(score)
-            bar.set_postfix_str(f"{sum(one.psnr for one in found) / len(found):.2f} dB")
+            bar.set_postfix_str(f"{sum(score.psnr for score in gathered) / len(gathered):.2f} dB")
             bar.update()
-    return found
+    return gathered

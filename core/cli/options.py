@@ -9,16 +9,18 @@ class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
     """Shows the defaults of options, except None, False and empty lists."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        shown = action.default not in (None, []) and action.default is not False
-        return super()._get_help_string(action) if shown else action.help
+        has_default = action.default not in (None, []) and action.default is not False
+        return super()._get_help_string(action) if has_default else action.help
 
 
-def add_command(commands: argparse._SubParsersAction, name: str, run: str, about: str) -> argparse.ArgumentParser:
+def add_command(commands: argparse._SubParsersAction, name: str, run: str, description: str) -> argparse.ArgumentParser:
     """Add a command that runs the function ``run``, given as ``module.function`` of core.cli."""
-    command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
+    command = commands.add_parser(
+        name, help=description, description=description, formatter_class=_Formatter, allow_abbrev=False
+    )
     command.set_defaults(run=run)
-    about = "threads that compute (default: $CODENERF_THREADS, else one for each core)"
-    command.add_argument("--threads", type=whole_from(1, 1024), metavar="N", help=about)
+    threads = "threads that compute (default: $CODENERF_THREADS, else one for each core)"
+    command.add_argument("--threads", type=whole_from(1, 1024), metavar="N", help=threads)
     return command
 
 
@@ -35,8 +37,8 @@ def add_device(command: argparse.ArgumentParser) -> None:
 
 def add_pose_scale(command: argparse.ArgumentParser) -> None:
     """Add ``--pose-scale``."""
-    about = "scene units of a unit of the pose files; an object's diagonal is 1 scene unit"
-    command.add_argument("--pose-scale", type=number_from(1e-6, 1e6), default=1.0, metavar="X", help=about)
+    scale = "scene units of a unit of the pose files; an object's diagonal is 1 scene unit"
+    command.add_argument("--pose-scale", type=number_from(1e-6, 1e6), default=1.0, metavar="X", help=scale)
 
 
 def add_seed(command: argparse.ArgumentParser) -> None:
@@ -44,6 +46,6 @@ def add_seed(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seed", type=whole_from(0, 2**32 - 1), default=0, help="random seed")
 
 
-def add_no_photo_detail(command: argparse.ArgumentParser, about: str) -> None:
+def add_no_photo_detail(command: argparse.ArgumentParser, description: str) -> None:
     """Add ``--no-photo-detail``."""
-    command.add_argument("--no-photo-detail", action="store_true", help=about)
+    command.add_argument("--no-photo-detail", action="store_true", help=description)

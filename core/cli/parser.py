@@ -166,6 +166,23 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object; see --each")
+    _add_each(command)
+    command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
+    add_device(command)
+    _add_poses(command)
+    _add_hints(command)
+    _add_preset(command)
+    command.add_argument("--estimate-focal", action="store_true", help="find the focal length too (default: model's)")
+    add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
+    command.add_argument("--out", type=Path, metavar="S.json", help="write the fitted scene (--each: a folder)")
+    command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="write every step to this file, one line each")
+    command.add_argument(
+        "--explain", type=Path, metavar="DIR", help="write a page of detections, cut-out, witnesses and results"
+    )
+    add_seed(command)
+
+
+def _add_each(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--each",
         dest="run",
@@ -178,8 +195,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--cluster", metavar="tcp://HOST:PORT", help="with --each: fit on this Dask cluster, which sees the same files"
     )
-    command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
-    add_device(command)
+
+
+def _add_poses(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--pose",
         type=Path,
@@ -195,10 +213,13 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         help="camera axes of SRN files; opengl: Blender's",
     )
     add_pose_scale(command)
-    where = command.add_mutually_exclusive_group()
-    where.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
-    where.add_argument("--mask", type=Path, nargs="+", default=[], metavar="MASK", help="one per image, white on it")
-    where.add_argument(
+
+
+def _add_hints(command: argparse.ArgumentParser) -> None:
+    hints = command.add_mutually_exclusive_group()
+    hints.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
+    hints.add_argument("--mask", type=Path, nargs="+", default=[], metavar="MASK", help="one per image, white on it")
+    hints.add_argument(
         "--box",
         type=box,
         nargs="+",
@@ -206,16 +227,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         metavar="X0,Y0,X1,Y1",
         help="px around the object, one box per image: for several objects or clutter",
     )
-    where.add_argument("--object", type=count, nargs="+", default=[], metavar="N", help="the N-th detection per image")
-    _add_preset(command)
-    command.add_argument("--estimate-focal", action="store_true", help="find the focal length too (default: model's)")
-    add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
-    command.add_argument("--out", type=Path, metavar="S.json", help="write the fitted scene (--each: a folder)")
-    command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="write every step to this file, one line each")
-    command.add_argument(
-        "--explain", type=Path, metavar="DIR", help="write a page of detections, cut-out, witnesses and results"
-    )
-    add_seed(command)
+    hints.add_argument("--object", type=count, nargs="+", default=[], metavar="N", help="the N-th detection per image")
 
 
 def _add_preset(command: argparse.ArgumentParser) -> None:
@@ -286,6 +298,13 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "--rays", type=whole_from(1, 1_000_000), help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)"
     )
     command.add_argument("--recipe", choices=tuple(RECIPES), default="default", help="M1, M2: the entangled ablations")
+    _add_field_size(command)
+    add_device(command)
+    add_pose_scale(command)
+    add_seed(command)
+
+
+def _add_field_size(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--width", type=whole_from(1, 8192), help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)"
     )
@@ -297,9 +316,6 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         help="dimensions of a code (default: the recipe's; "
         f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default)",
     )
-    add_device(command)
-    add_pose_scale(command)
-    add_seed(command)
 
 
 def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:

@@ -28,7 +28,7 @@ def wait_for_view_bank(model: Model) -> None:
     """Compute the view bank under a progress bar if the model's file has none."""
     from core.photos.view_bank import build_view_bank  # imported late: videos do not need it
 
-    about = {"desc": "view bank", "bar_format": "{desc} {percentage:.0f} %"}
-    with tqdm(total=1.0, leave=False, disable=bars_disabled(), **about) as bar:
+    layout = "{desc} {percentage:.0f} %"
+    with tqdm(desc="view bank", total=1.0, leave=False, disable=bars_disabled(), bar_format=layout) as bar:
         for fraction in build_view_bank(model):
             bar.update(fraction - bar.n)

@@ -19,7 +19,7 @@ MARGIN = 0.04  # of the frame's width and height, left free on each side
 _SHAPES = 6  # evenly spaced shapes of a video that are checked; shapes between are mixtures of these
 _CAMERAS = 180  # cameras of a long video that are checked: two degrees of a turn apart
 _MIN_OPACITY = 0.03  # of a cell that counts as part of the object; fainter haze is invisible at an edge
-_PARTS = 2  # points along each side of an occupied cell, of an outline
+_PER_SIDE = 2  # points of an outline along each side of an occupied cell
 _BLOCK = 16384
 _NEAREST = 0.05  # scene units in front of the camera; closer points, or points behind, are moved there
 
@@ -59,8 +59,8 @@ def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
 @lru_cache(maxsize=8)
 def _outline(instance: Instance) -> Float[Tensor, "ends 3"]:
     """Return points of an object (scene units) with the same convex hull: both ends of its rows along each axis."""
-    points = _opaque_points(instance, _PARTS)
-    place = ((points - points.amin(0)) * (CELLS * _PARTS / 2) / torch.tensor(instance.model.extent) + 0.5).long()
+    points = _opaque_points(instance, _PER_SIDE)
+    place = ((points - points.amin(0)) * (CELLS * _PER_SIDE / 2) / torch.tensor(instance.model.extent) + 0.5).long()
     taken = torch.zeros((place.amax(0) + 1).tolist(), dtype=torch.bool)
     taken[place.unbind(-1)] = True
     ends = taken
@@ -70,19 +70,19 @@ def _outline(instance: Instance) -> Float[Tensor, "ends 3"]:
     return points[ends[place.unbind(-1)]]
 
 
-def _opaque_points(instance: Instance, parts: int) -> Float[Tensor, "points 3"]:
-    """Return opaque points (scene units), ``parts`` along each side of a cell; the box's corners if there are none."""
+def _opaque_points(instance: Instance, per_side: int) -> Float[Tensor, "points 3"]:
+    """Return opaque points (scene units), ``per_side`` along a cell's side; the box's corners if there are none."""
     model = instance.model
     folded = FoldedField.of(instance)
     occupancy = shape_occupancy(instance)
-    steps = (torch.arange(parts, device=model.device) + 0.5) / parts
+    steps = (torch.arange(per_side, device=model.device) + 0.5) / per_side
     within = torch.cartesian_prod(steps, steps, steps)
     points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)
     least = -math.log1p(-_MIN_OPACITY) / (2 * max(model.extent) / CELLS)
     with torch.inference_mode():
-        opaque = [part[folded.density(part)[0] > least] for part in points.split(_BLOCK)]
-    found = torch.cat(opaque).cpu() if opaque else torch.empty(0, 3)
-    return found if len(found) else _corners(model)
+        blocks = [block[folded.density(block)[0] > least] for block in points.split(_BLOCK)]
+    opaque = torch.cat(blocks).cpu() if blocks else torch.empty(0, 3)
+    return opaque if len(opaque) else _corners(model)
 
 
 def _corners(model: Model) -> Float[Tensor, "8 3"]:

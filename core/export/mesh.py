@@ -53,8 +53,8 @@ _MIN_PIECE = 0.05  # scene units (an object's diagonal is 1): pieces with a smal
 _SLAB = 8  # planes of the grid that a thread evaluates at a time
 _BLOCK = 4096  # points that a thread evaluates at a time, so that activations stay in cache
 _COLOUR_SAMPLES = 8  # samples of the short ray that colours a vertex
-_MESH_SHARE = 0.3  # fraction of the time of a textured mesh; the rest is the texture
-_GRID_SHARE = 0.6  # fraction of the time for the grid; the rest is colours
+_MESH_FRACTION = 0.3  # fraction of the time of a textured mesh; the rest is the texture
+_GRID_FRACTION = 0.6  # fraction of the time for the grid; the rest is colours
 
 
 @dataclass(frozen=True)
@@ -86,21 +86,23 @@ def export_mesh(
     Raises ``ValueError`` like :func:`extract_mesh`, and for an unknown format, a texture in a format without textures,
     or a path that cannot be written.
     """
-    settings, suffix = settings or MeshSettings(), path.suffix.lower()
+    settings = settings or MeshSettings()
+    suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"{path.name}: a mesh file must end in {', '.join(FORMATS)}")
     if settings.texture and suffix not in TEXTURED:
         raise ValueError(f"{path.name}: only {', '.join(TEXTURED)} holds a texture")
     with atomic_file(path) as unfinished:
-        end = _MESH_SHARE if settings.texture else 1.0
+        end = _MESH_FRACTION if settings.texture else 1.0
         most = settings.triangles or (TRIANGLES if settings.texture else 0)
         mesh = yield from subprogress(extract_mesh(instance, settings.resolution, most), 0.0, end)
         detail = yield from subprogress(detail_maps(instance), end, end)
         origin, scale = _placing(mesh.vertices, settings.metres)
         if settings.texture:
-            found = yield from subprogress(_textured(instance, mesh, settings.texture, detail), end, 1.0)
-            vertices = (scale * (found.vertices - origin)).astype(np.float32) @ WORLD_FROM_GLTF
-            unfinished.write_bytes(replace(found, vertices=vertices, normals=found.normals @ WORLD_FROM_GLTF).glb())
+            image_mesh = yield from subprogress(_textured(instance, mesh, settings.texture, detail), end, 1.0)
+            vertices = (scale * (image_mesh.vertices - origin)).astype(np.float32) @ WORLD_FROM_GLTF
+            normals = image_mesh.normals @ WORLD_FROM_GLTF
+            unfinished.write_bytes(replace(image_mesh, vertices=vertices, normals=normals).glb())
         else:
             colours = _with_detail(mesh.colours, mesh.vertices, mesh.normals, detail)
             vertices = (scale * (mesh.vertices - origin)).astype(np.float32)
@@ -114,7 +116,8 @@ def _placing(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) ->
     """Return the new origin and the scale: the object on the ground, ``metres`` long; unchanged for None."""
     if metres is None:
         return np.zeros(3, np.float32), 1.0
-    low, high = vertices.min(0), vertices.max(0)
+    low = vertices.min(0)
+    high = vertices.max(0)
     return np.array([*(low + high)[:2] / 2, low[2]]), float(metres / (high - low).max())
 
 
@@ -129,7 +132,7 @@ def _textured(
         own = yield from _vertex_colours(folded, places, normals, interval)
         return _with_detail(own, places, normals, detail)
 
-    return textured(mesh.vertices, mesh.faces, mesh.parts, colours, pixels)
+    return textured(mesh.vertices, mesh.faces, mesh.part_counts, colours, pixels)
 
 
 def _with_detail(
@@ -143,7 +146,7 @@ def _with_detail(
         return colours
     with torch.inference_mode():
         device = detail.photos[0].surface.device
-        points, outward, own = (torch.from_numpy(part).float().to(device) for part in (places, normals, colours))
+        points, outward, own = (torch.from_numpy(array).float().to(device) for array in (places, normals, colours))
         return (own + detail.at(points, -outward, own)[0]).clamp(0, 1).cpu().numpy()
 
 
@@ -162,32 +165,40 @@ def extract_mesh(instance: Instance, resolution: int | None = None, triangles: i
         raise ValueError(f"a mesh has a resolution of 8 to {MAX_RESOLUTION}, got {resolution}")
     folded = FoldedField.of(instance)
     occupancy = shape_occupancy(instance)
-    area, found = 0.0, None
+    area = 0.0
+    surface: tuple[np.ndarray, np.ndarray] | None = None
     tries = (resolution,) if resolution else RESOLUTIONS
     for index, cells in enumerate(tries):
         grid = _Grid.for_model(instance.model, cells)
-        begin, end = (_GRID_SHARE * number / len(tries) for number in (index, index + 1))
-        found = yield from subprogress(_marching_cubes(folded, occupancy, grid), begin, end)
-        if found is None:
+        begin, end = (_GRID_FRACTION * number / len(tries) for number in (index, index + 1))
+        surface = yield from subprogress(_marching_cubes(folded, occupancy, grid), begin, end)
+        if surface is None:
             continue
-        vertices, faces = found
-        of_faces = face_normals(vertices, faces)
-        before, area = area, float(np.linalg.norm(of_faces, axis=1).sum())
+        vertices, faces = surface
+        triangle_normals = face_normals(vertices, faces)
+        before = area
+        area = float(np.linalg.norm(triangle_normals, axis=1).sum())
         # Parts thinner than a cell are missing and add to the area once a finer grid finds them.
         if (
             area < (1 + _MAX_OFF_SURFACE) * before
-            and _off_surface_fraction(folded, grid, vertices, faces, of_faces) < _MAX_OFF_SURFACE
+            and _off_surface_fraction(folded, grid, vertices, faces, triangle_normals) < _MAX_OFF_SURFACE
         ):
             break
-    if found is None:
+    if surface is None:
         raise ValueError("the object has no surface: its density is too low everywhere")
     if 0 < triangles < len(faces):
         vertices, faces = yield from subprogress(simplify(vertices, faces, triangles), end, end)
-        of_faces = face_normals(vertices, faces)
-    normals = vertex_normals(len(vertices), faces, of_faces)
-    faces, parts = by_part(instance.model, folded, vertices, faces)
-    colours = yield from subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
-    return Mesh(vertices, normals, colours, faces, parts)
+    return (yield from subprogress(_to_mesh(instance.model, folded, vertices, faces, grid.interval), end, 1.0))
+
+
+def _to_mesh(
+    model: Model, folded: FoldedField, vertices: np.ndarray, faces: np.ndarray, interval: float
+) -> Generator[float, None, Mesh]:
+    """Add normals, colours and parts to a surface; yields the fraction done."""
+    normals = vertex_normals(len(vertices), faces, face_normals(vertices, faces))
+    faces, part_counts = by_part(model, folded, vertices, faces)
+    colours = yield from _vertex_colours(folded, vertices, normals, interval)
+    return Mesh(vertices, normals, colours, faces, part_counts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,13 +236,13 @@ def _marching_cubes(
 
 
 def _off_surface_fraction(
-    folded: FoldedField, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, of_faces: np.ndarray
+    folded: FoldedField, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, triangle_normals: np.ndarray
 ) -> float:
     """Return the fraction of the area that lies further than :data:`TOLERANCE` from the true surface."""
-    areas = np.linalg.norm(of_faces, axis=1)
+    areas = np.linalg.norm(triangle_normals, axis=1)
     chosen = np.searchsorted(areas.cumsum(), (np.arange(_PROBES) + 0.5) / _PROBES * areas.sum())
     middles = vertices[faces[chosen]].mean(1)
-    outward = of_faces[chosen] / areas[chosen, None]
+    outward = triangle_normals[chosen] / areas[chosen, None]
     sides = torch.from_numpy(np.concatenate((middles - TOLERANCE * outward, middles + TOLERANCE * outward))).float()
     below, above = (_thickness(folded, grid, sides.to(folded.device)).cpu() > math.log(2)).chunk(2)
     return 1 - float((below & ~above).float().mean())
@@ -270,13 +281,14 @@ def _logits(folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int) 
     Densities jump by orders of magnitude between two corners; their logits are nearly linear, so the surface is smooth.
     """
     end = min(first + _SLAB, grid.counts[0])
-    inner_first, inner_end = max(first, 1), min(end, grid.counts[0] - 1)
+    inner_first = max(first, 1)
+    inner_end = min(end, grid.counts[0] - 1)
     logits = np.full((end - first, *grid.counts[1:]), -_LOGIT_CLAMP, np.float32)
     if inner_first >= inner_end:  # the last slab is the empty layer alone
         return logits
     points = grid.points(inner_first, inner_end).to(occupancy.extent.device)
     within = occupancy.contains(points)
-    thickness = torch.cat([_thickness(folded, grid, part) for part in points[within].split(_BLOCK)])
+    thickness = torch.cat([_thickness(folded, grid, block) for block in points[within].split(_BLOCK)])
     values = thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP)
     # A corner exactly on the surface would produce empty triangles; a bound of the size would make equal corners, and
     # marching cubes joins four triangles at an edge where opposite corners of a face have equal products.
@@ -304,7 +316,8 @@ def _remove_specks(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) ->
     edges = np.concatenate((faces[:, :2], faces[:, 1:]))
     graph = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
     count, piece = connected_components(graph, directed=False)
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    low = np.full((count, 3), np.inf)
+    high = np.full((count, 3), -np.inf)
     np.minimum.at(low, piece, vertices * step)
     np.maximum.at(high, piece, vertices * step)
     size = np.linalg.norm(high - low, axis=1)
@@ -323,10 +336,10 @@ def _vertex_colours(
     """Compute the paper's vertex colours: seen along the inverted normal, from just outside."""
     edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
     colours = []
-    parts = torch.from_numpy(np.stack((vertices, normals))).split(_BLOCK // _COLOUR_SAMPLES, 1)
-    for part in map_pieces(partial(_surface_colours, folded, edges.to(folded.device)), parts):
-        colours.append(part)
-        yield len(colours) / len(parts)
+    blocks = torch.from_numpy(np.stack((vertices, normals))).split(_BLOCK // _COLOUR_SAMPLES, 1)
+    for block_colours in map_pieces(partial(_surface_colours, folded, edges.to(folded.device)), blocks):
+        colours.append(block_colours)
+        yield len(colours) / len(blocks)
     return np.concatenate(colours)
 
 

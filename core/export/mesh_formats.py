@@ -35,7 +35,7 @@ class Mesh:
     normals: Float[np.ndarray, "vertices 3"]  # unit length, outward
     colours: Float[np.ndarray, "vertices 3"]  # sRGB, 0..1
     faces: Int[np.ndarray, "faces 3"]
-    parts: MeshParts  # names of the triangles, in their order
+    part_counts: MeshParts
 
     def save(self, path: Path) -> None:
         """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
@@ -44,8 +44,9 @@ class Mesh:
 
 def _write_glb(mesh: Mesh, path: Path) -> None:
     """Write with glTF axes: y up, front +z."""
-    vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
-    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces, mesh.parts))
+    vertices = mesh.vertices @ WORLD_FROM_GLTF
+    normals = mesh.normals @ WORLD_FROM_GLTF
+    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces, mesh.part_counts))
 
 
 def _write_ply(mesh: Mesh, path: Path) -> None:
@@ -57,7 +58,7 @@ def _write_obj(mesh: Mesh, path: Path) -> None:
     turned = replace(mesh, vertices=mesh.vertices @ WORLD_FROM_GLTF, normals=mesh.normals @ WORLD_FROM_GLTF)
     head, *triangles = _trimesh(turned).export(file_type="obj").split("\nf ")
     rest = iter(triangles)
-    objects = ["\nf ".join((f"o {name}", *islice(rest, count))) for name, count in mesh.parts]
+    objects = ["\nf ".join((f"o {name}", *islice(rest, count))) for name, count in mesh.part_counts]
     path.write_text("\n".join((head, *objects)))
 
 
@@ -68,11 +69,11 @@ def _write_stl(mesh: Mesh, path: Path) -> None:
 
 def _write_3mf(mesh: Mesh, path: Path) -> None:
     """Write with z up, in mm, a colour at each vertex (the extension *Materials and Properties*)."""
-    found, of_vertices = np.unique(to_bytes(mesh.colours), axis=0, return_inverse=True)
-    colours = "".join(f'<m:color color="#{red:02X}{green:02X}{blue:02X}FF"/>' for red, green, blue in found.tolist())
+    palette, colour_index = np.unique(to_bytes(mesh.colours), axis=0, return_inverse=True)
+    colours = "".join(f'<m:color color="#{red:02X}{green:02X}{blue:02X}FF"/>' for red, green, blue in palette.tolist())
     places = (_MILLIMETRES * mesh.vertices).tolist()
     vertices = "".join(f'<vertex x="{x:.5f}" y="{y:.5f}" z="{z:.5f}"/>' for x, y, z in places)
-    corners = zip(mesh.faces.tolist(), of_vertices.reshape(-1)[mesh.faces].tolist(), strict=True)
+    corners = zip(mesh.faces.tolist(), colour_index.reshape(-1)[mesh.faces].tolist(), strict=True)
     triangles = "".join(
         f'<triangle v1="{a}" v2="{b}" v3="{c}" pid="1" p1="{p}" p2="{q}" p3="{r}"/>' for (a, b, c), (p, q, r) in corners
     )
@@ -90,9 +91,9 @@ def _trimesh(mesh: Mesh) -> Any:
     import trimesh  # imported late: the window only lists the formats
 
     colours = to_bytes(mesh.colours)
-    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
-    whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
-    return whole
+    converted = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
+    converted.visual = trimesh.visual.ColorVisuals(converted, vertex_colors=colours)
+    return converted
 
 
 FORMATS: dict[str, Callable[[Mesh, Path], None]] = {

@@ -44,12 +44,13 @@ def by_part(
     """
     if not model.part_head:
         return faces, ((model.noun or "object", len(faces)),)
-    part = _part_of_faces(model.part_head, folded, vertices, faces)
-    names, counts = model.part_head.names, np.bincount(part, minlength=len(model.part_head.names)).tolist()
-    return faces[np.argsort(part, kind="stable")], tuple((n, c) for n, c in zip(names, counts, strict=True) if c)
+    labels = _label_faces(model.part_head, folded, vertices, faces)
+    names = model.part_head.names
+    counts = np.bincount(labels, minlength=len(names)).tolist()
+    return faces[np.argsort(labels, kind="stable")], tuple((n, c) for n, c in zip(names, counts, strict=True) if c)
 
 
-def _part_of_faces(
+def _label_faces(
     head: PartHead, folded: FoldedField, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> Int[np.ndarray, "faces"]:
     """Return each triangle's part as an index into the head's names."""
@@ -58,8 +59,8 @@ def _part_of_faces(
     middles = vertices[faces].mean(1)
     inside = middles - _DEPTH * normals / np.maximum(area[:, None], 1e-12)
     probability = _probability(head, folded, inside)
-    low, high = vertices.min(0), vertices.max(0)
-    places = (middles - low) / (high - low)
+    low = vertices.min(0)
+    places = (middles - low) / (vertices.max(0) - low)
     above = np.zeros(len(faces))
     if "seat" in head.names:
         facing_up = probability[:, head.names.index("seat")] * np.maximum(normals[:, 2], 0.0)
@@ -68,8 +69,8 @@ def _part_of_faces(
     for index, name in enumerate(head.names):
         probability[_never(name, places, above), index] = 0.0
     pairs = _neighbours(faces)
-    part = _without_teeth(_averaged(probability, pairs, area).argmax(1), pairs)
-    return _without_strays(_without_patches(part, pairs, area), pairs, places[:, 2], head.names)
+    labels = _without_teeth(_averaged(probability, pairs, area).argmax(1), pairs)
+    return _without_strays(_without_patches(labels, pairs, area), pairs, places[:, 2], head.names)
 
 
 def _probability(
@@ -77,8 +78,8 @@ def _probability(
 ) -> Float[np.ndarray, "faces parts"]:
     with torch.inference_mode():
         blocks = torch.from_numpy(points).float().to(folded.device).split(_BLOCK)
-        found = map_pieces(lambda block: head(folded.density(block)[1]), blocks)
-        return torch.cat(list(found)).cpu().numpy()
+        probabilities = map_pieces(lambda block: head(folded.density(block)[1]), blocks)
+        return torch.cat(list(probabilities)).cpu().numpy()
 
 
 def _weighted_median(values: Float[np.ndarray, "faces"], weights: Float[np.ndarray, "faces"]) -> float:
@@ -91,7 +92,8 @@ def _never(
     name: str, places: Float[np.ndarray, "faces 3"], above: Float[np.ndarray, "faces"]
 ) -> Bool[np.ndarray, "faces"]:
     """Mark triangles that cannot be this part, by position in the bounding box (0..1) and height above the seat."""
-    (x, y), z = np.abs(places[:, :2] - 0.5).T, places[:, 2]
+    x, y = np.abs(places[:, :2] - 0.5).T
+    z = places[:, 2]
     if name == "wheels":
         return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * _BETWEEN_WHEELS)
     if name == "glass":
@@ -114,58 +116,59 @@ def _averaged(
     """Average repeatedly over each triangle and its neighbours, weighted by area."""
     count = len(area)
     own = np.arange(count)
-    to, of = np.concatenate((pairs, pairs[::-1], (own, own)), axis=1)
-    weights = coo_array((area[of], (to, of)), shape=(count, count)).tocsr()
+    target, source = np.concatenate((pairs, pairs[::-1], (own, own)), axis=1)
+    weights = coo_array((area[source], (target, source)), shape=(count, count)).tocsr()
     total = np.maximum(weights @ np.ones((count, 1)), 1e-12)
     for _ in range(min(_MOST_PASSES, -(-count // _TRIANGLES_PER_PASS))):
         probability = weights @ probability / total
     return probability
 
 
-def _without_teeth(part: Int[np.ndarray, "faces"], pairs: Pairs) -> Int[np.ndarray, "faces"]:
+def _without_teeth(labels: Int[np.ndarray, "faces"], pairs: Pairs) -> Int[np.ndarray, "faces"]:
     """Straighten borders: a triangle joins the part of at least two of its three neighbours."""
     a, b = np.concatenate((pairs, pairs[::-1]), axis=1)
     for _ in range(_TEETH):
-        votes = np.zeros((len(part), int(part.max()) + 1))
-        np.add.at(votes, (a, part[b]), 1)
-        part = np.where(votes.max(1) >= 2, votes.argmax(1), part)
-    return part
+        votes = np.zeros((len(labels), int(labels.max()) + 1))
+        np.add.at(votes, (a, labels[b]), 1)
+        labels = np.where(votes.max(1) >= 2, votes.argmax(1), labels)
+    return labels
 
 
-def _patches(part: Int[np.ndarray, "faces"], pairs: Pairs) -> tuple[int, Int[np.ndarray, "faces"]]:
+def _patches(labels: Int[np.ndarray, "faces"], pairs: Pairs) -> tuple[int, Int[np.ndarray, "faces"]]:
     """Return the number of connected patches of one part, and each triangle's patch."""
-    within = pairs[:, part[pairs[0]] == part[pairs[1]]]
-    graph = coo_array((np.ones(within.shape[1], bool), within), shape=(len(part), len(part)))
+    within = pairs[:, labels[pairs[0]] == labels[pairs[1]]]
+    graph = coo_array((np.ones(within.shape[1], bool), within), shape=(len(labels), len(labels)))
     return connected_components(graph, directed=False)
 
 
 def _without_patches(
-    part: Int[np.ndarray, "faces"], pairs: Pairs, area: Float[np.ndarray, "faces"]
+    labels: Int[np.ndarray, "faces"], pairs: Pairs, area: Float[np.ndarray, "faces"]
 ) -> Int[np.ndarray, "faces"]:
     """Merge small patches into the part of most of their larger neighbours, until none is left."""
     a, b = np.concatenate((pairs, pairs[::-1]), axis=1)
     while True:
-        count, patch = _patches(part, pairs)
+        count, patch = _patches(labels, pairs)
         size = np.bincount(patch, area, count)
         border = (size[patch[a]] < min(_PATCH * area.sum(), size.max())) & (size[patch[b]] > size[patch[a]])
-        border &= part[a] != part[b]
+        border &= labels[a] != labels[b]
         if not border.any():
-            return part
-        votes = np.zeros((count, int(part.max()) + 1))
-        np.add.at(votes, (patch[a[border]], part[b[border]]), 1)
-        part = np.where(votes.max(1)[patch] > 0, votes.argmax(1)[patch], part)
+            return labels
+        votes = np.zeros((count, int(labels.max()) + 1))
+        np.add.at(votes, (patch[a[border]], labels[b[border]]), 1)
+        labels = np.where(votes.max(1)[patch] > 0, votes.argmax(1)[patch], labels)
 
 
 def _without_strays(
-    part: Int[np.ndarray, "faces"], pairs: Pairs, height: Float[np.ndarray, "faces"], names: tuple[str, ...]
+    labels: Int[np.ndarray, "faces"], pairs: Pairs, height: Float[np.ndarray, "faces"], names: tuple[str, ...]
 ) -> Int[np.ndarray, "faces"]:
     """Relabel wheels that begin too high and glass that ends too low as the first part."""
-    count, patch = _patches(part, pairs)
-    low, high = np.ones(count), np.zeros(count)
+    count, patch = _patches(labels, pairs)
+    low = np.ones(count)
+    high = np.zeros(count)
     np.minimum.at(low, patch, height)
     np.maximum.at(high, patch, height)
     stray: dict[str, np.ndarray] = {"wheels": low > _WHEELS_BEGIN, "glass": high < _GLASS_ENDS}
     for index, name in enumerate(names):
         if name in stray:
-            part = np.where((part == index) & stray[name][patch], 0, part)
-    return part
+            labels = np.where((labels == index) & stray[name][patch], 0, labels)
+    return labels

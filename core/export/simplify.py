@@ -19,10 +19,11 @@ def simplify(
 
     before = len(faces)
     while len(faces) > triangles:
-        wanted = max(triangles, int(_STEP * len(faces)))
-        fewer, corners, *_ = igl.qslim(vertices.astype(np.float64), faces.astype(np.int64), wanted)
+        target = max(triangles, int(_STEP * len(faces)))
+        fewer, corners, *_ = igl.qslim(vertices.astype(np.float64), faces.astype(np.int64), target)
         if len(corners) == len(faces):
             break
-        vertices, faces = fewer.astype(np.float32, "C"), corners.astype(np.int64, "C")
+        vertices = fewer.astype(np.float32, "C")
+        faces = corners.astype(np.int64, "C")
         yield (before - len(faces)) / max(1, before - triangles)
     return vertices, faces

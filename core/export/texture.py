@@ -15,7 +15,7 @@ from core.streams import subprogress
 
 TRIANGLES = 8000  # at most in a textured surface: details are in the image
 _PADDING = 4  # px between the pieces of the atlas
-_SHARE = 0.1  # fraction of the time for unwrapping; the rest is colours
+_UNWRAP_FRACTION = 0.1  # fraction of the time for unwrapping; the rest is colours
 
 Colours = Callable[
     [Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"]],
@@ -32,7 +32,7 @@ class TexturedMesh:
     faces: Int[np.ndarray, "faces 3"]
     uv: Float[np.ndarray, "vertices 2"]  # 0..1, from the image's left and bottom edge
     image: UInt8[np.ndarray, "height width 3"]
-    parts: MeshParts  # names of the triangles, in their order
+    part_counts: MeshParts
 
     def glb(self) -> bytes:
         """Return the bytes of an unlit .glb file (colours contain the light), with vertices already in glTF axes."""
@@ -42,7 +42,7 @@ class TexturedMesh:
             baseColorTexture=Image.fromarray(self.image), metallicFactor=0.0, roughnessFactor=1.0
         )
         scene = trimesh.Scene()
-        for name, faces in split(self.faces, self.parts):
+        for name, faces in split(self.faces, self.part_counts):
             used, corners = np.unique(faces, return_inverse=True)
             visual = trimesh.visual.TextureVisuals(self.uv[used], material=material)
             mesh = trimesh.Trimesh(
@@ -60,7 +60,7 @@ class TexturedMesh:
 def textured(
     vertices: Float[np.ndarray, "vertices 3"],
     faces: Int[np.ndarray, "faces 3"],
-    parts: MeshParts,
+    part_counts: MeshParts,
     colours: Colours,
     pixels: int,
 ) -> Generator[float, None, TexturedMesh]:
@@ -70,7 +70,7 @@ def textured(
     """
     yield 0.0
     kept, corners, uv, (width, height) = _unwrapped(vertices, faces, pixels)
-    yield _SHARE
+    yield _UNWRAP_FRACTION
     places = vertices[kept].astype(np.float32)
     faces = kept[corners]  # both sides of a seam share the original vertex's normal
     normals = vertex_normals(len(vertices), faces, face_normals(vertices, faces))[kept]
@@ -78,8 +78,8 @@ def textured(
     texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (places, normals)]
     texels[1] /= np.maximum(np.linalg.norm(texels[1], axis=1, keepdims=True), 1e-9)
     image = np.zeros((height, width, 3), np.uint8)
-    image[covered] = to_bytes((yield from subprogress(colours(*texels), _SHARE, 1.0)))
-    return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered), parts)
+    image[covered] = to_bytes((yield from subprogress(colours(*texels), _UNWRAP_FRACTION, 1.0)))
+    return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered), part_counts)
 
 
 def _without_light(tree: dict[str, Any]) -> None:
@@ -97,9 +97,12 @@ def _unwrapped(
     except ImportError:
         raise ValueError("a texture needs the library xatlas; choose vertex colours") from None
 
-    atlas, options = xatlas.Atlas(), xatlas.PackOptions()
+    atlas = xatlas.Atlas()
     atlas.add_mesh(vertices.astype(np.float32), faces.astype(np.uint32))
-    options.resolution, options.padding, options.bilinear = pixels, _PADDING, True
+    options = xatlas.PackOptions()
+    options.resolution = pixels
+    options.padding = _PADDING
+    options.bilinear = True
     atlas.generate(pack_options=options)
     kept, corners, uv = atlas[0]
     return kept.astype(np.int64), corners.astype(np.int64), uv.astype(np.float64), (atlas.width, atlas.height)
@@ -110,9 +113,11 @@ def _texels(
 ) -> tuple[Bool[np.ndarray, "height width"], Int[np.ndarray, "texels"], Float[np.ndarray, "texels 3"]]:
     """Rasterise triangles: the texels covered and, row by row, their triangle and barycentric coordinates."""
     width, height = size
-    owner, inside = np.full((height, width), -1), np.zeros((height, width, 3))
+    owner = np.full((height, width), -1)
+    barycentric = np.zeros((height, width, 3))
     for index, corners in enumerate(points[faces]):
-        (a, b, c), low = corners, np.floor(corners.min(0)).astype(int).clip(0)
+        a, b, c = corners
+        low = np.floor(corners.min(0)).astype(int).clip(0)
         high = np.ceil(corners.max(0)).astype(int).clip(None, size)
         twice = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         if abs(twice) < 1e-12 or (high <= low).any():
@@ -120,12 +125,12 @@ def _texels(
         x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
         second = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / twice
         third = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / twice
-        within = np.stack((1 - second - third, second, third), -1)
-        here = within.min(-1) >= -1e-9
-        owner[low[1] : high[1], low[0] : high[0]][here] = index
-        inside[low[1] : high[1], low[0] : high[0]][here] = within[here]
+        weights = np.stack((1 - second - third, second, third), -1)
+        inside = weights.min(-1) >= -1e-9
+        owner[low[1] : high[1], low[0] : high[0]][inside] = index
+        barycentric[low[1] : high[1], low[0] : high[0]][inside] = weights[inside]
     covered = owner >= 0
-    return covered, owner[covered], inside[covered]
+    return covered, owner[covered], barycentric[covered]
 
 
 def _filled(image: np.ndarray, covered: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:

@@ -52,12 +52,13 @@ def write_video(views: Sequence[View], path: Path, settings: VideoSettings | Non
     Raises ``ValueError`` for an unknown format, sizes that differ or are below 2 px, a transparent background in a
     format without transparency, or a path that cannot be written.
     """
-    settings, suffix = settings or VideoSettings(), path.suffix.lower()
+    settings = settings or VideoSettings()
+    suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"{path.name}: a video must end in {', '.join(FORMATS)}")
     chosen = FORMATS[suffix]
     if settings.background is None and not chosen.transparent:
-        able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
+        able = ", ".join(name for name, kind in FORMATS.items() if kind.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     sizes = {(view.camera.width, view.camera.height) for view in views}
     if len(sizes) != 1 or min(min(sizes)) < 2:
@@ -100,7 +101,8 @@ class _Encoder:
     """A thread that passes images to a sink while the next ones are rendered; :meth:`finish` re-raises its errors."""
 
     def __init__(self, sink: _Sink) -> None:
-        self._sink, self._thread = sink, ThreadPoolExecutor(1, "encoder")
+        self._sink = sink
+        self._thread = ThreadPoolExecutor(1, "encoder")
         self._waiting = deque[Future[None]]()
 
     def __enter__(self) -> "_Encoder":
@@ -124,8 +126,9 @@ class _Mp4(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         import av  # imported late: the window only lists the formats
 
+        self._av = av
         # The index precedes the frames, so that a browser shows the first one before it has the last.
-        self._av, self._container = av, av.open(str(path), "w", options={"movflags": "+faststart"})
+        self._container = av.open(str(path), "w", options={"movflags": "+faststart"})
         # From nearly lossless (12) at 100 to blocks (40) at 1; 85 looks like the original.
         crf = f"{40 - 0.28 * settings.quality:.0f}"
         self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
@@ -170,9 +173,9 @@ class _Gif(_Sink):
         frame = self._reduced(Image.fromarray(image))
         box = self._changed(frame)
         duration = 10 * (self._centiseconds(self._count + 1) - self._centiseconds(self._count))
-        about = {"transparency": 255, "disposal": 2} if self._settings.background is None else {}
-        part = frame.crop(box)
-        self._file.writelines(getdata(part, box[:2], duration=duration, include_color_table=True, **about))
+        options = {"transparency": 255, "disposal": 2} if self._settings.background is None else {}
+        cropped = frame.crop(box)
+        self._file.writelines(getdata(cropped, box[:2], duration=duration, include_color_table=True, **options))
         self._previous = frame
         self._count += 1
 
@@ -210,7 +213,8 @@ class _Webp(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         import av
 
-        self._av, self._container = av, av.open(str(path), "w", format="webp", options={"loop": "0"})
+        self._av = av
+        self._container = av.open(str(path), "w", format="webp", options={"loop": "0"})
         options = {"quality": str(settings.quality), "compression_level": "0"}  # higher levels take much longer
         self._stream = self._container.add_stream("libwebp_anim", rate=settings.rate, options=options)
         self._stream.pix_fmt = "bgra"
@@ -237,7 +241,8 @@ class _Webp(_Sink):
 
 class _Frames(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
-        self._path, self._count = path, 0
+        self._path = path
+        self._count = 0
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         Image.fromarray(image).save(self._path / f"{self._count:05d}.png")

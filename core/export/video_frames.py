@@ -156,11 +156,12 @@ def over(
         camera: the frame's camera; given, the frame's shadow is drawn on the ground.
     """
     opacity = frame.opacity.clip(0, 1)[..., None]
-    own, left = frame.image - 255 * (1 - opacity), 1 - opacity
+    premultiplied = frame.image - 255 * (1 - opacity)
+    light = 1 - opacity  # fraction that the background contributes
     if camera and frame.shadow:
-        left = left * (1 - frame.shadow.seen_by(camera).numpy()[..., None])
+        light = light * (1 - frame.shadow.seen_by(camera).numpy()[..., None])
     if background is None:
-        image = np.concatenate((own / np.maximum(1 - left, 1e-3), 255 * (1 - left)), -1)
+        image = np.concatenate((premultiplied / np.maximum(1 - light, 1e-3), 255 * (1 - light)), -1)
     else:
-        image = own + left * background_rows(background, len(left))
+        image = premultiplied + light * background_rows(background, len(light))
     return (image + 0.5).clip(0, 255).astype(np.uint8)

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.models.codes import CodeBook, Entry
+from core.models.codes import CODE_KINDS, CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.model import Model
@@ -87,7 +87,7 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
     with reading(path, "a checkpoint of the authors' trainer"):
         state = _load_tensors(path)
         network = _rename_tensors(_tensors(state, "model_params"))
-        shapes, textures = (_codes(_tensors(state, f"{part}_code_params")) for part in ("shape", "texture"))
+        shapes, textures = (_codes(_tensors(state, f"{kind}_code_params")) for kind in CODE_KINDS)
     with reading(settings_path, "settings of the authors' trainer"):
         settings = typed(_Settings, read_json(settings_path), name="hpam")
         field = Field(settings.net_hyperparams.config)
@@ -99,7 +99,8 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
 
 
 def _to_model(field: Field, shapes: Tensor, textures: Tensor, settings: "_Settings") -> Model:
-    category, middle = settings.data.cat.removeprefix("srn_"), (settings.near + settings.far) / 2
+    category = settings.data.cat.removeprefix("srn_")
+    middle = (settings.near + settings.far) / 2
     names = tuple(Entry(f"{index:04d}", index, index) for index in range(len(shapes)))
     codes = CodeBook(shapes, textures, names, _collapsed(field, shapes))
     # The authors' rays run 0.5 to either side of the middle: a box of diagonal 1 holds every object.
@@ -114,12 +115,12 @@ def _load_tensors(path: Path) -> Any:
     return torch.load(path, map_location="cpu", weights_only=True)
 
 
-def _tensors(state: Any, part: str) -> dict[str, Tensor]:
+def _tensors(state: Any, name: str) -> dict[str, Tensor]:
     """Return one table of a checkpoint: its tensors by name, without the prefix of DataParallel."""
-    found = state.get(part) if isinstance(state, dict) else None
-    if not isinstance(found, dict) or not all(isinstance(one, Tensor) for one in found.values()):
-        raise ValueError(f"it has no table {part} of tensors")
-    return {str(name).removeprefix(_PARALLEL): tensor for name, tensor in found.items()}
+    table = state.get(name) if isinstance(state, dict) else None
+    if not isinstance(table, dict) or not all(isinstance(tensor, Tensor) for tensor in table.values()):
+        raise ValueError(f"it has no table {name} of tensors")
+    return {str(key).removeprefix(_PARALLEL): tensor for key, tensor in table.items()}
 
 
 def _codes(state: dict[str, Tensor]) -> Float[Tensor, "objects latent"]:
@@ -149,8 +150,8 @@ def _rename_tensors(state: dict[str, Tensor]) -> dict[str, Tensor]:
         if layer in _LAYERS:
             target = _LAYERS[layer]
         else:  # e.g. shape_latent_layer_1.0, texture_layer_1.0
-            part, _, number = layer.removesuffix(".0").rpartition("_layer_")
-            part = part if part.endswith("latent") else f"{part}_block"
-            target = f"{part}.{int(number) - 1}"
+            stage, _, number = layer.removesuffix(".0").rpartition("_layer_")
+            stage = stage if stage.endswith("latent") else f"{stage}_block"
+            target = f"{stage}.{int(number) - 1}"
         renamed[f"{target}.{kind}"] = tensor
     return renamed

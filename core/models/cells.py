@@ -46,10 +46,10 @@ def with_neighbours(cells: Bool[Tensor, "*batch x y z"]) -> Bool[Tensor, "*batch
     return max_of_corners(corners_of(cells))
 
 
-def divide(cells: Bool[Tensor, "_ _ _"], parts: int) -> Bool[Tensor, "_ _ _"]:
-    """Return the same cells on a grid that is ``parts`` times finer along each axis."""
+def divide(cells: Bool[Tensor, "_ _ _"], factor: int) -> Bool[Tensor, "_ _ _"]:
+    """Return the same cells on a grid that is ``factor`` times finer along each axis."""
     for axis in range(3):
-        cells = cells.repeat_interleave(parts, axis)
+        cells = cells.repeat_interleave(factor, axis)
     return cells
 
 

@@ -22,10 +22,10 @@ class Codes(Latents):
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Codes):
+    def __eq__(self, value: object) -> bool:
+        if not isinstance(value, Codes):
             return NotImplemented
-        return super().__eq__(other) and (self.detail is other.detail or self.detail == other.detail)
+        return super().__eq__(value) and (self.detail is value.detail or self.detail == value.detail)
 
     __hash__ = Latents.__hash__
 
@@ -80,7 +80,8 @@ class CodeSpace:
             _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)
             std = singular / max(1, len(codes) - 1) ** 0.5
             kept = std > 1e-6 * std.max().clamp_min(1e-12)
-            directions, std = directions[kept], std[kept]
+            directions = directions[kept]
+            std = std[kept]
             largest = directions.gather(1, directions.abs().argmax(1, keepdim=True))
             return cls(mean, directions * largest.sign(), std)
 
@@ -93,7 +94,7 @@ class CodeSpace:
         """Return a code's coordinates: standard deviations along the principal directions."""
         return (code - self.mean) @ self.directions.T / self.std
 
-    def code(self, coordinates: Float[Tensor, "*batch some"]) -> Float[Tensor, "*batch latent"]:
+    def code(self, coordinates: Float[Tensor, "*batch count"]) -> Float[Tensor, "*batch latent"]:
         """Return the code at these coordinates (standard deviations); directions left out count as zero."""
         return self.mean + coordinates @ self.basis[: coordinates.shape[-1]]
 
@@ -187,7 +188,7 @@ class CodeBook:
         )
         return Codes(shape, texture)
 
-    def _valid_rows(self, codes: Float[Tensor, "rows latent"], rows: list[int]) -> Float[Tensor, "some latent"]:
+    def _valid_rows(self, codes: Float[Tensor, "rows latent"], rows: list[int]) -> Float[Tensor, "kept latent"]:
         """Return the rows except those used by collapsed objects alone."""
         lost = {rows[index] for index in self.collapsed} - {rows[index] for index in self.valid}
         return codes[[row for row in range(len(codes)) if row not in lost]] if lost else codes
@@ -197,9 +198,10 @@ def farthest_first(points: Float[Tensor, "points size"]) -> list[int]:
     """Return an order of points in which each is farthest from all before it; the first stays first (Gonzalez 1985)."""
     if not len(points):
         return []
-    order, left = [0], (points - points[0]).norm(dim=1)
+    order = [0]
+    distance = (points - points[0]).norm(dim=1)  # to the nearest point of the order
     while len(order) < len(points):
-        left[order[-1]] = -1.0  # equal points, too, come only once
-        order.append(int(left.argmax()))
-        left = torch.minimum(left, (points - points[order[-1]]).norm(dim=1))
+        distance[order[-1]] = -1.0  # equal points, too, come only once
+        order.append(int(distance.argmax()))
+        distance = torch.minimum(distance, (points - points[order[-1]]).norm(dim=1))
     return order

@@ -23,7 +23,8 @@ def logits_to_density(logits: Float[Tensor, "*batch"], config: FieldConfig) -> F
 
 def density_derivative(density: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
     """Return the derivative of :func:`logits_to_density` at the logits that give these densities."""
-    soft, slope = density, torch.ones_like(density)
+    soft = density
+    slope = torch.ones_like(density)
     if config.contrast:
         soft = without_contrast(density, config)
         below = soft < config.contrast * config.contrast_gain
@@ -43,5 +44,5 @@ def without_contrast(density: Float[Tensor, "*batch"], config: FieldConfig) -> F
 
 def density_to_logits(density: Float[Tensor, "*batch"], config: FieldConfig) -> Float[Tensor, "*batch"]:
     """Invert :func:`logits_to_density`; infinite for infinite densities, about -13.8 for zero."""
-    share = (without_contrast(density, config) / config.density_scale).clamp_min(1e-6)
-    return share + torch.log(-torch.expm1(-share))
+    softplus = (without_contrast(density, config) / config.density_scale).clamp_min(1e-6)
+    return softplus + torch.log(-torch.expm1(-softplus))

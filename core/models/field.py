@@ -59,15 +59,15 @@ class Field(nn.Module):
         return folded_biases(self.texture_latent, self.texture_block, texture)
 
     def shape_bias_jacobian(
-        self, shape: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
-    ) -> Float[Tensor, "*batch blocks width some"]:
-        """Return the jacobian of :meth:`shape_bias` along some directions of the code."""
+        self, shape: Float[Tensor, "*batch latent"], directions: Float[Tensor, "directions latent"]
+    ) -> Float[Tensor, "*batch blocks width directions"]:
+        """Return the jacobian of :meth:`shape_bias` along directions of the code."""
         return _folded_bias_jacobian(self.shape_latent, self.shape_block, shape, directions)
 
     def texture_bias_jacobian(
-        self, texture: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
-    ) -> Float[Tensor, "*batch blocks width some"]:
-        """Return the jacobian of :meth:`texture_bias` along some directions of the code."""
+        self, texture: Float[Tensor, "*batch latent"], directions: Float[Tensor, "directions latent"]
+    ) -> Float[Tensor, "*batch blocks width directions"]:
+        """Return the jacobian of :meth:`texture_bias` along directions of the code."""
         return _folded_bias_jacobian(self.texture_latent, self.texture_block, texture, directions)
 
     def biases(
@@ -165,11 +165,12 @@ def _folded_bias_jacobian(
     latent: nn.ModuleList,
     blocks: nn.ModuleList,
     code: Float[Tensor, "*batch latent"],
-    directions: Float[Tensor, "some latent"],
-) -> Float[Tensor, "*batch blocks width some"]:
+    directions: Float[Tensor, "directions latent"],
+) -> Float[Tensor, "*batch blocks width directions"]:
     """Return the jacobian of :func:`folded_biases`: the block's matrix times the active rows of the latent layer's."""
     device = blocks[0].get_parameter("weight").device
-    code, directions = code.to(device), directions.to(device)
+    code = code.to(device)
+    directions = directions.to(device)
     jacobians = []
     for layer, weight in zip(latent, _matrices(blocks), strict=True):
         active = layer(code) > 0

@@ -45,10 +45,10 @@ class Latents:
         """All numbers of the texture, as a comparable key."""
         return _key(self.texture, self.texture_offsets)
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Latents):
+    def __eq__(self, value: object) -> bool:
+        if not isinstance(value, Latents):
             return NotImplemented
-        return self.shape_key == other.shape_key and self.texture_key == other.texture_key
+        return self.shape_key == value.shape_key and self.texture_key == value.texture_key
 
     def __hash__(self) -> int:
         return hash((self.shape_key, self.texture_key))

@@ -2,42 +2,34 @@
 
 import copy
 import hashlib
-import json
 from collections.abc import Hashable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Shaped
-from safetensors.torch import save
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.camera import MAX_SIDE, Camera
-from core.models.architecture_variants import build_field
-from core.models.codes import CodeBook, Codes, Entry
+from core.models.codes import CodeBook, Codes
 from core.models.field import Field
-from core.models.field_config import FieldConfig
 from core.models.latents import CodeKind, Latents
-from core.models.occupied_cells import find_occupied_cells, pack, unpack
+from core.models.model_file import Words, read_model_file, rendering_tensors, write_model_file
+from core.models.occupied_cells import find_occupied_cells
 from core.models.part_head import PartHead
 from core.models.photo_detail import PhotoDetail
 from core.models.view_bank import ViewBank
 from core.runtime.files import atomic_file
 from core.runtime.numbers import number, whole
-from core.runtime.reading import parse_json, read_tensors, reading, typed
+from core.runtime.reading import reading
 
-FORMAT = "codenerf-1"
+__all__ = ["Instance", "Model", "Words", "singular"]
+
 _MIN_BIAS_STD = 1e-3  # of a bias that hardly differs between training objects
 _LARGEST = 1e6  # upper bound of lengths in scene units and px
-_CELLS = "occupied_cells"
-_CLASSIFIER = "viewpoint."  # prefix of the viewpoint classifier's tensors
-_BANK = "view_bank."  # prefix of the view bank's tensors
-_PARTS = "parts.weight", "parts.bias"
-
-Words = dict[CodeKind, tuple[str, ...]]  # for the first directions of shape and of texture, such as "taller"
+_CELLS = "occupied_cells"  # the property's name, under which its value is kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +58,22 @@ class Model:
     """None: the file has none, :func:`core.rendering.direction_words.direction_words` finds them"""
 
     def __post_init__(self) -> None:
+        self._check_numbers()
+        self._check_tensors()
+        self.field.requires_grad_(False).eval()
+        if self.viewpoint_classifier:
+            self.viewpoint_classifier.requires_grad_(False).eval()
+
+    def _check_numbers(self) -> None:
         sizes = {"focal": self.focal, "distance": self.distance, "metres": self.metres}
         sizes |= dict(zip("xyz", self.extent, strict=True))
-        for name, value in sizes.items():
-            if not 0 < number(value, name) < _LARGEST:
-                raise ValueError(f"{name} of a model must be positive and below {_LARGEST:g}, got {value}")
+        for name, size in sizes.items():
+            if not 0 < number(size, name) < _LARGEST:
+                raise ValueError(f"{name} of a model must be positive and below {_LARGEST:g}, got {size}")
         if not 1 <= whole(self.image_size, "image_size") <= MAX_SIDE:
             raise ValueError(f"image_size of a model is 1 to {MAX_SIDE} px, got {self.image_size}")
+
+    def _check_tensors(self) -> None:
         latent = self.field.config.shape_latent, self.field.config.texture_latent
         if (self.codes.shapes.shape[-1], self.codes.textures.shape[-1]) != latent:
             raise ValueError(f"the codes do not fit the field, which needs {latent[0]} and {latent[1]} numbers")
@@ -85,9 +86,6 @@ class Model:
             raise ValueError("the part head does not fit the field")
         if self.view_bank and not self.view_bank.fits(self.codes):
             raise ValueError("the view bank does not fit the codes")
-        self.field.requires_grad_(False).eval()
-        if self.viewpoint_classifier:
-            self.viewpoint_classifier.requires_grad_(False).eval()
 
     def __getitem__(self, index: int) -> "Instance":
         """Return a training object. Raises ``ValueError`` for an index outside the book of codes."""
@@ -162,15 +160,15 @@ class Model:
         cells = None
         if not (self.white_from_network or self.is_ablation):
             rows = sorted({self.codes.objects[index].shape for index in self.codes.valid})
-            found = yield from find_occupied_cells(self.field, self.codes.shapes[rows], self.extent_tensor)
-            cells = found.cpu()
+            cells = yield from find_occupied_cells(self.field, self.codes.shapes[rows], self.extent_tensor)
+            cells = cells.cpu()
         vars(self)[_CELLS] = cells  # where cached_property looks
 
     @cached_property
     def fingerprint(self) -> str:
         """Hash of the field's weights and the codes: identifies the model in scenes."""
         digest = hashlib.sha256()
-        for name, tensor in sorted(_rendering_tensors(self).items()):
+        for name, tensor in sorted(rendering_tensors(self.field, self.codes).items()):
             digest.update(name.encode())
             digest.update(tensor.numpy().tobytes())
         return digest.hexdigest()[:16]
@@ -202,14 +200,14 @@ class Model:
     def _fits(self, latents: Latents) -> bool:
         """Return whether codes and offsets have the sizes of this model's field."""
         config = self.field.config
-        wanted = {
+        sizes = {
             "shape": (config.shape_latent,),
             "texture": (config.texture_latent,),
             "shape_offsets": (config.shape_blocks, config.width),
             "texture_offsets": (config.texture_blocks, config.width),
         }
-        tensors = {name: getattr(latents, name) for name in wanted}
-        return all(tensor is None or tensor.shape == wanted[name] for name, tensor in tensors.items())
+        tensors = {name: getattr(latents, name) for name in sizes}
+        return all(tensor is None or tensor.shape == sizes[name] for name, tensor in tensors.items())
 
     def biases(
         self, latents: Latents
@@ -232,55 +230,15 @@ class Model:
 
     def save(self, path: Path) -> None:
         """Write weights, codes and configuration as one safetensors file; an interrupted write leaves no file."""
-        about = {
-            "config": asdict(self.field.config),
-            "objects": [list(entry) for entry in self.codes.objects],
-            "collapsed": sorted(self.codes.collapsed),
-            "extent": list(self.extent),
-            "category": self.category,
-            "image_size": self.image_size,
-            "focal": self.focal,
-            "distance": self.distance,
-            "metres": self.metres,
-            "white_from_network": self.white_from_network,
-            "extends": self.extends,
-            "parts": self.part_head.names if self.part_head else (),
-            "words": self.words,
-        }
+        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
         with atomic_file(path, Model.load) as partial:
-            partial.write_bytes(save(_all_tensors(self), metadata={"format": FORMAT, "model": json.dumps(about)}))
+            write_model_file(partial, values | {"stored_cells": self.occupied_cells})
 
     @classmethod
     def load(cls, path: Path) -> "Model":
         """Read a model file. Raises ``ValueError`` naming the file if it is not one."""
         with reading(path, "a model file"):
-            metadata, tensors = read_tensors(path)
-            if "model" not in metadata:
-                raise ValueError("it is not a model file of this program")
-            return cls._from_parts(typed(_About, parse_json(metadata["model"]), name="model"), tensors)
-
-    @classmethod
-    def _from_parts(cls, about: "_About", tensors: dict[str, Tensor]) -> "Model":
-        field = build_field(about.config)
-        shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
-        cells, classifier = tensors.pop(_CELLS, None), _pop_classifier(tensors)
-        head = PartHead(about.parts, *(tensors.pop(name).float() for name in _PARTS)) if about.parts else None
-        views = _pop_prefixed(tensors, _BANK)
-        bank = ViewBank.from_tensors(views, about.distance) if views else None
-        field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
-        objects = tuple(Entry(*entry) for entry in about.objects)
-        codes = CodeBook(shapes, textures, objects, about.collapsed)
-        cells = None if cells is None else unpack(cells)
-        rest = {name: getattr(about, name) for name in _About._fields if name not in _NOT_FIELDS}
-        return cls(
-            field,
-            codes,
-            **rest,
-            viewpoint_classifier=classifier,
-            stored_cells=cells,
-            part_head=head,
-            view_bank=bank,
-        )
+            return cls(**read_model_file(path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,10 +257,10 @@ class Instance:
     model: Model
     codes: Codes
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Instance):
+    def __eq__(self, value: object) -> bool:
+        if not isinstance(value, Instance):
             return NotImplemented
-        return self is other or (self._hash == other._hash and self._is_like(other))
+        return self is value or (self._hash == value._hash and self._is_like(value))
 
     def __hash__(self) -> int:
         return self._hash
@@ -399,65 +357,3 @@ def singular(category: str) -> str:
         'chair'
     """
     return category.removesuffix("s")
-
-
-class _About(NamedTuple):
-    """The metadata of a model file: the values of :class:`Model` that are not tensors."""
-
-    config: FieldConfig
-    objects: tuple[tuple[str, int, int], ...]
-    extent: tuple[float, float, float]
-    category: str
-    image_size: int
-    focal: float
-    distance: float
-    collapsed: frozenset[int] = frozenset()
-    white_from_network: bool = False
-    extends: tuple[str, ...] = ()
-    metres: float = 1.0
-    parts: tuple[str, ...] = ()  # names of the part head's parts
-    words: Words | None = None
-
-
-_NOT_FIELDS = ("config", "objects", "collapsed", "parts")  # metadata that is not a field of Model
-
-
-def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
-    """Remove the viewpoint classifier's tensors from a file's and return the classifier; None if it has none."""
-    state = _pop_prefixed(tensors, _CLASSIFIER)
-    if not state:
-        return None
-    classifier = ViewpointClassifier()
-    classifier.load_state_dict({name: tensor.float() for name, tensor in state.items()})
-    return classifier
-
-
-def _pop_prefixed(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    """Remove the tensors whose names begin with a prefix; return them by the rest of their names."""
-    stored = [name for name in tensors if name.startswith(prefix)]
-    return {name.removeprefix(prefix): tensors.pop(name) for name in stored}
-
-
-def _all_tensors(model: Model) -> dict[str, Tensor]:
-    """Return all tensors to save: the field in float32, codes in float16 if lossless, and the other parts, if any."""
-    state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
-    cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
-    classifier = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
-    head = dict(zip(_PARTS, (model.part_head.weight, model.part_head.bias), strict=True)) if model.part_head else {}
-    bank = {_BANK + name: tensor for name, tensor in model.view_bank.to_tensors().items()} if model.view_bank else {}
-    rendering = _rendering_tensors(model)
-    rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
-    return rendering | classifier | cells | head | bank
-
-
-def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:
-    """Return the tensor in half precision if that has the same values."""
-    half = tensor.half()
-    return half if torch.equal(half.float(), tensor) else tensor
-
-
-def _rendering_tensors(model: Model) -> dict[str, Tensor]:
-    """Return the tensors that determine renders, by name: field and codes. The fingerprint is their hash."""
-    tensors = {f"field.{name}": tensor for name, tensor in model.field.state_dict().items()}
-    tensors |= {"codes.shapes": model.codes.shapes, "codes.textures": model.codes.textures}
-    return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}

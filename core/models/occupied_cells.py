@@ -46,29 +46,29 @@ def find_occupied_cells(
         points = corner_points(extent, CELLS)
         first = field.point_layer(encode(points, field.config.position_frequencies)).relu()
         biases = field.shape_bias(shapes)
-        at = torch.zeros((CELLS + 1,) * 3, dtype=torch.bool, device=first.device)
-        at[::2, ::2, ::2] = True
+        coarse = torch.zeros((CELLS + 1,) * 3, dtype=torch.bool, device=first.device)
+        coarse[::2, ::2, ::2] = True
         most = torch.zeros(len(points), device=first.device)
-    yield from _raise_to_densities(most, at, field, first, biases)
+    yield from _raise_to_densities(most, coarse, field, first, biases)
     near = with_neighbours(cells_at_corners(most, extent))
-    yield from _raise_to_densities(most, corners_of(near) & ~at, field, first, biases)
+    yield from _raise_to_densities(most, corners_of(near) & ~coarse, field, first, biases)
     return with_neighbours(cells_at_corners(most, extent))
 
 
 def _raise_to_densities(
     most: Float[Tensor, "all"],
-    at: Bool[Tensor, "corners corners corners"],
+    corners: Bool[Tensor, "corners corners corners"],
     field: Field,
     first: Float[Tensor, "all width"],
     biases: Float[Tensor, "shapes blocks width"],
 ) -> Iterator[None]:
-    """Raise ``most``, the largest density so far at each corner, to that of these shapes at some corners."""
-    index = at.flatten().nonzero()[:, 0]
+    """Raise ``most``, the largest density so far at each corner, to that of these shapes at the marked corners."""
+    index = corners.flatten().nonzero()[:, 0]
     activations = first[index]
     for bias in biases:
         with torch.no_grad(), autocast(first.device):
-            parts = [field.density_from_activations(part, bias)[0] for part in activations.split(_BLOCK)]
-            most[index] = torch.maximum(most[index], torch.cat(parts))
+            densities = [field.density_from_activations(block, bias)[0] for block in activations.split(_BLOCK)]
+            most[index] = torch.maximum(most[index], torch.cat(densities))
         yield None
 
 

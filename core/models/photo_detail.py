@@ -47,7 +47,7 @@ class PhotoView:
     def __post_init__(self) -> None:
         if len(self.image) > MAX_BYTES:
             raise ValueError(f"photo detail has at most {MAX_BYTES / 1000:.0f} kB, got {len(self.image) / 1000:.0f}")
-        numbers = [number for one in self.erased for number in (one.radius, *itertools.chain(*one.points))]
+        numbers = [number for stroke in self.erased for number in (stroke.radius, *itertools.chain(*stroke.points))]
         if not all(math.isfinite(number) for number in numbers):
             raise ValueError("erasures of a photo must be finite")
         if self.outline_margin is not None and not 0 < self.outline_margin < math.inf:
@@ -120,10 +120,10 @@ class PhotoDetail:
         """The latents fitted to the photos."""
         return Latents(self.shape, self.texture, self.shape_offsets, self.texture_offsets)
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, PhotoDetail):
+    def __eq__(self, value: object) -> bool:
+        if not isinstance(value, PhotoDetail):
             return NotImplemented
-        return self.key == other.key and self.strength == other.strength
+        return self.key == value.key and self.strength == value.strength
 
     def __hash__(self) -> int:
         return hash(self.key)
@@ -135,7 +135,7 @@ class PhotoDetail:
 
     def erasing(self, number: int, erased: tuple[Erasure, ...]) -> "PhotoDetail":
         """Return a copy in which the erasures of photo ``number`` are replaced."""
-        views = [replace(view, erased=erased) if at == number else view for at, view in enumerate(self.views)]
+        views = [replace(view, erased=erased) if index == number else view for index, view in enumerate(self.views)]
         return replace(self, views=tuple(views))
 
     def to_json(self) -> dict:
@@ -144,7 +144,7 @@ class PhotoDetail:
             {
                 "image": base64.b64encode(view.image).decode(),
                 "camera": {name: getattr(view.camera, name) for name in Camera.__dataclass_fields__},
-                "erased": [one._asdict() for one in view.erased],
+                "erased": [stroke._asdict() for stroke in view.erased],
                 "outline_margin": view.outline_margin,
             }
             for view in self.views

@@ -43,22 +43,22 @@ class Scene:
 
     def save(self, path: Path) -> None:
         """Write the scene as JSON, atomically. Raises ``ValueError`` for a path that cannot be written."""
-        with atomic_file(path, lambda partial: typed(_About, read_json(partial))) as partial:
+        with atomic_file(path, lambda partial: typed(_SceneJson, read_json(partial))) as partial:
             partial.write_text(self.to_json() + "\n")
 
     def to_json(self) -> str:
         """Return the scene as JSON text."""
         codes = self.instance.codes
         camera = {name: getattr(self.camera, name) for name in Camera.__dataclass_fields__}
-        about = {
+        content = {
             "model": self.instance.fingerprint,
             "camera": camera,
             "shape": codes.shape.tolist(),
             "texture": codes.texture.tolist(),
         } | codes.offsets_json()
         if codes.detail:
-            about["detail"] = codes.detail.to_json()
-        return json.dumps(about, indent=1)
+            content["detail"] = codes.detail.to_json()
+        return json.dumps(content, indent=1)
 
     @classmethod
     def load(cls, path: Path, model: Model) -> "Scene":
@@ -81,16 +81,16 @@ class Scene:
     @classmethod
     def without_model(cls, text: str) -> "Scene":
         """Parse JSON text, as :meth:`from_json` does, to a scene of a :class:`core.models.missing.MissingInstance`."""
-        about = typed(_About, parse_json(text), name="scene")
-        detail = about.detail and about.detail.read()
+        content = typed(_SceneJson, parse_json(text), name="scene")
+        detail = content.detail and content.detail.read()
         codes = Codes(
-            torch.tensor(about.shape),
-            torch.tensor(about.texture),
-            read_offsets(about.shape_offsets),
-            read_offsets(about.texture_offsets),
+            torch.tensor(content.shape),
+            torch.tensor(content.texture),
+            read_offsets(content.shape_offsets),
+            read_offsets(content.texture_offsets),
             detail,
         )
-        return cls(MissingInstance(about.model, codes), about.camera)
+        return cls(MissingInstance(content.model, codes), content.camera)
 
 
 class _View(NamedTuple):
@@ -134,7 +134,7 @@ class _Detail(NamedTuple):
         )
 
 
-class _About(NamedTuple):
+class _SceneJson(NamedTuple):
     """JSON of a scene."""
 
     model: str
@@ -155,10 +155,10 @@ def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, sc
         raise ValueError(f"cannot write {path}: an image must end in {', '.join(IMAGE_FORMATS)} or similar")
     if image.shape[2] == 4 and path.suffix.lower() in OPAQUE_FORMATS:
         raise ValueError(f"{path.name}: a jpg cannot have a transparent background")
-    about = PngImagePlugin.PngInfo()
-    about.add_text(_KEY, scene.to_json(), zip=True)
+    text_chunk = PngImagePlugin.PngInfo()
+    text_chunk.add_text(_KEY, scene.to_json(), zip=True)
     with atomic_file(path) as partial:
-        Image.fromarray(image).save(partial, pnginfo=about)  # only PNG uses `pnginfo`
+        Image.fromarray(image).save(partial, pnginfo=text_chunk)  # only PNG uses `pnginfo`
 
 
 def embedded_scene(path: Path) -> str | None:
@@ -166,7 +166,8 @@ def embedded_scene(path: Path) -> str | None:
 
     def read() -> object:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
-            return image.info.get(_KEY)  # our text precedes the pixels; `image.text` would decode them to look behind
+            # The scene precedes the pixels, which `image.text` would decode to reach later chunks.
+            return image.info.get(_KEY)
 
     text = optional(read)  # a damaged PNG counts as none of ours
     return None if text is None else str(text)
@@ -186,5 +187,5 @@ def open_scene(path: Path, model: Model) -> Scene:
 
 def scene_model(path: Path) -> str | None:
     """Return the fingerprint of the model that a scene file or image needs; None for other files."""
-    about = optional(lambda: typed(_About, parse_json(embedded_scene(path) or read_text(path))))
-    return about and about.model
+    content = optional(lambda: typed(_SceneJson, parse_json(embedded_scene(path) or read_text(path))))
+    return content and content.model

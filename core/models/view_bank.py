@@ -41,7 +41,7 @@ class ViewBank:
 
     def __post_init__(self) -> None:
         count = len(self.prototypes), len(self.azimuth)
-        shapes = [part.shape for part in (self.silhouettes, self.sizes, self.offsets)]
+        shapes = [tensor.shape for tensor in (self.silhouettes, self.sizes, self.offsets)]
         if shapes != [(*count, _BYTES), count, (*count, 2)]:
             raise ValueError(f"the parts of a view bank do not fit {count[0]} prototypes")
         finite = bool(self.sizes.isfinite().all() and self.offsets.isfinite().all())

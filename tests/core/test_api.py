@@ -35,22 +35,22 @@ def test_the_lines_of_the_front_page_run(
     names: dict[str, object] = {}
     exec(lines, names)
     assert (tmp_path / "chair.mp4").stat().st_size > 1000
-    told = capsys.readouterr().out.splitlines()
-    assert told[0].startswith("Cutting out") and told[-1].startswith("Found at azimuth")
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0].startswith("Cutting out") and printed[-1].startswith("Found at azimuth")
     chair = names["chair"]
     assert isinstance(chair, core.Instance) and chair.detail is not None
 
 
-def test_importing_it_is_cheap_and_its_names_are_there() -> None:
-    said = "import core, sys; assert not {'torch', 'numpy', 'core.api'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", said], check=True, cwd=ROOT)
+def test_importing_the_package_is_cheap_and_its_names_are_there() -> None:
+    script = "import core, sys; assert not {'torch', 'numpy', 'core.api'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", script], check=True, cwd=ROOT)
     assert core.__all__ == api.__all__
     assert all(getattr(core, name) is getattr(api, name) for name in core.__all__)
     with pytest.raises(AttributeError, match="nothing"):
         _ = core.nothing
 
 
-def test_a_prepared_photo_is_fitted_alike_by_the_same_seed_and_seen_from_its_camera(tiny: Model) -> None:
+def test_a_prepared_photo_is_fitted_equally_by_the_same_seed_and_rendered_from_its_camera(tiny: Model) -> None:
     photo = photo_of(tiny[1], tiny.camera(1.2, 0.3))
     hasty = FitSettings(hypotheses=4, steps=4, rays=64, samples=16, free_steps=1, max_restarts=0)
     first, second = (core.fit(tiny, photo, settings=hasty, seed=4) for _ in range(2))

@@ -74,7 +74,7 @@ def _labelled(instance: Instance) -> tuple[Float[np.ndarray, "faces 3"], Int[np.
     """Return the middles of the teacher's triangles, and their parts."""
     assert instance.model.part_head
     mesh = run_to_end(extract_mesh(instance, _RESOLUTION))
-    names, counts = zip(*mesh.parts, strict=True)
+    names, counts = zip(*mesh.part_counts, strict=True)
     part = np.repeat([instance.model.part_head.names.index(name) for name in names], counts)
     return mesh.vertices[mesh.faces].mean(1), part
 

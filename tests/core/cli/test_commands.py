@@ -54,15 +54,15 @@ def run(words: str) -> None:
 
 
 def refused(capsys: pytest.CaptureFixture[str], words: str) -> str:
-    """What a wrong call says; one line, status 2, nothing on stdout."""
+    """Return the message of a wrong call; check that it is one line, with status 2 and nothing on stdout."""
     with pytest.raises(SystemExit) as stopped:
         run(words)
-    said = capsys.readouterr()
+    printed = capsys.readouterr()
     assert stopped.value.code == 2
-    assert said.out == ""
-    assert len(said.err.strip().splitlines()) == 1
-    assert "Traceback" not in said.err
-    return said.err
+    assert printed.out == ""
+    assert len(printed.err.strip().splitlines()) == 1
+    assert "Traceback" not in printed.err
+    return printed.err
 
 
 def pixels(name: str) -> np.ndarray:
@@ -91,8 +91,8 @@ def test_render_draws_objects_scenes_and_the_mean_fast_or_exactly(file: str, mod
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str):
-    about = "--morph-to 1 --frames 4 --fps 24 --transparent --exact"
-    run(f"turntable --model {file} --object 0 --distance 2 --size 24 {about} --out t.frames")
+    options = "--morph-to 1 --frames 4 --fps 24 --transparent --exact"
+    run(f"turntable --model {file} --object 0 --distance 2 --size 24 {options} --out t.frames")
     run(f"render --model {file} --object 1 --azimuth 240 --distance 2 --size 24 --out there.png")
     assert len(list(Path("t.frames").iterdir())) == 4
     with Image.open("t.frames/00002.png") as halfway:
@@ -103,17 +103,17 @@ def test_a_turntable_becomes_another_object_and_turns_back(file: str):
 
 def test_a_swing_starts_at_the_photos_camera_not_at_the_last_view(file: str, capsys: pytest.CaptureFixture[str]):
     model = load_model(file)
-    known = model.camera(0.3, 0.1).resized(24, 24)
-    detail = PhotoDetail.of((PhotoView.of(np.full((24, 24, 4), 255, np.uint8), known),), model.codes[0])
+    photo_camera = model.camera(0.3, 0.1).resized(24, 24)
+    detail = PhotoDetail.of((PhotoView.of(np.full((24, 24, 4), 255, np.uint8), photo_camera),), model.codes[0])
     Scene(model[0].with_detail(detail), model.camera(2.0, 0.6)).save(Path("s.json"))
-    about = f"--model {file} --scene s.json --distance 1.5 --size 24"
-    run(f"turntable {about} --frames 4 --exact --swing --out t.frames")
+    options = f"--model {file} --scene s.json --distance 1.5 --size 24"
+    run(f"turntable {options} --frames 4 --exact --swing --out t.frames")
     for number, angle in enumerate((0, 70, 0, -70)):
-        azimuth, elevation = math.degrees(0.3) + angle, math.degrees(0.1)
-        run(f"render {about} --azimuth {azimuth} --elevation {elevation} --out a.png")
+        azimuth = math.degrees(0.3) + angle
+        run(f"render {options} --azimuth {azimuth} --elevation {math.degrees(0.1)} --out a.png")
         assert np.abs(pixels(f"t.frames/{number:05}.png").astype(int) - pixels("a.png")).max() <= 3
     with pytest.raises(SystemExit):
-        run(f"turntable {about} --swing --morph-to 1 --out t.gif")
+        run(f"turntable {options} --swing --morph-to 1 --out t.gif")
     assert "not allowed with" in capsys.readouterr().err
 
 
@@ -134,11 +134,11 @@ def test_mesh_writes_the_object():
 
 def test_objects_are_edited_by_words_and_painted():
     tiny_model().save(Path("m.safetensors"))
-    about = "--model m.safetensors --object 1 --size 48"
-    run(f"render {about} --out a.png")
+    options = "--model m.safetensors --object 1 --size 48"
+    run(f"render {options} --out a.png")
     name = named_direction()
-    run(f"render {about} --edit {name}=1.5 --out edited.png")
-    run(f"render {about} --paint #c03028 --out painted.png")
+    run(f"render {options} --edit {name}=1.5 --out edited.png")
+    run(f"render {options} --paint #c03028 --out painted.png")
     plain, edited, painted = map(pixels, ("a.png", "edited.png", "painted.png"))
     assert (plain != edited).any() and (plain != painted).any()
     run("page --model m.safetensors --object 1 --paint #c03028 --name Stool --out a.html")
@@ -146,7 +146,7 @@ def test_objects_are_edited_by_words_and_painted():
 
 
 def named_direction() -> str:
-    """One of the names that the tiny model's directions have."""
+    """Return a name of one of the tiny model's directions."""
     *_, words = direction_words(tiny_model())
     return next(word for word in (*words["texture"], *words["shape"]) if word and " " not in word)
 
@@ -170,7 +170,8 @@ def write_nerf_stools(scale: float) -> None:
     """The tiny model, and two of its objects in NeRF's layout and units of ``scale``."""
     tiny_model().save(Path("m.safetensors"))
     for index in range(2):
-        views, frames = views_of(tiny_model(), index, 3), []
+        views = views_of(tiny_model(), index, 3)
+        frames = []
         Path(f"d/stool{index}/train").mkdir(parents=True)
         for number, camera in enumerate(views.cameras):
             alpha = Image.fromarray(views.masks[number].astype(np.uint8) * 255)
@@ -181,8 +182,8 @@ def write_nerf_stools(scale: float) -> None:
             matrix[:3, 3] /= scale
             frames.append({"file_path": f"./train/r_{number}", "transform_matrix": matrix.tolist()})
         angle = 2 * math.atan(camera.width / 2 / camera.focal)
-        about = json.dumps({"camera_angle_x": angle, "frames": frames})
-        Path(f"d/stool{index}/transforms_train.json").write_text(about)
+        transforms = json.dumps({"camera_angle_x": angle, "frames": frames})
+        Path(f"d/stool{index}/transforms_train.json").write_text(transforms)
 
 
 @pytest.mark.usefixtures("quick")
@@ -204,7 +205,7 @@ def test_nerf_folders_are_fitted_evaluated_and_trained_on(capsys: pytest.Capture
 
 
 def evaluated(report: str) -> list[str]:
-    return [one["name"] for one in json.loads(Path(report).read_text())["objects"]]
+    return [score["name"] for score in json.loads(Path(report).read_text())["objects"]]
 
 
 @pytest.mark.usefixtures("quick")
@@ -223,7 +224,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(capsys: pytest.CaptureFix
 
 
 @pytest.mark.usefixtures("quick")
-def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys: pytest.CaptureFixture[str]):
+def test_evaluate_names_and_skips_blank_objects_and_keeps_its_scores(capsys: pytest.CaptureFixture[str]):
     """Object 1 of three shows nothing, and of the last a file is broken."""
     write_stools()
     for kind, colour in (("rgb", "white"), ("mask", "black")):
@@ -239,7 +240,7 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         ("render --model {file} --edit taller --out a.png", "edits are NAME=X"),
         ("render --model {file} --edit roof=1 --out a.png", "no direction 'roof'"),
@@ -303,8 +304,8 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
         ("", "COMMAND"),
     ],
 )
-def test_wrong_input_is_said_in_one_line(words: str, says: str, file: str, capsys: pytest.CaptureFixture[str]):
-    assert says in refused(capsys, words.format(file=file))
+def test_wrong_input_is_named_in_one_line(words: str, message: str, file: str, capsys: pytest.CaptureFixture[str]):
+    assert message in refused(capsys, words.format(file=file))
 
 
 @pytest.mark.usefixtures("rasteriser")
@@ -323,10 +324,12 @@ def test_dataset_train_and_render_from_nothing():
     assert [point["step"] for point in curve["n"]] == [8, 12]
     assert Path("n.curve.png").exists()
     run("train d --init n.safetensors --steps 2 --out more.safetensors")
-    more, before = load_model("more.safetensors"), load_model("n.safetensors")
-    assert more.field.config == before.field.config
-    kept, former = more.viewpoint_classifier.state_dict(), before.viewpoint_classifier.state_dict()
-    assert all(torch.equal(kept[name], former[name]) for name in former)
+    extended = load_model("more.safetensors")
+    before = load_model("n.safetensors")
+    assert extended.field.config == before.field.config
+    weights = extended.viewpoint_classifier.state_dict()
+    former_weights = before.viewpoint_classifier.state_dict()
+    assert all(torch.equal(weights[name], former_weights[name]) for name in former_weights)
     run("train-viewpoint d --model n.safetensors --steps 1 --out looks.safetensors")
     looks = load_model("looks.safetensors")
     assert looks.fingerprint == before.fingerprint
@@ -336,9 +339,9 @@ def test_dataset_train_and_render_from_nothing():
 def test_train_parts_adds_a_part_head(capsys):
     run("train-parts --model cars --labels cars --objects 2 --out parts.safetensors")
     assert "body, wheels, glass: " in capsys.readouterr().out
-    found = load_model("parts.safetensors")
-    assert found.fingerprint == load_model("cars").fingerprint
-    assert found.part_head.names == ("body", "wheels", "glass")
+    model = load_model("parts.safetensors")
+    assert model.fingerprint == load_model("cars").fingerprint
+    assert model.part_head.names == ("body", "wheels", "glass")
 
 
 def test_bench_measures_fits_and_draws_their_charts(capsys, monkeypatch):
@@ -371,7 +374,7 @@ def test_bench_measures_fits_and_draws_their_charts(capsys, monkeypatch):
 
 @pytest.fixture
 def fit_ends(monkeypatch: pytest.MonkeyPatch) -> Callable[[FitStep], None]:
-    """Says with what step the fit of ``a.png``, which shows nothing but a box, shall end."""
+    """Return a function that sets the last step of the fit of ``a.png``, an image of a box."""
     drawing = Image.new("RGB", (64, 64), "white")
     drawing.paste((200, 30, 30), (20, 14, 44, 52))
     drawing.save("a.png")
@@ -380,24 +383,24 @@ def fit_ends(monkeypatch: pytest.MonkeyPatch) -> Callable[[FitStep], None]:
     return lambda step: monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
 
 
-@pytest.mark.parametrize("margin, said", [(-9.0, "doubtful"), (9.0, "")])
-def test_a_low_confidence_is_said_in_words(margin, said, file, model, capsys, fit_ends):
+@pytest.mark.parametrize("margin, warning", [(-9.0, "doubtful"), (9.0, "")])
+def test_a_low_confidence_is_warned_of(margin, warning, file, model, capsys, fit_ends):
     runner_up = RunnerUp((model.camera(3.4, 0.3),), 0.5)
-    cameras, instance = (model.camera(0.3, 0.3),), model[0]
-    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, cameras, instance, runner_up=runner_up, margin=margin, uncertainty=1.5)
+    cameras = (model.camera(0.3, 0.3),)
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, cameras, model[0], runner_up=runner_up, margin=margin, uncertainty=1.5)
     fit_ends(step)
     run(f"fit a.png --model {file}")
     printed = capsys.readouterr()
-    assert said in printed.err
-    assert bool(printed.err) == bool(said)
-    found = json.loads(printed.out)
+    assert warning in printed.err
+    assert bool(printed.err) == bool(warning)
+    result = json.loads(printed.out)
     place = {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "focal": 1.025}
-    assert found["runner_up"] == place | {"loss": 0.5}
-    assert found["confidence"] == pytest.approx(step.confidence, abs=1e-3)
-    assert found["uncertainty_deg"] == 1.5
+    assert result["runner_up"] == place | {"loss": 0.5}
+    assert result["confidence"] == pytest.approx(step.confidence, abs=1e-3)
+    assert result["uncertainty_deg"] == 1.5
 
 
-def test_that_several_photos_have_no_confidence_is_said(file, model, capsys, fit_ends):
+def test_several_photos_without_confidence_are_warned_of(file, model, capsys, fit_ends):
     fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 2, model[0]))
     run(f"fit a.png a.png --model {file}")
     printed = capsys.readouterr()
@@ -418,75 +421,75 @@ def test_a_chair_and_a_car_are_not_fitted_as_one_object_unless_a_model_is_named(
 
     fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model[0]))
     monkeypatch.setattr(fitting, "cut_out", cut_and_guess)
-    said = "b.png: this looks like a car, the first image like a chair: the images of one fit show one object"
+    warning = "b.png: this looks like a car, the first image like a chair: the images of one fit show one object"
     advice = "Fit each object by itself, or choose one model with --model"
-    assert refused(capsys, "fit a.png a.png b.png") == f"python -m core: {said}. {advice}\n"
+    assert refused(capsys, "fit a.png a.png b.png") == f"python -m core: {warning}. {advice}\n"
     run(f"fit a.png a.png b.png --model {file}")
-    assert capsys.readouterr().err.splitlines()[0] == f"python -m core: {said}"
+    assert capsys.readouterr().err.splitlines()[0] == f"python -m core: {warning}"
 
 
 def test_a_box_is_in_pixels_of_the_upright_image(file, capsys, monkeypatch):
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = 6
     Image.new("RGB", (400, 200), "red").save("a.jpg", exif=exif)
-    given = []
+    boxes = []
 
     def cut(image, hints):
-        given.append(hints.box)
+        boxes.append(hints.box)
         raise ValueError("enough")
 
     monkeypatch.setattr(fitting, "cut_out", cut)
     for box in ("20,40,100,300", "20,40,300,300", "250,40,300,300", "20,40,100", "20,40,100,300 1,2,3,4"):
         with pytest.raises(SystemExit):
             run(f"fit a.jpg --model {file} --box {box}")
-    assert given == [(0.1, 0.1, 0.5, 0.75), (0.1, 0.1, 1.0, 0.75)]
+    assert boxes == [(0.1, 0.1, 0.5, 0.75), (0.1, 0.1, 1.0, 0.75)]
     printed = capsys.readouterr().err
     assert "the box around the object is empty or outside the image of 200x400 px" in printed
     assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in printed
     assert "1 images need as many boxes, got 2" in printed
 
 
-def test_the_number_of_an_object_says_which_and_a_second_one_is_mentioned(file, capsys, monkeypatch, fit_ends):
-    given, box = [], (0.2, 0.2, 0.6, 0.6)
+def test_a_number_selects_the_detection_and_a_second_object_is_mentioned(file, capsys, monkeypatch, fit_ends):
+    passed_hints = []
     cut = fitting.cut_out(Image.open("a.png").convert("RGBA"))
-    two = tuple(Detection(box, {"chairs": score, "cars": 0.0}) for score in (0.8, 0.7))
+    detections = tuple(Detection((0.2, 0.2, 0.6, 0.6), {"chairs": score, "cars": 0.0}) for score in (0.8, 0.7))
 
     def find(image, hints):
-        given.append(hints)
-        return replace(cut, confidence=0.8, detections=two)
+        passed_hints.append(hints)
+        return replace(cut, confidence=0.8, detections=detections)
 
     monkeypatch.setattr(fitting, "cut_out", find)
     fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (load_model(file).camera(0.3, 0.3),), load_model(file)[0]))
     run(f"fit a.png --model {file} --object 2")
-    assert given == [Hints(object=1)]
+    assert passed_hints == [Hints(object=1)]
     assert capsys.readouterr().err == ""
     run(f"fit a.png --model {file}")
     assert "a.png: 2 objects are found: --object 2 fits the next one" in capsys.readouterr().err
 
 
-def test_a_point_or_a_mask_says_where_the_object_is(file, capsys, monkeypatch):
+def test_a_point_or_a_mask_selects_the_object(file, capsys, monkeypatch):
     Image.new("RGB", (400, 200), "red").save("a.png")
     mask = Image.new("L", (40, 20))
     mask.paste(255, (10, 5, 20, 15))
     mask.save("mask.png")
     Image.new("L", (40, 20), 255).save("white.png")
-    given = []
+    calls = []
 
     def cut(image, hints):
-        given.append((hints and hints.points, image.getchannel("A").getbbox(), image.getchannel("A").getextrema()))
+        calls.append((hints and hints.points, image.getchannel("A").getbbox(), image.getchannel("A").getextrema()))
         raise ValueError("enough")
 
     monkeypatch.setattr(fitting, "cut_out", cut)
-    for more in (
+    for option in (
         *("--point 100,50", "--point 500,50", "--point 1", "--point 1,2 --mask mask.png"),
         *("--mask mask.png", "--mask white.png", "--mask mask.png mask.png"),
     ):
         with pytest.raises(SystemExit):
-            run(f"fit a.png --model {file} {more}")
-    (points, whole, opaque), (none, box, both) = given
-    assert (points, whole, opaque) == (((0.25, 0.25),), (0, 0, 400, 200), (255, 255))
-    assert none is None
-    assert both == (0, 255)
+            run(f"fit a.png --model {file} {option}")
+    (points, opaque_box, opacities), (no_points, box, masked_opacities) = calls
+    assert (points, opaque_box, opacities) == (((0.25, 0.25),), (0, 0, 400, 200), (255, 255))
+    assert no_points is None
+    assert masked_opacities == (0, 255)
     np.testing.assert_allclose(box, (100, 50, 200, 150), atol=10)
     printed = capsys.readouterr().err
     assert "outside the image of 400x200 px" in printed
@@ -495,8 +498,8 @@ def test_a_point_or_a_mask_says_where_the_object_is(file, capsys, monkeypatch):
     assert "1 images need as many masks, got 2" in printed
 
 
-def test_a_doubtful_cut_out_is_said(file, model, capsys, monkeypatch):
-    """Nothing but noise: it is fitted all the same."""
+def test_a_doubtful_cut_out_is_warned_of(file, model, capsys, monkeypatch):
+    """Noise has no object, but is fitted all the same."""
     monkeypatch.setattr("core.photos.candidates.predict_saliency", lambda _: None)
     noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
     Image.fromarray(noise).save("a.png")

@@ -42,8 +42,8 @@ def draw(path: Path, colour: tuple[int, int, int]) -> None:
 
 def words(*photos: str, out: str = "out", more: str = "") -> list[str]:
     poses = ["p.txt"] * len(photos)
-    about = f"--model m.safetensors --preset draft --out {out} {more}".split()
-    return ["fit", "--each", *photos, "--pose", *poses, *about]
+    options = f"--model m.safetensors --preset draft --out {out} {more}".split()
+    return ["fit", "--each", *photos, "--pose", *poses, *options]
 
 
 def lines(out: str = "out") -> list[str]:
@@ -90,7 +90,7 @@ def test_only_photos_without_a_result_are_fitted():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["fit", "--each", "red.png"], "--each needs a folder for its results: --out FOLDER"),
         (words("red.png", more="--log a.jsonl"), "--log and --explain describe a single fit"),
@@ -99,11 +99,11 @@ def test_only_photos_without_a_result_are_fitted():
         (["fit", "--each", "red.png", "--out", "out", "--box", "1,2,3,4", "1,2,3,4"], "1 images need as many boxes"),
     ],
 )
-def test_contradicting_options_are_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]):
+def test_contradicting_options_are_refused(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as stopped:
         main(arguments)
     assert stopped.value.code == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not lines()
 
 

@@ -28,10 +28,10 @@ assert not {"torch", "numpy", "PIL"} & {*sys.modules}
     assert done.returncode == 0, done.stderr
     words = done.stdout.replace("|", " ").replace(",", " ").split()
     for word in ("--estimate-focal", "--init", "ablations", "--meshes", ".frames", "paper", "M1", "boats", "64", "96"):
-        assert any(word in found for found in words), word
+        assert any(word in printed for printed in words), word
 
 
-def test_the_formats_in_help_are_those_that_can_be_written() -> None:
+def test_help_lists_every_format_that_can_be_written() -> None:
     """They are written out in the parser, as the tables hold writers that load torch."""
     commands = next(iter(build_parser()._subparsers._group_actions)).choices
     for name, formats in (("turntable", video.FORMATS), ("mesh", mesh.FORMATS)):
@@ -51,10 +51,10 @@ def test_a_console_script_works_and_names_itself_beside_packages_of_the_same_nam
     path = tmp_path / "bin" / script  # as pip writes it
     path.parent.mkdir()
     path.write_text(f"import sys\nfrom {module} import main\nsys.exit(main())\n")
-    about = {"capture_output": True, "text": True, "check": False, "cwd": tmp_path}
+    options = {"capture_output": True, "text": True, "check": False, "cwd": tmp_path}
     environment = os.environ | {"PYTHONPATH": str(_ROOT)}
-    done = subprocess.run([sys.executable, str(path), "--help"], env=environment, **about)
+    done = subprocess.run([sys.executable, str(path), "--help"], env=environment, **options)
     assert done.stdout.startswith(f"usage: {script} "), done.stderr
-    done = subprocess.run([sys.executable, str(path), "--no-such-option"], env=environment, **about)
+    done = subprocess.run([sys.executable, str(path), "--no-such-option"], env=environment, **options)
     assert done.returncode == 2
     assert f"{script}: " in done.stderr

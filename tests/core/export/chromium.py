@@ -37,21 +37,24 @@ class Chromium:
     """One tab. Use as a context manager. Raises ``FileNotFoundError`` where the machine has no Chromium."""
 
     def __init__(self) -> None:
-        found = next(filter(None, map(shutil.which, _NAMES)), None)
-        if found is None:
+        program = next(filter(None, map(shutil.which, _NAMES)), None)
+        if program is None:
             raise FileNotFoundError(f"no {_NAMES[0]} on this machine")
         self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         read_here, write_there = os.pipe()
         read_there, write_here = os.pipe()
-        words = [found, *_FLAGS, f"--user-data-dir={self._profile.name}", "about:blank"]
+        words = [program, *_FLAGS, f"--user-data-dir={self._profile.name}", "about:blank"]
         command = [sys.executable, "-c", _START, str(read_there), str(write_there), *words]
         self._process = subprocess.Popen(
             command, pass_fds=(read_there, write_there), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         os.close(read_there)
         os.close(write_there)
-        self._answers, self._orders = os.fdopen(read_here, "rb"), os.fdopen(write_here, "wb")
-        self._numbers, self._rest, self._session = itertools.count(1), b"", ""
+        self._answers = os.fdopen(read_here, "rb")
+        self._orders = os.fdopen(write_here, "wb")
+        self._numbers = itertools.count(1)
+        self._rest = b""  # received after the last whole message
+        self._session = ""
         self.events: list[dict[str, Any]] = []
 
     def __enter__(self) -> "Chromium":
@@ -83,10 +86,10 @@ class Chromium:
 
     def evaluate(self, script: str, context: int | None = None) -> Any:
         """Return the value of a script, or of what it promises; in the tab, or in one of its :meth:`frames`."""
-        where = {} if context is None else {"contextId": context}
-        found = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True, **where)
-        assert "exceptionDetails" not in found, found["exceptionDetails"]
-        return found["result"].get("value")
+        target = {} if context is None else {"contextId": context}
+        answer = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True, **target)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
 
     @contextmanager
     def before_pages(self, script: str) -> Iterator[None]:
@@ -110,18 +113,21 @@ class Chromium:
 
     def expect(self, event: str) -> None:
         """Wait for an event of the protocol."""
-        while event not in (known["method"] for known in self.events):
+        while event not in (message["method"] for message in self.events):
             self.events.append(self._receive())
 
     def frames(self) -> list[int]:
         """Return the contexts of the frames of the page opened last, in their order."""
-        made = [one["params"]["context"] for one in self.events if one["method"] == "Runtime.executionContextCreated"]
+        created = self._parameters("Runtime.executionContextCreated")
         tree = self.send("Page.getFrameTree")["frameTree"].get("childFrames", [])
-        contexts = {context["auxData"]["frameId"]: context["id"] for context in made}
+        contexts = {
+            context["auxData"]["frameId"]: context["id"]
+            for context in (parameters["context"] for parameters in created)
+        }
         return [contexts[frame["frame"]["id"]] for frame in tree]
 
     def screenshot(self) -> UInt8[np.ndarray, "height width 4"]:
-        """Return what a person sees."""
+        """Return the pixels of the tab."""
         data = self.send("Page.captureScreenshot", format="png")["data"]
         with Image.open(io.BytesIO(base64.b64decode(data))) as image:
             return np.array(image.convert("RGBA"))
@@ -133,19 +139,22 @@ class Chromium:
             return np.array(image.convert("RGBA"))
 
     def requests(self) -> list[str]:
-        """Every address that was asked for."""
-        asked = [one["params"]["request"]["url"] for one in self.events if one["method"] == "Network.requestWillBeSent"]
-        return [url for url in asked if not url.startswith(("data:", "blob:"))]
+        """Return the addresses of all requests."""
+        urls = [parameters["request"]["url"] for parameters in self._parameters("Network.requestWillBeSent")]
+        return [url for url in urls if not url.startswith(("data:", "blob:"))]
 
     def complaints(self) -> list[dict[str, Any]]:
-        """Errors and whatever else was written to the console."""
-        kinds = "Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded"
-        return [one["params"] for one in self.events if one["method"] in kinds]
+        """Return the errors and the other messages of the console."""
+        return self._parameters("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+
+    def _parameters(self, *methods: str) -> list[dict[str, Any]]:
+        """Return the parameters of the events of these kinds."""
+        return [event["params"] for event in self.events if event["method"] in methods]
 
     def _receive(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
-            found = os.read(self._answers.fileno(), 1 << 16)
-            assert found, "Chromium has ended"
-            self._rest += found
+            received = os.read(self._answers.fileno(), 1 << 16)
+            assert received, "Chromium has ended"
+            self._rest += received
         message, _, self._rest = self._rest.partition(b"\0")
         return json.loads(message)

@@ -15,7 +15,7 @@ from core.geometry.camera import WORLD_FROM_GLTF
 from tests.core.tiny import tiny_model
 
 _SCRIPT = Path(__file__).parents[3] / "assets/blender_import.py"
-_SEEN = """
+_PROJECT = """
 import json, sys
 from pathlib import Path
 sys.path.insert(0, str(Path(sys.argv[1]).parent))
@@ -41,12 +41,12 @@ def test_blender_sees_the_object_as_the_camera_does(tmp_path: Path) -> None:
     camera = model.camera(0.7, 0.4).resized(96, 64)
     list(export_mesh(model[0], tmp_path / "stool.glb", MeshSettings(32), camera))
     arguments = (str(_SCRIPT), str(tmp_path / "stool.glb"), str(tmp_path / "seen.json"))
-    subprocess.run((python, "-c", _SEEN, *arguments), check=True, timeout=600)
-    found = json.loads((tmp_path / "seen.json").read_text())
-    assert found["size"][0] / found["size"][1] == pytest.approx(96 / 64, rel=0.01)
-    assert found["colours"] == 1
-    whole = trimesh.load_scene(tmp_path / "stool.glb", process=False).to_geometry()
-    world = torch.from_numpy(whole.vertices @ WORLD_FROM_GLTF.T).float()
+    subprocess.run((python, "-c", _PROJECT, *arguments), check=True, timeout=600)
+    imported = json.loads((tmp_path / "seen.json").read_text())
+    assert imported["size"][0] / imported["size"][1] == pytest.approx(96 / 64, rel=0.01)
+    assert imported["colours"] == 1
+    stool = trimesh.load_scene(tmp_path / "stool.glb", process=False).to_geometry()
+    world = torch.from_numpy(stool.vertices @ WORLD_FROM_GLTF.T).float()
     expected = camera.project(world).numpy() / (96, 64) * (1, -1) + (0, 1)  # from the lower left corner
-    low, high = (np.stack((part.min(0), part.max(0))) for part in (np.array(found["seen"]), expected))
+    low, high = (np.stack((places.min(0), places.max(0))) for places in (np.array(imported["seen"]), expected))
     np.testing.assert_allclose(low, high, atol=0.003)

@@ -14,10 +14,11 @@ from tests.core.export.test_mesh import tiny  # noqa: F401  (a fixture)
 
 
 def edges(model: Model, view: View) -> tuple[float, float, float, float]:
-    """What of the frame is free to the left, at the top, to the right, below; 0..1."""
-    shown = render_frame(view.instance, view.camera).opacity > 0.2
-    rows, columns = np.flatnonzero(shown.any(1)), np.flatnonzero(shown.any(0))
-    height, width = shown.shape
+    """Return the free fractions of the frame to the left, at the top, to the right and below."""
+    opaque = render_frame(view.instance, view.camera).opacity > 0.2
+    rows = np.flatnonzero(opaque.any(1))
+    columns = np.flatnonzero(opaque.any(0))
+    height, width = opaque.shape
     return columns[0] / width, rows[0] / height, 1 - (columns[-1] + 1) / width, 1 - (rows[-1] + 1) / height
 
 
@@ -34,18 +35,18 @@ def test_a_turntable_fills_its_frame_and_never_leaves_it(tiny: Model, elevation:
 
 def test_every_shape_of_a_morph_stays_in_sight(tiny: Model):  # noqa: F811
     camera = tiny.camera(0.3, 0.3).resized(96, 96)
-    morph = [View(tiny[0].mixed(tiny[3], share, 0.0), camera) for share in np.linspace(0, 1, 9)]
+    morph = [View(tiny[0].mixed(tiny[3], amount, 0.0), camera) for amount in np.linspace(0, 1, 9)]
     assert min(min(edges(tiny, view)) for view in filling_frame(morph)) > 0
 
 
-def test_a_close_view_stays_close_where_it_may_not_zoom_out(tiny: Model):  # noqa: F811
+def test_a_close_view_stays_close_without_zooming_out(tiny: Model):  # noqa: F811
     near = View(tiny[0], tiny.camera(0.3, 0.3, 0.6))
     assert filling_frame([near], zoom_out=False) == [near]
     assert filling_frame([near])[0].camera.focal < near.camera.focal
 
 
 @pytest.mark.parametrize(("size", "elevation"), [((96, 96), 0.0), ((64, 128), 0.5), ((192, 96), 1.5)])
-def test_an_object_fills_a_share_of_a_frame(tiny: Model, size: tuple[int, int], elevation: float):  # noqa: F811
+def test_an_object_fills_a_fraction_of_a_frame(tiny: Model, size: tuple[int, int], elevation: float):  # noqa: F811
     camera = tiny.camera(0.3, elevation, 9.0).resized(*size)
     camera = replace(camera, distance=filling_distance(tiny[1], camera, 0.75))
     left, top, right, bottom = edges(tiny, View(tiny[1], camera))
@@ -54,14 +55,14 @@ def test_an_object_fills_a_share_of_a_frame(tiny: Model, size: tuple[int, int], 
 
 @pytest.mark.parametrize("aspect", [(64, 128), (128, 64)])
 def test_the_narrower_side_decides(tiny: Model, aspect: tuple[int, int]):  # noqa: F811
-    square, other = (
+    square, narrow = (
         filling_frame([View(tiny[0], tiny.camera(0.3, 0.3).resized(*size))])[0].camera for size in ((64, 64), aspect)
     )
-    assert min(edges(tiny, View(tiny[0], other))) > 0
-    assert other.focal == pytest.approx(square.focal, rel=0.6)
+    assert min(edges(tiny, View(tiny[0], narrow))) > 0
+    assert narrow.focal == pytest.approx(square.focal, rel=0.6)
 
 
-def test_where_nothing_is_the_box_fills_the_frame(model: Model):
+def test_the_box_of_an_empty_object_fills_the_frame(model: Model):
     field = Field(model.field.config)
     torch.nn.init.constant_(field.density_layer.bias, -100.0)
     air = replace(model, field=field)

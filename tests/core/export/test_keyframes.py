@@ -17,10 +17,10 @@ def shot(azimuth: float = 0.0, elevation: float = 0.2, distance: float = 1.3, co
     return View(MissingInstance("", Codes(torch.full((3,), code), torch.full((2,), -code))), camera)
 
 
-def timeline(*shots: View, **about) -> Timeline:
+def timeline(*shots: View, **options) -> Timeline:
     """Keys a second apart from 0 on."""
-    keys = tuple(Keyframe(float(index), one) for index, one in enumerate(shots))
-    return Timeline(keys, **({"length": float(len(shots))} | about))
+    keys = tuple(Keyframe(float(index), view) for index, view in enumerate(shots))
+    return Timeline(keys, **({"length": float(len(shots))} | options))
 
 
 def seam(made: Timeline) -> float:
@@ -28,9 +28,9 @@ def seam(made: Timeline) -> float:
     rows = torch.stack(
         [
             torch.tensor(
-                [math.cos(one.camera.azimuth), math.sin(one.camera.azimuth), *one.instance.codes.shape.tolist()]
+                [math.cos(view.camera.azimuth), math.sin(view.camera.azimuth), *view.instance.codes.shape.tolist()]
             )
-            for one in made.views(24)
+            for view in made.views(24)
         ]
     )
     return float((rows[0] - rows[-1]).norm() / rows.diff(dim=0).norm(dim=1).amax().clamp_min(1e-9))
@@ -41,12 +41,12 @@ def test_every_key_is_met(loop: bool) -> None:
     shots = shot(0.1, 0.2, 1.0, 1.0), shot(2.5, -0.4, 1.6, -2.0), shot(-2.8, 0.9, 1.2, 0.5)
     made = timeline(*shots, loop=loop)
     for second, expected in enumerate(shots):
-        found = made.at(float(second))
-        assert found.camera.azimuth == pytest.approx(expected.camera.azimuth, abs=1e-9)
-        assert found.camera.elevation == pytest.approx(expected.camera.elevation)
-        assert found.camera.distance == pytest.approx(expected.camera.distance)
-        torch.testing.assert_close(found.instance.codes.shape, expected.instance.codes.shape)
-        torch.testing.assert_close(found.instance.codes.texture, expected.instance.codes.texture)
+        view = made.at(float(second))
+        assert view.camera.azimuth == pytest.approx(expected.camera.azimuth, abs=1e-9)
+        assert view.camera.elevation == pytest.approx(expected.camera.elevation)
+        assert view.camera.distance == pytest.approx(expected.camera.distance)
+        torch.testing.assert_close(view.instance.codes.shape, expected.instance.codes.shape)
+        torch.testing.assert_close(view.instance.codes.texture, expected.instance.codes.texture)
 
 
 def test_a_path_meets_its_middle_and_takes_the_short_way_round_the_sphere() -> None:
@@ -77,8 +77,8 @@ def test_loops_go_all_round_and_turns_are_added() -> None:
 
 def test_smooth_has_no_corner_and_stays_off_the_pole() -> None:
     made = timeline(shot(code=0.0), shot(code=1.0), shot(code=0.0), shot(code=-1.0))
-    before, at, after = (float(made.at(1.0 + d).instance.codes.shape[0]) for d in (-0.01, 0.0, 0.01))
-    assert abs((after - at) - (at - before)) / 0.01 < 0.1  # of straight lines it would be 2
+    before, middle, after = (float(made.at(1.0 + d).instance.codes.shape[0]) for d in (-0.01, 0.0, 0.01))
+    assert abs((after - middle) - (middle - before)) / 0.01 < 0.1  # of straight lines it would be 2
     high = math.radians(88)
     made = timeline(shot(elevation=0.0), shot(elevation=high), shot(elevation=high), shot(elevation=0.0))
     assert max(made.at(0.02 * index).camera.elevation for index in range(200)) <= math.radians(89.0)
@@ -91,7 +91,8 @@ def test_a_loop_has_no_seam_and_ends_before_its_beginning() -> None:
     assert seam(timeline(*shots, shots[0], loop=False)) < 1.5
     assert seam(timeline(shot(), loop=True)) < 1.5
     two = shot(code=0.0), shot(code=1.0)
-    looped, ended = timeline(*two, loop=True).views(12), timeline(*two, loop=False).views(12)
+    looped = timeline(*two, loop=True).views(12)
+    ended = timeline(*two, loop=False).views(12)
     assert len(looped) == len(ended) == 24
     assert looped[0].instance == ended[0].instance
     assert looped[-1].instance != looped[0].instance
@@ -115,7 +116,7 @@ def test_edits_make_new_timelines_and_keep_keys_apart() -> None:
     assert ended.looped(True).keys[-1].seconds == pytest.approx(4.0 - MIN_GAP)
 
 
-def test_what_is_no_timeline_is_refused() -> None:
+def test_timelines_without_keys_or_order_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one key"):
         Timeline().at(0.0)
     with pytest.raises(ValueError, match="apart"):
@@ -128,18 +129,18 @@ def test_what_is_no_timeline_is_refused() -> None:
 
 @pytest.mark.parametrize("loop", [True, False])
 def test_between_objects_of_two_models_it_cuts_and_the_camera_goes_on(loop: bool) -> None:
-    def of(view: View, model: str, size: int) -> View:
+    def with_model(view: View, model: str, size: int) -> View:
         codes = view.instance.codes
         return View(MissingInstance(model, replace(codes, shape=codes.shape.repeat(size))), view.camera)
 
     plain = shot(0.0, code=0.0), shot(0.5, code=1.0), shot(1.0, code=2.0), shot(1.5, code=3.0)
     cut = timeline(
-        *(of(view, "chairs" if n < 2 else "cars", 1 if n < 2 else 2) for n, view in enumerate(plain)), loop=loop
+        *(with_model(view, "chairs" if n < 2 else "cars", 1 if n < 2 else 2) for n, view in enumerate(plain)), loop=loop
     )
-    whole = timeline(*plain, loop=loop)
+    uncut = timeline(*plain, loop=loop)
     assert [cut.at(t).instance.fingerprint for t in (0.0, 1.0, 1.99, 2.0, 3.0, 3.9)] == ["chairs"] * 3 + ["cars"] * 3
     for seconds in (0.0, 0.7, 1.5, 2.2, 3.5):
-        assert cut.at(seconds).camera == whole.at(seconds).camera
+        assert cut.at(seconds).camera == uncut.at(seconds).camera
     torch.testing.assert_close(cut.at(1.7).instance.codes.shape, torch.ones(3))  # rests on the last key before the cut
     assert 2.0 < float(cut.at(2.5).instance.codes.shape[0]) < 3.0 and len(cut.at(2.5).instance.codes.shape) == 6
     assert not loop or abs(cut.views(24)[-1].camera.azimuth - cut.views(24)[0].camera.azimuth) < 0.15
@@ -159,9 +160,10 @@ def test_a_swing_starts_at_the_camera_slows_at_either_end_and_has_no_seam() -> N
 
 
 def test_a_morph_turns_once_and_is_the_other_object_halfway() -> None:
-    (instance, camera), (other, _) = shot(0.4, code=0.0), shot(code=2.0)
-    views = morph(instance, other, camera, 8)
-    assert (views[0].instance, views[4].instance) == (instance, other)
+    instance, camera = shot(0.4, code=0.0)
+    goal = shot(code=2.0).instance
+    views = morph(instance, goal, camera, 8)
+    assert (views[0].instance, views[4].instance) == (instance, goal)
     turned = [math.remainder(view.camera.azimuth - 0.4, 2 * math.pi) for view in views]
     assert turned[2] == pytest.approx(math.pi / 2) and turned[6] == pytest.approx(-math.pi / 2)
 

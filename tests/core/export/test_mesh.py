@@ -35,8 +35,8 @@ def tiny() -> Model:
     return replace(soft, field=field)
 
 
-def solid(found: Mesh) -> trimesh.Trimesh:
-    return trimesh.Trimesh(found.vertices, found.faces, process=False)
+def solid(mesh: Mesh) -> trimesh.Trimesh:
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
 
 @pytest.fixture
@@ -63,27 +63,27 @@ def ball(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize("resolution", [40, 64, 97])
 def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    found = run_to_end(extract_mesh(model[0], resolution))
-    assert solid(found).is_watertight
-    assert solid(found).is_winding_consistent
-    assert solid(found).volume == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.06)
-    outward = found.vertices / np.linalg.norm(found.vertices, axis=1, keepdims=True)
-    assert (outward * found.normals).sum(1).min() > 0.95
+    mesh = run_to_end(extract_mesh(model[0], resolution))
+    assert solid(mesh).is_watertight
+    assert solid(mesh).is_winding_consistent
+    assert solid(mesh).volume == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.06)
+    outward = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+    assert (outward * mesh.normals).sum(1).min() > 0.95
     # A colour is that of what lies below the vertex.
-    clear = (np.abs(found.vertices) > 0.02).all(1)
-    np.testing.assert_allclose(found.colours[clear], found.vertices[clear] > 0, atol=0.05)
+    clear = (np.abs(mesh.vertices) > 0.02).all(1)
+    np.testing.assert_allclose(mesh.colours[clear], mesh.vertices[clear] > 0, atol=0.05)
 
 
 def test_surfaces_are_closed_without_specks_and_hollows(ball, model: Model):
     ball(((0.3, 0.0, 0.0), 0.2))
-    found = run_to_end(extract_mesh(model[0], 48))
-    assert solid(found).is_watertight
-    assert found.vertices[:, 0].max() == pytest.approx(model.extent[0], abs=0.02)
+    mesh = run_to_end(extract_mesh(model[0], 48))
+    assert solid(mesh).is_watertight
+    assert mesh.vertices[:, 0].max() == pytest.approx(model.extent[0], abs=0.02)
     ball(((0.0, 0.0, 0.0), 0.2), ((0.0, 0.2, 0.35), 0.04), ((0.2, -0.2, -0.35), 0.013), hollow=0.1)
-    found = solid(run_to_end(extract_mesh(model[0], 96)))
-    pieces = found.split(only_watertight=False)
+    surface = solid(run_to_end(extract_mesh(model[0], 96)))
+    pieces = surface.split(only_watertight=False)
     assert sorted(round(float(piece.extents[0]), 2) for piece in pieces) == [0.08, 0.4]
-    assert found.is_watertight
+    assert surface.is_watertight
 
 
 def edges_without_two_triangles(faces: np.ndarray) -> int:
@@ -96,16 +96,17 @@ def test_surfaces_are_closed_where_the_last_bits_of_two_evaluations_differ(
     resolution: int, ball, model: Model, monkeypatch: pytest.MonkeyPatch
 ):
     ball(*(((0.1 * x, 0.1 * y, 0.05 * x), 0.15) for x in range(-2, 3) for y in (-1, 1)))
-    exact, calls = module.FoldedField.density, iter(range(10**6))
+    exact = module.FoldedField.density
+    calls = iter(range(10**6))
 
     def density(self, points):
         value, y = exact(self, points)
         return value * (1 + 1e-6 * (next(calls) % 7)), y
 
     monkeypatch.setattr(module.FoldedField, "density", density)
-    found = run_to_end(extract_mesh(model[0], resolution))
-    assert edges_without_two_triangles(found.faces) == 0
-    assert solid(found).is_winding_consistent
+    mesh = run_to_end(extract_mesh(model[0], resolution))
+    assert edges_without_two_triangles(mesh.faces) == 0
+    assert solid(mesh).is_winding_consistent
 
 
 def test_surfaces_are_closed_where_corners_lie_on_the_surface(ball, model: Model, monkeypatch: pytest.MonkeyPatch):
@@ -121,9 +122,9 @@ def test_surfaces_are_closed_where_corners_lie_on_the_surface(ball, model: Model
     monkeypatch.setattr(module.FoldedField, "density", density)
     monkeypatch.setattr(module.Occupancy, "contains", lambda self, points: torch.ones(points.shape[:-1]) > 0)
     for _ in range(4):
-        found = run_to_end(extract_mesh(model[0], 20))
-        assert len(found.faces) > 1000
-        assert edges_without_two_triangles(found.faces) == 0
+        mesh = run_to_end(extract_mesh(model[0], 20))
+        assert len(mesh.faces) > 1000
+        assert edges_without_two_triangles(mesh.faces) == 0
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
@@ -140,60 +141,60 @@ def test_every_edge_of_a_trained_object_has_two_triangles(
     with use_dtype(dtype), unchecked_shapes():
         for index in indices:
             for resolution in resolutions:
-                found = run_to_end(extract_mesh(trained[index], resolution))
-                assert edges_without_two_triangles(found.faces) == 0, (index, resolution)
+                mesh = run_to_end(extract_mesh(trained[index], resolution))
+                assert edges_without_two_triangles(mesh.faces) == 0, (index, resolution)
 
 
-def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):
-    found = run_to_end(extract_mesh(tiny[1], 64))
-    assert solid(found).is_watertight
+def test_the_mesh_covers_the_object_of_the_render(tiny: Model):
+    mesh = run_to_end(extract_mesh(tiny[1], 64))
+    assert solid(mesh).is_watertight
     camera = tiny.camera(1.1, 0.4)
     drawn = render_frame(tiny[1], camera)
-    columns, rows = camera.project(torch.from_numpy(found.vertices)).long().T.numpy()
+    columns, rows = camera.project(torch.from_numpy(mesh.vertices)).long().T.numpy()
     covered = np.zeros((40, 40), bool)
     covered[rows, columns] = True
     opaque = drawn.opacity > 0.5
     assert (covered & opaque).sum() / (covered | opaque).sum() > 0.75
     # The vertices nearest to the camera have the colours of the image there.
-    facing = found.normals @ camera.pose()[:3, 3].numpy() > 1.0
-    shown = drawn.image[rows[facing], columns[facing]] / 255
-    assert np.median(np.abs(found.colours[facing] - shown)) < 0.08
+    facing = mesh.normals @ camera.pose()[:3, 3].numpy() > 1.0
+    image_colours = drawn.image[rows[facing], columns[facing]] / 255
+    assert np.median(np.abs(mesh.colours[facing] - image_colours)) < 0.08
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
 def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_path: Path):
     path = tmp_path / f"stool{suffix}"
-    shares = list(export_mesh(tiny[0], path, MeshSettings(32)))
-    assert all(before <= after for before, after in pairwise(shares))
-    assert shares[-1] == 1.0
+    fractions = list(export_mesh(tiny[0], path, MeshSettings(32)))
+    assert all(before <= after for before, after in pairwise(fractions))
+    assert fractions[-1] == 1.0
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    found = run_to_end(extract_mesh(tiny[0], 32))
+    mesh = run_to_end(extract_mesh(tiny[0], 32))
     read = next(iter(trimesh.load_scene(path, process=False).geometry.values()))
     y_up = suffix in (".glb", ".obj")
-    expected = found.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if y_up else found.vertices
+    expected = mesh.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if y_up else mesh.vertices
     np.testing.assert_allclose(read.vertices, expected, atol=1e-6)
-    assert np.array_equal(read.faces, found.faces)
+    assert np.array_equal(read.faces, mesh.faces)
     if suffix == ".glb":
         linear = read.visual.vertex_attributes["color"][:, :3] / 65535
         colours = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
     else:
         colours = read.visual.vertex_colors[:, :3] / 255
-    np.testing.assert_allclose(colours, found.colours, atol=3e-3)
+    np.testing.assert_allclose(colours, mesh.colours, atol=3e-3)
 
 
 def read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices, triangles and the colours of the triangles' corners, and that the package is whole."""
-    space, names = "http://schemas.microsoft.com/3dmanufacturing", ("v1", "v2", "v3", "p1", "p2", "p3")
+    """Return vertices, triangles and the colours of the triangles' corners; check that the package is complete."""
+    space = "http://schemas.microsoft.com/3dmanufacturing"
+    names = "v1", "v2", "v3", "p1", "p2", "p3"
     with zipfile.ZipFile(path) as file:
         assert sorted(file.namelist()) == ["3D/3dmodel.model", "[Content_Types].xml", "_rels/.rels"]
         ElementTree.fromstring(file.read("_rels/.rels"))
         root = ElementTree.fromstring(file.read("3D/3dmodel.model"))
     assert root.get("unit") == "millimeter"
-    core, paint = (f"{{{space}/{part}/2015/02}}" for part in ("core", "material"))
-    of = [[one.get(name) for name in names] for one in root.iter(f"{core}triangle")]
-    corners = np.array(of, int)
-    rgb = [[int(one.get("color", "")[at : at + 2], 16) for at in (1, 3, 5)] for one in root.iter(f"{paint}color")]
-    vertices = [[float(one.get(axis, "")) for axis in "xyz"] for one in root.iter(f"{core}vertex")]
+    core, paint = (f"{{{space}/{extension}/2015/02}}" for extension in ("core", "material"))
+    corners = np.array([[node.get(name) for name in names] for node in root.iter(f"{core}triangle")], int)
+    rgb = [[int(node.get("color", "")[i : i + 2], 16) for i in (1, 3, 5)] for node in root.iter(f"{paint}color")]
+    vertices = [[float(node.get(axis, "")) for axis in "xyz"] for node in root.iter(f"{core}vertex")]
     return np.array(vertices), corners[:, :3], np.array(rgb)[corners[:, 3:]] / 255
 
 
@@ -206,12 +207,12 @@ def test_files_for_printers_are_closed_and_in_millimetres(tiny: Model, tmp_path:
     vertices, faces, colours = read_3mf(tmp_path / "stool.3mf")
     printed = trimesh.Trimesh(vertices, faces, process=False)
     assert printed.is_watertight and printed.volume == pytest.approx(read.volume, rel=1e-3)
-    found = run_to_end(extract_mesh(tiny[0], 32))
-    np.testing.assert_allclose(colours, found.colours[found.faces], atol=3e-3)
+    mesh = run_to_end(extract_mesh(tiny[0], 32))
+    np.testing.assert_allclose(colours, mesh.colours[mesh.faces], atol=3e-3)
 
 
 @pytest.mark.parametrize("texture", [0, 64])
-def test_a_mesh_has_no_more_triangles_than_wanted(texture: int, tiny: Model, tmp_path: Path):
+def test_a_mesh_has_no_more_triangles_than_its_settings(texture: int, tiny: Model, tmp_path: Path):
     full = run_to_end(extract_mesh(tiny[0], 48))
     list(export_mesh(tiny[0], tmp_path / "stool.glb", MeshSettings(48, texture=texture, triangles=1500)))
     (read,) = trimesh.load_scene(tmp_path / "stool.glb").geometry.values()
@@ -222,23 +223,24 @@ def test_a_mesh_has_no_more_triangles_than_wanted(texture: int, tiny: Model, tmp
 
 @pytest.mark.parametrize("settings", [MeshSettings(32, metres=0.9), MeshSettings(32, texture=64), MeshSettings(32)])
 def test_the_camera_of_a_glb_sees_the_object_where_the_photo_does(settings: MeshSettings, tiny: Model, tmp_path: Path):
-    path, camera = tmp_path / "stool.glb", tiny.camera(0.7, 0.4).resized(96, 64)
+    path = tmp_path / "stool.glb"
+    camera = tiny.camera(0.7, 0.4).resized(96, 64)
     list(export_mesh(tiny[0], path, settings, camera))
     written = path.read_bytes()
-    about = json.loads(written[20 : 20 + int.from_bytes(written[12:16], "little")])
-    (node,) = (one for one in about["nodes"] if "camera" in one)
-    assert about["nodes"].index(node) in about["scenes"][about["scene"]]["nodes"]
-    lens = about["cameras"][node["camera"]]["perspective"]
+    document = json.loads(written[20 : 20 + int.from_bytes(written[12:16], "little")])
+    (node,) = (node for node in document["nodes"] if "camera" in node)
+    assert document["nodes"].index(node) in document["scenes"][document["scene"]]["nodes"]
+    lens = document["cameras"][node["camera"]]["perspective"]
     scene = trimesh.load_scene(path, process=False)
     points = scene.to_geometry().vertices
     local = np.c_[points, np.ones(len(points))] @ np.linalg.inv(np.reshape(node["matrix"], (4, 4)).T).T
-    share = local[:, :2] / -local[:, 2:3] / np.tan(lens["yfov"] / 2)  # of half the image's height, y up
-    seen = np.c_[48 + 32 * share[:, 0], 32 - 32 * share[:, 1]]
+    slopes = local[:, :2] / -local[:, 2:3] / np.tan(lens["yfov"] / 2)  # of half the image's height, y up
+    projected = np.c_[48 + 32 * slopes[:, 0], 32 - 32 * slopes[:, 1]]
     kept = MeshSettings(32, texture=settings.texture)
     list(export_mesh(tiny[0], tmp_path / "plain.glb", kept))
     world = trimesh.load_scene(tmp_path / "plain.glb", process=False).to_geometry().vertices @ WORLD_FROM_GLTF.T
     expected = camera.project(torch.from_numpy(world).float()).numpy()
-    np.testing.assert_allclose(seen, expected, atol=0.02)
+    np.testing.assert_allclose(projected, expected, atol=0.02)
     assert lens["aspectRatio"] == pytest.approx(96 / 64)
 
 
@@ -252,10 +254,10 @@ def test_a_mesh_in_metres_stands_on_the_ground(name: str, tiny: Model, tmp_path:
     assert (high - low).max() == pytest.approx(0.9)
 
 
-def test_a_texture_shows_what_the_vertices_do(tiny: Model, tmp_path: Path):
+def test_a_texture_has_the_colours_of_the_vertices(tiny: Model, tmp_path: Path):
     path = tmp_path / "stool.glb"
-    shares = list(export_mesh(tiny[0], path, MeshSettings(32, texture=128)))
-    assert all(before <= after for before, after in pairwise(shares))
+    fractions = list(export_mesh(tiny[0], path, MeshSettings(32, texture=128)))
+    assert all(before <= after for before, after in pairwise(fractions))
     (read,) = trimesh.load_scene(path, process=False).geometry.values()
     plain = run_to_end(extract_mesh(tiny[0], 32))
     image = np.asarray(read.visual.material.baseColorTexture.convert("RGB"))
@@ -265,7 +267,7 @@ def test_a_texture_shows_what_the_vertices_do(tiny: Model, tmp_path: Path):
     assert np.median(np.abs(here - plain.colours[nearest])) < 0.03
 
 
-def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, tmp_path: Path):
+def test_a_cancelled_mesh_keeps_the_file_that_existed(tiny: Model, tmp_path: Path):
     path = tmp_path / "stool.glb"
     path.write_text("before")
     stream = export_mesh(tiny[0], path, MeshSettings(64))
@@ -275,10 +277,10 @@ def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, t
     assert path.read_text() == "before"
 
 
-def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
+def test_wrong_settings_files_and_empty_objects_are_refused(ball, model: Model, tmp_path: Path):
     instance: Instance = model[0]
-    for name, says in (("a.fbx", "glb"), ("gone/a.glb", "cannot write")):
-        with pytest.raises(ValueError, match=says):
+    for name, message in (("a.fbx", "glb"), ("gone/a.glb", "cannot write")):
+        with pytest.raises(ValueError, match=message):
             list(export_mesh(instance, tmp_path / name, MeshSettings(16)))
     for resolution in (7, 5000):
         with pytest.raises(ValueError, match="8 to 1024"):
@@ -294,13 +296,14 @@ def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_mesh_has_as_many_cells_as_its_surface_asks_for(ball, model: Model):
+def test_a_mesh_has_as_many_cells_as_its_surface_needs(ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    fine, found = run_to_end(extract_mesh(model[0], 384)), run_to_end(extract_mesh(model[0]))
+    fine = run_to_end(extract_mesh(model[0], 384))
+    mesh = run_to_end(extract_mesh(model[0]))
     radius = np.median(np.linalg.norm(fine.vertices, axis=1))
-    middles = found.vertices[found.faces].mean(1)
+    middles = mesh.vertices[mesh.faces].mean(1)
     assert np.quantile(np.abs(np.linalg.norm(middles, axis=1) - radius), 0.95) < TOLERANCE
-    assert len(found.faces) < len(fine.faces) / 3
+    assert len(mesh.faces) < len(fine.faces) / 3
     # Something thinner than the coarsest grid's cells is found all the same.
     ball(((0.0, 0.0, 0.0), 0.2), *(((0.21 + 0.006 * step, 0.0, 0.0), 0.006) for step in range(15)))
     assert run_to_end(extract_mesh(model[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)

@@ -44,7 +44,8 @@ def camera(tiny: Model) -> Camera:
 
 
 def on_white(image: UInt8[np.ndarray, "height width 4"]) -> Float[np.ndarray, "height width 3"]:
-    colours, opacity = image[..., :3] / 255, image[..., 3:] / 255
+    colours = image[..., :3] / 255
+    opacity = image[..., 3:] / 255
     return colours * opacity + 1 - opacity
 
 
@@ -123,11 +124,11 @@ def page(chromium: Chromium, stool: Path) -> Iterator[Chromium]:
     yield chromium
 
 
-def press(browser: Chromium, x: float, y: float, moved: float = 0, at: float = 0.0) -> None:
-    """Press the mouse, move it, and let go; ``at``: s, what the browser takes for the time."""
+def press(browser: Chromium, x: float, y: float, moved: float = 0, seconds: float = 0.0) -> None:
+    """Press the mouse, move it, and let go; ``seconds``: the time of the events, 0 for now."""
     for kind, shift in (("mousePressed", 0), ("mouseMoved", moved), ("mouseReleased", moved)):
         mouse = {"type": kind, "x": x + shift, "y": y, "button": "left", "buttons": 1, "clickCount": 1}
-        browser.send("Input.dispatchMouseEvent", **mouse, **({"timestamp": at} if at else {}))
+        browser.send("Input.dispatchMouseEvent", **mouse, **({"timestamp": seconds} if seconds else {}))
 
 
 def pinch(browser: Chromium, x: float, y: float) -> None:
@@ -196,7 +197,7 @@ def test_keys_turn_and_zoom_and_a_double_tap_leads_home(page: Chromium) -> None:
     began = page.evaluate("Date.now() / 1000")
     for seconds in (0.0, 1.0, 1.1):
         assert page.evaluate("view.azimuth !== home.azimuth")
-        press(page, 200, 300, at=began + seconds)
+        press(page, 200, 300, seconds=began + seconds)
     assert page.evaluate("JSON.stringify(view) === JSON.stringify(home)")
     page.send("Input.dispatchKeyEvent", type="keyDown", key="+")
     page.send("Input.dispatchKeyEvent", type="keyDown", key="Home")
@@ -276,9 +277,7 @@ FAILURES = {
 
 
 @pytest.mark.parametrize("why", FAILURES)
-def test_where_drawing_fails_the_poster_stays_and_a_sentence_says_why(
-    chromium: Chromium, stool: Path, why: str
-) -> None:
+def test_a_failed_drawing_leaves_the_poster_and_names_the_reason(chromium: Chromium, stool: Path, why: str) -> None:
     with chromium.before_pages(FAILURES[why]):
         chromium.open(stool, 390, 844)
     assert shows_something(chromium.screenshot())

@@ -22,24 +22,24 @@ def car() -> tuple[Model, Mesh]:
 
 
 def test_a_car_has_a_wheel_at_each_corner_glass_above_them_and_a_body(car: tuple[Model, Mesh]):
-    _, found = car
-    low, high = found.vertices.min(0), found.vertices.max(0)
-    places = {
-        name: (found.vertices[faces].mean(1) - low) / (high - low) for name, faces in split(found.faces, found.parts)
-    }
+    _, mesh = car
+    low = mesh.vertices.min(0)
+    size = mesh.vertices.max(0) - low
+    places = {name: (mesh.vertices[faces].mean(1) - low) / size for name, faces in split(mesh.faces, mesh.part_counts)}
     assert list(places) == ["body", "wheels", "glass"]
-    assert sum(map(len, places.values())) == len(found.faces)
-    wheels, glass = places["wheels"], places["glass"]
+    assert sum(map(len, places.values())) == len(mesh.faces)
+    wheels = places["wheels"]
     corners = [wheels[((wheels[:, :2] > 0.5) == corner).all(1)] for corner in np.ndindex(2, 2)]
     for corner in corners:
         assert len(corner) > 100 and np.ptp(corner[:, 1:], 0).max() < 0.45 and corner[:, 2].min() < 0.02
-    assert wheels[:, 2].max() < 0.5 and glass[:, 2].min() > 0.38
+    assert wheels[:, 2].max() < 0.5 and places["glass"][:, 2].min() > 0.38
 
 
 @pytest.mark.parametrize(("suffix", "texture"), [(".glb", 0), (".glb", 64), (".obj", 0)])
 def test_a_file_has_a_named_object_for_each_part(suffix: str, texture: int, car: tuple[Model, Mesh], tmp_path: Path):
-    cars, found = car
-    path, instance = tmp_path / f"car{suffix}", cars[cars.codes.index["cars-0000030-0000030"]]
+    cars, mesh = car
+    path = tmp_path / f"car{suffix}"
+    instance = cars[cars.codes.index["cars-0000030-0000030"]]
     list(export_mesh(instance, path, MeshSettings(80, texture=texture, triangles=4000)))
     read = trimesh.load_scene(path, process=False, split_object=True)
     names = {node: read.geometry[read.graph[node][1]] for node in read.graph.nodes_geometry}
@@ -47,23 +47,23 @@ def test_a_file_has_a_named_object_for_each_part(suffix: str, texture: int, car:
         assert [line[2:] for line in path.read_text().splitlines() if line[:2] == "o "] == ["body", "wheels", "glass"]
     else:
         assert sorted(names) == ["body", "glass", "wheels"]
-    assert 3500 < sum(len(part.faces) for part in names.values()) <= 4000
-    whole = read.to_geometry()
-    whole.merge_vertices(merge_tex=True, merge_norm=True)
-    area = trimesh.Trimesh(found.vertices, found.faces).area
-    assert whole.area == pytest.approx(area, rel=0.05)
-    edges = np.unique(np.sort(whole.edges, 1), axis=0, return_counts=True)[1]
+    assert 3500 < sum(map(len, (geometry.faces for geometry in names.values()))) <= 4000
+    car_mesh = read.to_geometry()
+    car_mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    area = trimesh.Trimesh(mesh.vertices, mesh.faces).area
+    assert car_mesh.area == pytest.approx(area, rel=0.05)
+    edges = np.unique(np.sort(car_mesh.edges, 1), axis=0, return_counts=True)[1]
     assert (edges == 2).mean() > 0.999  # parts meet without a gap
 
 
-def test_chairs_have_the_parts_that_they_have_and_a_seat_ends_where_the_back_begins():
+def test_chairs_have_their_own_parts_and_a_seat_ends_below_the_back():
     chairs = load_model("chairs")
     stool = chairs[chairs.codes.index["blendswap_cc_0_stool2"]]
-    assert [name for name, _ in run_to_end(extract_mesh(stool, 64)).parts] == ["seat", "legs"]
+    assert [name for name, _ in run_to_end(extract_mesh(stool, 64)).part_counts] == ["seat", "legs"]
     chairs = load_model("chairs")
     chair = chairs[chairs.codes.index["quaternius_oct2017_chaircushioned"]]
-    found = run_to_end(extract_mesh(chair, 64))
-    heights = {name: found.vertices[faces][..., 2] for name, faces in split(found.faces, found.parts)}
+    mesh = run_to_end(extract_mesh(chair, 64))
+    heights = {name: mesh.vertices[faces][..., 2] for name, faces in split(mesh.faces, mesh.part_counts)}
     assert {"seat", "back", "legs"} <= set(heights)
     top = np.median(heights["seat"])
     assert heights["legs"].max() < top + 0.1 and heights["back"].min() > top - 0.15
@@ -71,11 +71,11 @@ def test_chairs_have_the_parts_that_they_have_and_a_seat_ends_where_the_back_beg
 
 
 def test_every_triangle_is_of_one_part_with_a_head_and_without(tiny: Model):
-    assert run_to_end(extract_mesh(tiny[0], 32)).parts[0][0] == "stool"
+    assert run_to_end(extract_mesh(tiny[0], 32)).part_counts[0][0] == "stool"
     plain = run_to_end(extract_mesh(tiny[0], 32))
     width = tiny.field.config.width
     for favoured, name in enumerate(("first", "second", "third")):
         head = PartHead(("first", "second", "third"), torch.zeros(3, width), 9.0 * torch.eye(3)[favoured])
-        found = run_to_end(extract_mesh(replace(tiny, part_head=head)[0], 32))
-        assert found.parts == ((name, len(plain.faces)),)
-        assert np.array_equal(found.faces, plain.faces)
+        mesh = run_to_end(extract_mesh(replace(tiny, part_head=head)[0], 32))
+        assert mesh.part_counts == ((name, len(plain.faces)),)
+        assert np.array_equal(mesh.faces, plain.faces)

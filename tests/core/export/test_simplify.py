@@ -43,11 +43,11 @@ def test_a_surface_of_any_size_is_closed_and_has_all_its_bodies(meshes: list[Mes
 def read_by_lib3mf(path: Path) -> list[lib3mf.MeshObject]:
     model = lib3mf.get_wrapper().CreateModel()
     model.QueryReader(path.suffix[1:]).ReadFromFile(str(path))
-    found = model.GetMeshObjects()
-    read = []
-    while found.MoveNext():
-        read.append(found.GetCurrentMeshObject())
-    return read
+    iterator = model.GetMeshObjects()
+    objects = []
+    while iterator.MoveNext():
+        objects.append(iterator.GetCurrentMeshObject())
+    return objects
 
 
 @pytest.mark.parametrize("suffix", [".stl", ".3mf"])
@@ -55,16 +55,17 @@ def read_by_lib3mf(path: Path) -> list[lib3mf.MeshObject]:
 def test_two_other_readers_find_a_closed_surface_in_files_for_printers(
     meshes: list[Mesh], triangles: int, suffix: str, tmp_path: Path
 ) -> None:
-    mesh, path = meshes[0], tmp_path / f"chair{suffix}"
+    mesh = meshes[0]
+    path = tmp_path / f"chair{suffix}"
     vertices, faces = run_to_end(simplify(mesh.vertices, mesh.faces, triangles))
     Mesh(vertices, np.zeros_like(vertices), np.zeros_like(vertices), faces, ()).save(path)
     read = trimesh.load_scene(path).to_mesh()
     read.merge_vertices()
     assert read.is_watertight
     assert read.body_count == bodies(mesh.vertices, mesh.faces)
-    (found,) = read_by_lib3mf(path)
-    assert found.IsManifoldAndOriented()
-    assert found.GetTriangleCount() == len(faces)
+    (printed,) = read_by_lib3mf(path)
+    assert printed.IsManifoldAndOriented()
+    assert printed.GetTriangleCount() == len(faces)
 
 
 def test_a_tetrahedron_is_left_as_it_is() -> None:

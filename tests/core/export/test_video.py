@@ -19,11 +19,12 @@ from core.models.model import Model
 from tests.core.tiny import tiny_model
 
 
-def turn(model: Model, path: Path, frames: int = 5, exact: bool = True, size: tuple[int, int] = (32, 32), **about: Any):
-    """Exact frames, which take least where there are few: how others are drawn is tested with them."""
-    about |= {"exact": exact}
+def turn(
+    model: Model, path: Path, frames: int = 5, exact: bool = True, size: tuple[int, int] = (32, 32), **options: Any
+):
+    """Write a turn, of exact frames by default: a few of them are the fastest."""
     views = turntable(model[0], model.camera(0.0, 0.3).resized(*size), frames)
-    return write_video(views, path, VideoSettings(**about))
+    return write_video(views, path, VideoSettings(exact=exact, **options))
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -35,10 +36,10 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
     if suffix == ".mp4":
         with av.open(str(path)) as video:
             assert video.streams.video[0].codec_context.name == "h264"
-            shown = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
-        assert (len(shown), shown[0].shape) == (5, (30, 30, 3))
+            images = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+        assert (len(images), images[0].shape) == (5, (30, 30, 3))
         # The first frame and the third look at different sides.
-        assert abs(shown[0].astype(int) - shown[2]).max() > 5
+        assert abs(images[0].astype(int) - images[2]).max() > 5
     elif suffix == ".frames":
         assert sorted(entry.name for entry in path.iterdir()) == [f"{index:05d}.png" for index in range(5)]
     else:
@@ -47,19 +48,20 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-def test_frames_are_of_a_baked_copy_unless_exact_ones_are_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_frames_are_of_a_baked_copy_unless_exact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("core.export.video_frames.FEW_PIXELS", 0)
-    model, shown = tiny_model(), list[np.ndarray]()
+    model = tiny_model()
+    images = list[np.ndarray]()
     for exact in (False, True):
         list(turn(model, tmp_path / f"{exact}.frames", 1, exact))
         with Image.open(tmp_path / f"{exact}.frames/00000.png") as image:
-            shown.append(np.asarray(image).astype(int))
-    assert 0 < np.abs(shown[0] - shown[1]).max() < 25
-    assert np.array_equal(shown[1], render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32)).image)
+            images.append(np.asarray(image).astype(int))
+    assert 0 < np.abs(images[0] - images[1]).max() < 25
+    assert np.array_equal(images[1], render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32)).image)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_a_cancelled_video_leaves_nothing_and_keeps_what_was_there(suffix: str, model: Model, tmp_path: Path) -> None:
+def test_a_cancelled_video_keeps_the_file_that_existed(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     if suffix != ".frames":
         path.write_text("before")
@@ -78,7 +80,7 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
     assert not list((tmp_path / "turn.frames").iterdir())
 
 
-@pytest.mark.parametrize("suffix", [name for name, one in FORMATS.items() if one.transparent])
+@pytest.mark.parametrize("suffix", [name for name, kind in FORMATS.items() if kind.transparent])
 def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     list(turn(model, path, 2, background=None))
@@ -93,7 +95,8 @@ def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: 
 def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
     model = tiny_model()
     camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance).resized(48, 48)
-    views, files = turntable(model[0], camera, 2), list[Path]()
+    views = turntable(model[0], camera, 2)
+    files = list[Path]()
     for shadow, background in ((True, None), (False, None), (True, (255, 255, 255)), (False, (255, 255, 255))):
         files.append(tmp_path / f"{shadow}{background is None}.GIF")
         for _ in write_video(views, files[-1], VideoSettings(background=background, shadow=shadow)):
@@ -107,25 +110,25 @@ def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> 
     list(turn(model, tmp_path / "a.frames", 2, background=(10, 120, 200)))
     frame = render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32))
     with Image.open(tmp_path / "a.frames/00000.png") as image:
-        seen = np.asarray(image).astype(float)
+        written = np.asarray(image).astype(float)
     opacity = frame.opacity[..., None]
-    assert np.abs(seen - (frame.image - (1 - opacity) * (255 - np.array([10, 120, 200])))).max() <= 1
+    assert np.abs(written - (frame.image - (1 - opacity) * (255 - np.array([10, 120, 200])))).max() <= 1
     assert np.array_equal(over(frame, (255, 255, 255)), frame.image)
 
 
 def delays(path: Path) -> list[int]:
-    """The milliseconds of each frame of an animation."""
-    found = []
+    """Return the milliseconds of each frame of an animation."""
+    durations = []
     with Image.open(path) as video:
         for index in range(video.n_frames):
             video.seek(index)
             video.load()
-            found.append(video.info["duration"])
-    return found
+            durations.append(video.info["duration"])
+    return durations
 
 
 @pytest.mark.parametrize(
-    ("suffix", "rate", "frames", "shown"),
+    ("suffix", "rate", "frames", "written"),
     [
         *((suffix, 30, 15, 15) for suffix in (".gif", ".webp")),
         (".gif", 50, 15, 15),
@@ -136,13 +139,13 @@ def delays(path: Path) -> list[int]:
         (".webp", 100, 30, 27),
     ],
 )
-def test_a_video_has_its_duration(suffix: str, rate: int, frames: int, shown: int, model: Model, tmp_path: Path):
+def test_a_video_has_its_duration(suffix: str, rate: int, frames: int, written: int, model: Model, tmp_path: Path):
     """And delays that browsers keep: they show a frame of 10 ms, and of gif one below 20 ms, for 100 ms."""
     counts = list(turn(model, tmp_path / f"turn{suffix}", frames, size=(16, 16), rate=rate))
-    found = delays(tmp_path / f"turn{suffix}")
-    assert len(found) == counts[-1] == shown
-    assert sum(found) == pytest.approx(1000 * frames / rate, abs=1)
-    assert min(found) >= (20 if suffix == ".gif" else 11)
+    durations = delays(tmp_path / f"turn{suffix}")
+    assert len(durations) == counts[-1] == written
+    assert sum(durations) == pytest.approx(1000 * frames / rate, abs=1)
+    assert min(durations) >= (20 if suffix == ".gif" else 11)
 
 
 def test_frames_that_a_format_cannot_show_are_those_in_between(model: Model) -> None:
@@ -154,13 +157,13 @@ def test_frames_that_a_format_cannot_show_are_those_in_between(model: Model) -> 
 
 def images_in_memory() -> int:
     gc.collect()
-    return sum(issubclass(type(one), Image.Image) for one in gc.get_objects())
+    return sum(issubclass(type(value), Image.Image) for value in gc.get_objects())
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".webp"])
 @pytest.mark.parametrize("transparent", [True, False])
 def test_animations_are_encoded_as_frames_come(suffix: str, transparent: bool, tmp_path: Path) -> None:
-    """They show each frame, some of them equal, again and again, and keep no frame in memory."""
+    """They loop, show every frame, also equal ones, and keep no frame in memory."""
     generator = np.random.default_rng(0)
     colours = generator.integers(0, 255, (6, 4, 4, 4), dtype=np.uint8)
     shots = colours.repeat(16, 1).repeat(16, 2)
@@ -181,10 +184,10 @@ def test_animations_are_encoded_as_frames_come(suffix: str, transparent: bool, t
         assert begins[-1] == 300
         for index, shot in enumerate(shots):
             video.seek(bisect(begins, 50 * index) - 1)
-            shown = np.asarray(video.convert("RGBA")).astype(int)
+            decoded = np.asarray(video.convert("RGBA")).astype(int)
             solid = shot[..., 3] > 127 if transparent else np.ones(shot.shape[:2], bool)
-            assert np.array_equal(shown[..., 3] > 127, solid)
-            assert np.abs(shown - shot)[..., :3][solid].mean() < 12
+            assert np.array_equal(decoded[..., 3] > 127, solid)
+            assert np.abs(decoded - shot)[..., :3][solid].mean() < 12
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".webp", ".gif"])
@@ -212,16 +215,16 @@ def test_an_mp4_has_the_colours_of_its_frames_and_says_how(model: Model, tmp_pat
     with av.open(str(tmp_path / "a.mp4")) as video:
         coded = video.streams.video[0].codec_context
         assert (coded.colorspace, coded.color_range, coded.color_primaries, coded.color_trc) == (1, 1, 1, 1)
-        shown = next(video.decode(video=0)).to_ndarray(format="rgb24").astype(int)
+        decoded = next(video.decode(video=0)).to_ndarray(format="rgb24").astype(int)
     with Image.open(tmp_path / "a.frames/00000.png") as image:
-        assert abs(shown - np.asarray(image)).mean() < 3
+        assert abs(decoded - np.asarray(image)).mean() < 3
     head = (tmp_path / "a.mp4").read_bytes()
     assert head.index(b"moov") < head.index(b"mdat")
 
 
-def test_what_no_video_is_called_is_refused(model: Model, tmp_path: Path) -> None:
-    for path, says in ((tmp_path / "turn.avi", "mp4"), (tmp_path / "gone" / "turn.mp4", "cannot write")):
-        with pytest.raises(ValueError, match=says):
+def test_wrong_names_sizes_and_settings_are_refused(model: Model, tmp_path: Path) -> None:
+    for path, message in ((tmp_path / "turn.avi", "mp4"), (tmp_path / "gone" / "turn.mp4", "cannot write")):
+        with pytest.raises(ValueError, match=message):
             next(turn(model, path))
     with pytest.raises(ValueError, match="at least 1 frame"):
         turn(model, tmp_path / "t.gif", 0)

@@ -30,8 +30,8 @@ def test_drawn_frames_are_the_exact_ones() -> None:
     drawn = images(baked_frames(views, (255, 255, 255)))
     exact = images(exact_frames(views, (255, 255, 255)))
     assert len(drawn) == len(exact) == len(views)
-    for one, other in zip(drawn, exact, strict=True):
-        assert psnr_from_mse(float(np.square((one - other.astype(float)) / 255).mean())) > 42
+    for baked_image, exact_image in zip(drawn, exact, strict=True):
+        assert psnr_from_mse(float(np.square((baked_image - exact_image.astype(float)) / 255).mean())) > 42
 
 
 def test_a_transparent_background_has_the_exact_opacity() -> None:
@@ -44,7 +44,8 @@ def test_a_transparent_background_has_the_exact_opacity() -> None:
 
 def test_a_background_changes_towards_the_lower_edge_as_that_of_exact_frames_does() -> None:
     model = tiny_model()
-    views, gradient = turn(model, 2), ((240, 230, 220), (20, 30, 40))
+    views = turn(model, 2)
+    gradient = (240, 230, 220), (20, 30, 40)
     for drawn, exact in zip(*(images(make(views, gradient)) for make in (baked_frames, exact_frames)), strict=True):
         assert np.abs(drawn[:, 0].astype(int) - exact[:, 0]).max() <= 1
         assert (drawn[0, 0] == gradient[0]).all()
@@ -68,7 +69,7 @@ def test_without_opengl_frames_are_exact(monkeypatch: pytest.MonkeyPatch) -> Non
     model = tiny_model()
     views = turn(model, 2)
     drawn, exact = (images(make(views, None)) for make in (baked_frames, exact_frames))
-    assert all(np.array_equal(one, other) for one, other in zip(drawn, exact, strict=True))
+    assert all(np.array_equal(*pair) for pair in zip(drawn, exact, strict=True))
 
 
 @pytest.mark.parametrize(("size", "rays"), [(64, 4), (256, 2), (512, 1), (1080, 1)])

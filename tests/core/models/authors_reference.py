@@ -4,7 +4,7 @@ Their conventions: the positional encoding has no factor pi, rgb has no sigmoid,
 through pixel corners, samples stand at both ends of [near, far] and the last interval is 1e10 long. Where density is
 below about 1e-10 light gets past even that one, and falls on white.
 ``python -m tests.core.models.authors_reference`` writes the golden files beside it: a small random network as their
-trainer saves one, and what it draws.
+trainer saves one, and its renders.
 """
 
 import json
@@ -28,7 +28,7 @@ def read_weights(checkpoint: Path) -> tuple[Weights, np.ndarray, np.ndarray]:
     """The network's tensors by their names, the shape codes and the texture codes, in float64."""
     state = torch.load(checkpoint, map_location="cpu", weights_only=True)
     network = {name: tensor.double().numpy() for name, tensor in state["model_params"].items()}
-    return network, *(state[f"{part}_code_params"]["weight"].double().numpy() for part in ("shape", "texture"))
+    return network, *(state[f"{kind}_code_params"]["weight"].double().numpy() for kind in ("shape", "texture"))
 
 
 def evaluate(
@@ -41,8 +41,8 @@ def evaluate(
         y = _relu(_linear(network, f"shape_layer_{block}.0", y))
     y = _linear(network, "encoding_shape", y)
     density = np.logaddexp(0.0, _linear(network, "sigma.0", y)[:, 0])
-    seen = _encode(network, "encoding_viewdir.0", y.shape[1], directions)
-    y = _relu(_linear(network, "encoding_viewdir.0", np.concatenate((y, seen), 1)))
+    encoded = _encode(network, "encoding_viewdir.0", y.shape[1], directions)
+    y = _relu(_linear(network, "encoding_viewdir.0", np.concatenate((y, encoded), 1)))
     for block in range(1, 1 + _count(network, "texture_layer")):
         y = y + _relu(_linear(network, f"texture_latent_layer_{block}.0", texture))
         y = _relu(_linear(network, f"texture_layer_{block}.0", y))
@@ -58,12 +58,13 @@ def render(
     directions = towards.reshape(-1, 3) @ pose[:3, :3].T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     depths = np.linspace(NEAR, FAR, samples)
-    colour, depth = np.zeros((side * side, 3)), np.zeros(side * side)
+    colour = np.zeros((side * side, 3))
+    depth = np.zeros(side * side)
     light = np.ones(side * side)
     for distance, length in zip(depths, [*np.diff(depths), 1e10], strict=True):
-        density, seen = evaluate(network, pose[:3, 3] + distance * directions, directions, *codes)
+        density, rgb = evaluate(network, pose[:3, 3] + distance * directions, directions, *codes)
         weight = light * (1 - np.exp(-density * length))
-        colour += weight[:, None] * seen
+        colour += weight[:, None] * rgb
         depth += weight * distance
         light = light * np.exp(-density * length)
     colour += light[:, None]
@@ -112,10 +113,11 @@ def write_golden(folder: Path) -> None:
     for index, (shape, texture, azimuth, elevation) in enumerate([(0, 1, 0.3, 0.2), (2, 2, 2.5, 0.9), (3, 0, 4.4, 0)]):
         pose = srn_pose(azimuth, elevation, (NEAR + FAR) / 2)
         colour, depth = render(network, (shapes[shape], textures[texture]), pose, FOCAL, SIDE, SAMPLES)
-        found = {"pose": pose, "codes": np.array([shape, texture]), "rgb": colour, "depth": depth}
-        expected |= {f"{name}_{index}": value for name, value in found.items()}
+        arrays = {"pose": pose, "codes": np.array([shape, texture]), "rgb": colour, "depth": depth}
+        expected |= {f"{name}_{index}": array for name, array in arrays.items()}
     generator = np.random.default_rng(1)
-    points, directions = generator.uniform(-0.5, 0.5, (64, 3)), generator.normal(size=(64, 3))
+    points = generator.uniform(-0.5, 0.5, (64, 3))
+    directions = generator.normal(size=(64, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     density, colours = evaluate(network, points, directions, shapes[3], textures[1])
     expected |= {
@@ -131,7 +133,8 @@ def write_golden(folder: Path) -> None:
 
 def _random_checkpoint(generator: np.random.Generator) -> dict:
     """Weights large enough that density runs from nothing to solid, and rgb leaves [0, 1]."""
-    width, latent = _SIZES["W"], _SIZES["latent_dim"]
+    width = _SIZES["W"]
+    latent = _SIZES["latent_dim"]
     sizes = {
         "encoding_xyz.0": (width, 3 + 6 * _SIZES["num_xyz_freq"]),
         "shape_latent_layer_1.0": (width, latent),
@@ -151,7 +154,7 @@ def _random_checkpoint(generator: np.random.Generator) -> dict:
         network[f"{layer}.weight"] = _normal(generator, (after, before), math.sqrt(2 / before))
         network[f"{layer}.bias"] = _normal(generator, (after,), 0.1)
     codes = [{"weight": _normal(generator, (_OBJECTS, latent), 0.7)} for _ in range(2)]
-    _spread(network, generator, *(part["weight"].double().numpy() for part in codes))
+    _spread(network, generator, *(table["weight"].double().numpy() for table in codes))
     names = ("model_params", "shape_code_params", "texture_code_params")
     return dict(zip(names, (network, *codes), strict=True)) | {"niter": 0, "nepoch": 0}
 
@@ -160,15 +163,17 @@ def _spread(network: dict[str, torch.Tensor], generator: np.random.Generator, sh
     """Scale the last layers: over the box, density's logit is -15 +- 20 and rgb 0.5 +- 0.5 in every channel."""
     points = generator.uniform(-0.5, 0.5, (2000, 3))
     directions = points / np.linalg.norm(points, axis=1, keepdims=True)
-    codes = (generator.permutation(np.resize(part, (2000, part.shape[1]))) for part in (shapes, textures))
+    codes = (generator.permutation(np.resize(rows, (2000, rows.shape[1]))) for rows in (shapes, textures))
     density, rgb = evaluate(
         {name: tensor.double().numpy() for name, tensor in network.items()}, points, directions, *codes
     )
     logits = np.log(np.expm1(density))
-    for layer, found, middle, deviation in (("sigma.0", logits[:, None], -15.0, 20.0), ("rgb.2", rgb, 0.5, 0.5)):
-        scale = torch.from_numpy(deviation / found.std(0)).float()
+    for layer, outputs, middle, deviation in (("sigma.0", logits[:, None], -15.0, 20.0), ("rgb.2", rgb, 0.5, 0.5)):
+        scale = torch.from_numpy(deviation / outputs.std(0)).float()
         network[f"{layer}.weight"] *= scale[:, None]
-        network[f"{layer}.bias"] = (network[f"{layer}.bias"] - torch.from_numpy(found.mean(0)).float()) * scale + middle
+        network[f"{layer}.bias"] = (
+            network[f"{layer}.bias"] - torch.from_numpy(outputs.mean(0)).float()
+        ) * scale + middle
 
 
 def _normal(generator: np.random.Generator, shape: tuple[int, ...], deviation: float) -> torch.Tensor:

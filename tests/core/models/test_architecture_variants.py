@@ -29,7 +29,9 @@ def evaluated(field: Field, direction: torch.Tensor, shape: torch.Tensor, textur
     ("architecture", "by_direction", "by_texture"),
     [("codenerf", False, False), ("M1", True, False), ("M2", False, True)],
 )
-def test_what_moves_density_is_the_architecture(architecture: str, by_direction: bool, by_texture: bool):
+def test_density_depends_on_direction_and_texture_by_architecture(
+    architecture: str, by_direction: bool, by_texture: bool
+):
     field = build(architecture)
     before = evaluated(field, torch.tensor([1.0, 0, 0]), torch.ones(8), torch.ones(4))
     turned = evaluated(field, torch.tensor([0, 1.0, 0]), torch.ones(8), torch.ones(4))
@@ -48,12 +50,11 @@ def test_m1_sees_point_and_direction_from_outside_without_one():
     shape_bias, _ = field.biases(torch.ones(8), torch.ones(4))
     first = torch.nn.functional.linear(both, joint, field.point_layer.bias).relu()
     density, _ = field.density_from_activations(first, shape_bias)
-    found = evaluated(field, direction, torch.ones(8), torch.ones(4))
-    torch.testing.assert_close(found[0], density)
-    field, shape_bias = build("M1"), build("M1").biases(torch.ones(8), torch.ones(4))[0]
+    radiance = evaluated(field, direction, torch.ones(8), torch.ones(4))
+    torch.testing.assert_close(radiance[0], density)
     for index, point in enumerate(POINTS[:5]):
-        seen = evaluated(field, -point, torch.ones(8), torch.ones(4))[0][index]
-        torch.testing.assert_close(field.density(point, shape_bias)[0], seen)
+        inward = evaluated(field, -point, torch.ones(8), torch.ones(4))[0][index]
+        torch.testing.assert_close(field.density(point, shape_bias)[0], inward)
     with pytest.raises(ValueError, match="architecture: M3"):
         dataclasses.replace(CONFIG, architecture="M3")
 
@@ -63,7 +64,8 @@ def test_a_model_of_another_architecture_is_kept_and_rendered_exactly_only(archi
     codes = CodeBook(torch.randn(2, 8), torch.randn(2, 4), (Entry("a", 0, 0), Entry("b", 1, 1)))
     Model(build(architecture), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0).save(tmp_path / "m.safetensors")
     model = Model.load(tmp_path / "m.safetensors")
-    first, camera = model[0], model.camera(0.3, 0.4)
+    first = model[0]
+    camera = model.camera(0.3, 0.4)
     drawn = render_exact(first, camera, 8)
     swapped = render_exact(first.with_texture(model[1]), camera, 8)
     assert torch.equal(drawn.opacity, swapped.opacity) is (architecture == "M1")

@@ -41,14 +41,17 @@ def test_collapsed_codes_are_found_and_kept_in_the_converted_file(cars: Model, c
     assert converted.codes.collapsed == cars.codes.collapsed
     assert converted.codes.mean == cars.codes.mean
     assert (converted.white_from_network, converted.category, converted.distance) == (True, "cars", 1.3)
-    instance, camera = converted[1], converted.camera(0.7, 0.4).resized(64, 64)
+    instance = converted[1]
+    camera = converted.camera(0.7, 0.4).resized(64, 64)
     exact = render_exact(instance, camera, 96).colour.clamp(0, 1)
     fast = torch.from_numpy(render_frame(instance, camera).image).float() / 255
     assert psnr(fast, exact) > 45
 
 
-def seen(model: Model, expected: dict[str, np.ndarray], index: int, focal: float, side: int, samples: int) -> Rendered:
-    """What the exact renderer makes of one of the expected images."""
+def rendered(
+    model: Model, expected: dict[str, np.ndarray], index: int, focal: float, side: int, samples: int
+) -> Rendered:
+    """Render the view and the codes of an expected image with the exact renderer."""
     camera = Camera.from_pose(torch.tensor(expected[f"pose_{index}"]), focal, side, side)
     shape, texture = (int(row) for row in expected[f"codes_{index}"])
     codes = Codes(model.codes.shapes[shape], model.codes.textures[texture])
@@ -58,8 +61,8 @@ def seen(model: Model, expected: dict[str, np.ndarray], index: int, focal: float
 @pytest.mark.parametrize("index", [0, 3])
 def test_the_converted_file_renders_the_authors_images(index: int, converted: Model, shared: Path):
     expected = dict(np.load(shared / "upstream/expected_64.npz"))
-    found = seen(converted, expected, index, 65.625, 64, 64)
-    assert psnr(found.colour, torch.tensor(expected[f"rgb_{index}"])) > 60
+    image = rendered(converted, expected, index, 65.625, 64, 64)
+    assert psnr(image.colour, torch.tensor(expected[f"rgb_{index}"])) > 60
 
 
 @pytest.fixture(scope="module")
@@ -76,13 +79,14 @@ def test_the_plain_reference_renders_the_authors_image(shared: Path):
     network, shapes, textures = read_weights(shared / "upstream/srncars500/models.pth")
     expected = np.load(shared / "upstream/expected_64.npz")
     shape, texture = expected["point_codes"]
-    points, directions = expected["points"].astype(float), expected["dirs"].astype(float)
+    points = expected["points"].astype(float)
+    directions = expected["dirs"].astype(float)
     density, rgb = evaluate(network, points, directions, shapes[shape], textures[texture])
     np.testing.assert_allclose(density, expected["sigma"], rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(rgb, expected["rgb"], atol=1e-5)
     shape, texture = expected["codes_0"]
-    found, depth = render(network, (shapes[shape], textures[texture]), expected["pose_0"], 65.625, 64, 64)
-    np.testing.assert_allclose(found, expected["rgb_0"], atol=1e-4)
+    colour, depth = render(network, (shapes[shape], textures[texture]), expected["pose_0"], 65.625, 64, 64)
+    np.testing.assert_allclose(colour, expected["rgb_0"], atol=1e-4)
     np.testing.assert_allclose(depth, expected["depth_0"], atol=1e-4)
 
 
@@ -91,8 +95,8 @@ def test_the_golden_images_are_those_of_the_plain_reference(index: int, golden_e
     network, shapes, textures = read_weights(GOLDEN / "models.pth")
     shape, texture = golden_expected[f"codes_{index}"]
     pose = golden_expected[f"pose_{index}"]
-    found, depth = render(network, (shapes[shape], textures[texture]), pose, FOCAL, SIDE, SAMPLES)
-    np.testing.assert_allclose(found, golden_expected[f"rgb_{index}"], atol=1e-5)
+    colour, depth = render(network, (shapes[shape], textures[texture]), pose, FOCAL, SIDE, SAMPLES)
+    np.testing.assert_allclose(colour, golden_expected[f"rgb_{index}"], atol=1e-5)
     np.testing.assert_allclose(depth, golden_expected[f"depth_{index}"], atol=1e-5)
 
 
@@ -108,9 +112,9 @@ def test_the_network_is_the_authors(golden: Model, golden_expected: dict[str, np
 @pytest.mark.parametrize("index", range(3))
 def test_the_renderer_is_the_authors(index: int, golden: Model, golden_expected: dict[str, np.ndarray]):
     """Colours and depths at every pixel: encoding, codes, rays, samples, the last interval and the white behind it."""
-    found = seen(golden, golden_expected, index, FOCAL, SIDE, SAMPLES)
-    np.testing.assert_allclose(found.colour, golden_expected[f"rgb_{index}"], atol=1e-4)
-    depth = found.depth * found.opacity
+    image = rendered(golden, golden_expected, index, FOCAL, SIDE, SAMPLES)
+    np.testing.assert_allclose(image.colour, golden_expected[f"rgb_{index}"], atol=1e-4)
+    depth = image.depth * image.opacity
     np.testing.assert_allclose(depth, golden_expected[f"depth_{index}"], atol=1e-4)
 
 
@@ -134,7 +138,7 @@ def test_nothing_in_a_file_is_executed(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("content", [b"", b"no", b"\x80\x02}."])
 @pytest.mark.parametrize("settings", ["", "[]", "{}", "{"])
-def test_what_is_no_checkpoint_is_named(content: bytes, settings: str, tmp_path: Path):
+def test_damaged_checkpoints_are_named(content: bytes, settings: str, tmp_path: Path):
     (tmp_path / "models.pth").write_bytes(content)
     (tmp_path / "other.json").write_text(settings)
     with pytest.raises(ValueError, match=r"^\S*models\.pth: [^\n]*$"):
@@ -142,12 +146,12 @@ def test_what_is_no_checkpoint_is_named(content: bytes, settings: str, tmp_path:
 
 
 def settings_with(**sizes: int) -> str:
-    about = json.loads((GOLDEN / "hpam.json").read_text())
-    return json.dumps(about | {"net_hyperparams": about["net_hyperparams"] | sizes})
+    settings = json.loads((GOLDEN / "hpam.json").read_text())
+    return json.dumps(settings | {"net_hyperparams": settings["net_hyperparams"] | sizes})
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "message"),
     [
         (None, r"hpam\.json"),
         ("[]", r"hpam\.json: hpam must be an object"),
@@ -156,10 +160,10 @@ def settings_with(**sizes: int) -> str:
         (settings_with(W=32), r"models\.pth: not a checkpoint .*Error\(s\) in loading state_dict"),
     ],
 )
-def test_settings_of_another_network_or_of_none_are_named(settings: str | None, said: str, tmp_path: Path):
+def test_settings_of_another_network_or_of_none_are_named(settings: str | None, message: str, tmp_path: Path):
     if settings is not None:
         (tmp_path / "hpam.json").write_text(settings)
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         load_authors(GOLDEN / "models.pth", tmp_path / "hpam.json")
 
 
@@ -167,15 +171,16 @@ def test_a_checkpoint_of_parallel_training_in_capitals_is_read(golden: Model, tm
     state = torch.load(GOLDEN / "models.pth", weights_only=True)
     state["model_params"] = {f"module.{name}": tensor for name, tensor in state["model_params"].items()}
     torch.save(state, tmp_path / "MODELS.PTH")
-    about = json.loads((GOLDEN / "hpam.json").read_text())
-    about["near"] = int(about["near"])
-    (tmp_path / "hpam.json").write_text("\ufeff" + json.dumps(about), "utf-8")
+    settings = json.loads((GOLDEN / "hpam.json").read_text())
+    settings["near"] = int(settings["near"])
+    (tmp_path / "hpam.json").write_text("\ufeff" + json.dumps(settings), "utf-8")
     assert load_model(str(tmp_path / "MODELS.PTH")).fingerprint == golden.fingerprint
 
 
 def test_a_bare_tensor_and_unequal_codes_are_named(tmp_path: Path):
     (tmp_path / "hpam.json").write_bytes((GOLDEN / "hpam.json").read_bytes())
-    state, path = torch.load(GOLDEN / "models.pth", weights_only=True), tmp_path / "models.pth"
+    state = torch.load(GOLDEN / "models.pth", weights_only=True)
+    path = tmp_path / "models.pth"
     torch.save(torch.ones(3), path)
     with pytest.raises(ValueError, match=r"models\.pth: it has no table model_params"):
         load_authors(path)

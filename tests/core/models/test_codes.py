@@ -22,9 +22,9 @@ def test_coordinates_and_codes_go_there_and_back(seed: int):
 def test_the_cloud_is_standard_in_as_many_directions_as_it_has():
     codes = cloud(count=400)
     space = CodeSpace.from_codes(codes)
-    found = space.coordinates(codes)
-    torch.testing.assert_close(found.mean(0), torch.zeros(6), atol=1e-4, rtol=0)
-    torch.testing.assert_close(found.T.cov(), torch.eye(6), atol=1e-3, rtol=0)
+    coordinates = space.coordinates(codes)
+    torch.testing.assert_close(coordinates.mean(0), torch.zeros(6), atol=1e-4, rtol=0)
+    torch.testing.assert_close(coordinates.T.cov(), torch.eye(6), atol=1e-3, rtol=0)
     assert bool((space.std.diff() <= 0).all())
     space = CodeSpace.from_codes(cloud(count=4))
     assert len(space.std) == 3
@@ -32,10 +32,11 @@ def test_the_cloud_is_standard_in_as_many_directions_as_it_has():
 
 
 def test_codes_are_mixed_apart_and_finite():
-    a, b = Codes(torch.zeros(3), torch.zeros(2)), Codes(torch.ones(3), torch.ones(2))
-    assert a.mixed(b, 1.0, 0.0) == Codes(torch.ones(3), torch.zeros(2))
-    assert a.mixed(b, 0.0, 0.5) == Codes(torch.zeros(3), torch.full((2,), 0.5))
-    assert a.mixed(b, 0.0, 0.0) == a
+    zeros = Codes(torch.zeros(3), torch.zeros(2))
+    ones = Codes(torch.ones(3), torch.ones(2))
+    assert zeros.mixed(ones, 1.0, 0.0) == Codes(torch.ones(3), torch.zeros(2))
+    assert zeros.mixed(ones, 0.0, 0.5) == Codes(torch.zeros(3), torch.full((2,), 0.5))
+    assert zeros.mixed(ones, 0.0, 0.0) == zeros
     with pytest.raises(ValueError, match="finite"):
         Codes(torch.tensor([torch.nan]), torch.zeros(1))
 
@@ -56,7 +57,8 @@ def test_a_book_shares_shapes_samples_by_seed_and_has_all_its_codes():
 
 def test_collapsed_objects_stay_but_count_for_nothing():
     """A row that a valid object shares with a collapsed one is kept."""
-    shapes, textures = cloud(count=4), cloud(1, count=4)
+    shapes = cloud(count=4)
+    textures = cloud(1, count=4)
     entries = (Entry("a", 0, 0), Entry("lost", 1, 0), Entry("b", 2, 2), Entry("c", 3, 3), Entry("lost too", 1, 1))
     book = CodeBook(shapes, textures, entries, frozenset({1, 4}))
     assert book.valid == (0, 2, 3)

@@ -37,8 +37,8 @@ def test_logits_and_soft_densities_come_back(config: FieldConfig) -> None:
 @pytest.mark.parametrize("config", CONFIGS)
 @pytest.mark.parametrize("value", [0.0, 1e-30, 1e10, 1e30])
 def test_extreme_densities_have_finite_logits(config: FieldConfig, value: float) -> None:
-    found: Tensor = density_to_logits(torch.tensor([value]), config)
-    assert bool(torch.isfinite(found).all())
+    logits: Tensor = density_to_logits(torch.tensor([value]), config)
+    assert bool(torch.isfinite(logits).all())
 
 
 @pytest.mark.parametrize("wrong", [{"contrast": -1.0}, {"contrast": float("nan")}, {"contrast_gain": 0.5}])

@@ -22,8 +22,10 @@ def plain(field: Field, point, direction, shape, texture):
 def test_folded_biases_are_the_plain_network(shape_blocks: int, texture_blocks: int):
     torch.manual_seed(1)
     field = Field(FieldConfig(32, shape_blocks, texture_blocks, 8, 4))
-    points, directions = torch.rand(50, 3) - 0.5, torch.nn.functional.normalize(torch.randn(50, 3), dim=-1)
-    shape, texture = torch.randn(50, 8), torch.randn(50, 4)
+    points = torch.rand(50, 3) - 0.5
+    directions = torch.nn.functional.normalize(torch.randn(50, 3), dim=-1)
+    shape = torch.randn(50, 8)
+    texture = torch.randn(50, 4)
     density, features = field.density(points, field.shape_bias(shape))
     colour = field.colour(features, field.direction_bias(directions), field.texture_bias(texture))
     expected = plain(field, points, directions, shape, texture)
@@ -31,18 +33,22 @@ def test_folded_biases_are_the_plain_network(shape_blocks: int, texture_blocks: 
 
 
 def test_encodings_and_slopes_of_biases_are_their_formulas():
-    found = encode(torch.tensor([0.5, 0.0, -1.0]), 2)
+    encoded = encode(torch.tensor([0.5, 0.0, -1.0]), 2)
     angles = torch.tensor([0.5, 0.0, -1.0, 1.0, 0.0, -2.0])
-    torch.testing.assert_close(found, torch.cat((torch.tensor([0.5, 0.0, -1.0]), angles.sin(), angles.cos())))
+    torch.testing.assert_close(encoded, torch.cat((torch.tensor([0.5, 0.0, -1.0]), angles.sin(), angles.cos())))
     torch.manual_seed(2)
     field = Field(FieldConfig(32, 2, 1, 8, 4))
-    codes, along, none = torch.randn(3, 8), torch.randn(5, 8), torch.zeros(3, 5)
-    expected = torch.func.vmap(torch.func.jacrev(lambda code, moved: field.shape_bias(code + moved @ along), 1))
-    torch.testing.assert_close(field.shape_bias_jacobian(codes, along), expected(codes, none))
+    codes = torch.randn(3, 8)
+    directions = torch.randn(5, 8)
+    unmoved = torch.zeros(3, 5)
+    expected = torch.func.vmap(torch.func.jacrev(lambda code, moved: field.shape_bias(code + moved @ directions), 1))
+    torch.testing.assert_close(field.shape_bias_jacobian(codes, directions), expected(codes, unmoved))
     expected = torch.func.vmap(
-        torch.func.jacrev(lambda code, moved: field.texture_bias(code + moved @ along[:, :4]), 1)
+        torch.func.jacrev(lambda code, moved: field.texture_bias(code + moved @ directions[:, :4]), 1)
     )
-    torch.testing.assert_close(field.texture_bias_jacobian(codes[:, :4], along[:, :4]), expected(codes[:, :4], none))
+    torch.testing.assert_close(
+        field.texture_bias_jacobian(codes[:, :4], directions[:, :4]), expected(codes[:, :4], unmoved)
+    )
 
 
 @pytest.mark.parametrize("sizes", [{"width": 0}, {"width": 7}, {"shape_blocks": 0}, {"position_frequencies": -1}])

@@ -32,7 +32,8 @@ def freed(model: Model, index: int, scale: float = 1.0) -> Instance:
 
 
 def test_offsets_are_counted_in_standard_deviations_of_the_training_biases(tiny: Model):
-    instance, plain = freed(tiny, 0), tiny[0]
+    instance = freed(tiny, 0)
+    plain = tiny[0]
     for bias, base, std, offset in zip(
         instance.biases,
         plain.biases,
@@ -47,16 +48,20 @@ def test_offsets_are_counted_in_standard_deviations_of_the_training_biases(tiny:
 
 
 def test_every_renderer_shows_offsets_and_zeros_change_nothing(tiny: Model):
-    camera, plain = tiny.camera(0.4, 0.5), tiny[0]
-    instance, zeros = freed(tiny, 0), freed(tiny, 0, scale=0.0)
-    exact, fast = render_exact(instance, camera), render_image(instance, camera)
+    camera = tiny.camera(0.4, 0.5)
+    plain = tiny[0]
+    instance = freed(tiny, 0)
+    zeros = freed(tiny, 0, scale=0.0)
+    exact = render_exact(instance, camera)
+    fast = render_image(instance, camera)
     assert float((exact.colour - fast.colour).abs().mean()) < 0.01
     assert float((exact.colour - render_exact(plain, camera).colour).abs().mean()) > 0.01
     assert torch.equal(render_image(zeros, camera).colour, render_image(plain, camera).colour)
 
 
 def test_bakes_meshes_and_thumbnails_show_offsets(tiny: Model):
-    instance, camera = freed(tiny, 0), tiny.camera(0.7, 0.4)
+    instance = freed(tiny, 0)
+    camera = tiny.camera(0.7, 0.4)
     exact = render_exact(instance, camera)
     *_, baked = (field for field in bake(instance) if field is not None)
     assert psnr(render_baked(baked, camera).colour, exact.colour) > 35
@@ -75,16 +80,18 @@ def density_on(model: Model, instance: Instance, vertices: np.ndarray) -> float:
 
 
 def test_texture_offsets_do_not_change_the_opacity(tiny: Model):
-    camera, instance = tiny.camera(0.4, 0.5), freed(tiny, 0)
-    other = instance.changed(texture_offsets=offsets(5, 1))
-    first, second = render_exact(instance, camera), render_exact(other, camera)
+    camera = tiny.camera(0.4, 0.5)
+    instance = freed(tiny, 0)
+    first = render_exact(instance, camera)
+    second = render_exact(instance.changed(texture_offsets=offsets(5, 1)), camera)
     assert torch.equal(first.opacity, second.opacity)
     assert not torch.equal(first.colour, second.colour)
 
 
 @given(st.floats(0, 1), st.integers(0, 100))
 def test_offsets_are_mixed_as_codes_are(amount: float, seed: int):
-    first, second = offsets(seed), offsets(seed + 1)
+    first = offsets(seed)
+    second = offsets(seed + 1)
     expected = torch.lerp(first.float(), second.float(), amount)
     torch.testing.assert_close(mixed_offsets(first, second, amount).float(), expected, atol=2e-3, rtol=2e-3)
     torch.testing.assert_close(
@@ -96,31 +103,33 @@ def test_offsets_are_mixed_as_codes_are(amount: float, seed: int):
 
 
 def test_shape_and_texture_take_their_own_offsets(tiny: Model):
-    instance, other = freed(tiny, 0), tiny[1]
-    mixed = instance.mixed(other, shape=1.0, texture=0.0)
+    instance = freed(tiny, 0)
+    plain = tiny[1]
+    mixed = instance.mixed(plain, shape=1.0, texture=0.0)
     assert not mixed.codes.shape_offsets.any() and torch.equal(
         mixed.codes.texture_offsets, instance.codes.texture_offsets
     )
-    assert torch.equal(other.taking("texture", instance).codes.texture_offsets, instance.codes.texture_offsets)
-    assert other.taking("texture", instance).codes.shape_offsets is None
-    assert instance.taking("shape", other).codes.shape_offsets is None
-    assert torch.equal(instance.taking("shape", other).codes.texture_offsets, instance.codes.texture_offsets)
+    assert torch.equal(plain.taking("texture", instance).codes.texture_offsets, instance.codes.texture_offsets)
+    assert plain.taking("texture", instance).codes.shape_offsets is None
+    assert instance.taking("shape", plain).codes.shape_offsets is None
+    assert torch.equal(instance.taking("shape", plain).codes.texture_offsets, instance.codes.texture_offsets)
 
 
 def test_objects_with_other_offsets_are_other_objects(tiny: Model):
     instance = freed(tiny, 0)
     same = instance.changed(shape_offsets=instance.codes.shape_offsets.clone())
     assert instance == same and hash(instance) == hash(same)
-    for other in (tiny[0], instance.changed(shape_offsets=offsets(7)), instance.changed(texture_offsets=None)):
-        assert instance != other
+    for unequal in (tiny[0], instance.changed(shape_offsets=offsets(7)), instance.changed(texture_offsets=None)):
+        assert instance != unequal
     assert instance.codes.texture_key == instance.changed(shape_offsets=None).codes.texture_key
     with pytest.raises(ValueError, match="finite"):
         Latents(torch.zeros(2), torch.zeros(2), torch.full((2, 3), torch.inf).half())
 
 
 def test_a_video_moves_offsets_and_begins_and_ends_at_its_keys(tiny: Model):
-    instance, other, camera = freed(tiny, 0), tiny[1], tiny.camera(0.0, 0.3)
-    keys = (Keyframe(0.0, View(instance, camera)), Keyframe(2.0, View(other, camera)))
+    instance = freed(tiny, 0)
+    camera = tiny.camera(0.0, 0.3)
+    keys = (Keyframe(0.0, View(instance, camera)), Keyframe(2.0, View(tiny[1], camera)))
     timeline = Timeline(keys, length=2.0, loop=False)
     assert torch.equal(timeline.at(0.0).instance.codes.shape_offsets, instance.codes.shape_offsets)
     middle = timeline.at(1.0).instance

@@ -8,7 +8,7 @@ from core.models.model import Model
 from tests.core.tiny import tiny_model
 
 
-def test_a_path_or_a_shipped_name_which_comes_with_a_classifier_and_cells(model: Model, tmp_path):
+def test_models_load_by_path_or_shipped_name_with_classifier_and_cells(model: Model, tmp_path):
     model.save(tmp_path / "mine.safetensors")
     assert load_model(str(tmp_path / "mine.safetensors")).fingerprint == model.fingerprint
     for name in shipped_models():
@@ -18,7 +18,7 @@ def test_a_path_or_a_shipped_name_which_comes_with_a_classifier_and_cells(model:
         assert shipped.stored_cells is not None
 
 
-def test_names_and_devices_that_are_not_there_are_said(monkeypatch: pytest.MonkeyPatch):
+def test_unknown_names_and_missing_devices_are_refused(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(ValueError, match=r"no model called 'boats' \(shipped: "):
         load_model("boats")
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)

@@ -35,8 +35,8 @@ def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(
     assert again.fingerprint == model.fingerprint
     assert looking.viewpoint_classifier is not None
     assert again.viewpoint_classifier is not None
-    seen = torch.rand(2, 4, SIDE, SIDE)
-    assert torch.allclose(again.viewpoint_classifier(seen), looking.viewpoint_classifier(seen), atol=1e-2)
+    crops = torch.rand(2, 4, SIDE, SIDE)
+    assert torch.allclose(again.viewpoint_classifier(crops), looking.viewpoint_classifier(crops), atol=1e-2)
     assert model.viewpoint_classifier is None
 
 
@@ -47,9 +47,9 @@ def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
     again = Model.load(tmp_path / "m.safetensors")
     assert again.fingerprint == model.fingerprint
     assert again.part_head.names == head.names
-    seen = torch.randn(5, width)
-    assert torch.equal(again.part_head(seen), head(seen))
-    torch.testing.assert_close(head(seen).sum(1), torch.ones(5))
+    features = torch.randn(5, width)
+    assert torch.equal(again.part_head(features), head(features))
+    torch.testing.assert_close(head(features).sum(1), torch.ones(5))
     with pytest.raises(ValueError, match="part head does not fit"):
         replace(model, part_head=PartHead(head.names, torch.zeros(2, width + 1), head.bias))
     for names in ((), ("seat",), ("seat", "seat"), ("seat", ""), ("seat", "back", "legs")):
@@ -59,7 +59,7 @@ def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
         replace(head, bias=head.bias * math.inf)
 
 
-def test_codes_are_half_precision_where_that_loses_nothing_and_name_the_model(model: Model, tmp_path):
+def test_codes_are_saved_in_half_precision_if_lossless_and_identify_the_model(model: Model, tmp_path):
     shapes = model.codes.shapes.half().float()
     rounded = replace(model, codes=replace(model.codes, shapes=shapes, textures=shapes[:, :4] + 1e-5))
     rounded.save(tmp_path / "m.safetensors")
@@ -68,8 +68,8 @@ def test_codes_are_half_precision_where_that_loses_nothing_and_name_the_model(mo
         assert file.get_tensor("codes.shapes").dtype == torch.half
         assert file.get_tensor("codes.textures").dtype == torch.float
     moved = CodeBook(model.codes.shapes + 1e-3, model.codes.textures, model.codes.objects)
-    other = Model(model.field, moved, model.extent, model.category, model.image_size, model.focal, model.distance)
-    assert other.fingerprint != model.fingerprint
+    changed = Model(model.field, moved, model.extent, model.category, model.image_size, model.focal, model.distance)
+    assert changed.fingerprint != model.fingerprint
 
 
 def test_codes_are_shared_with_former_models_and_cameras_as_in_training(model: Model, tmp_path):
@@ -83,7 +83,7 @@ def test_codes_are_shared_with_former_models_and_cameras_as_in_training(model: M
     assert (camera.distance, camera.focal, camera.width) == (2.0, 32.8, 32)
 
 
-def test_what_is_no_model_file_is_named(tmp_path):
+def test_files_that_hold_no_model_are_named(tmp_path):
     missing, text, foreign, partial = (tmp_path / f"{name}.safetensors" for name in ("no", "text", "foreign", "part"))
     text.write_text("hello")
     save_file({"a": torch.zeros(1)}, foreign)
@@ -123,7 +123,7 @@ def test_models_that_could_only_show_nothing_are_refused(model: Model):
 
 
 @pytest.mark.parametrize(
-    ("part", "value", "reason"),
+    ("key", "value", "reason"),
     [
         ("", [], "model must be an object"),
         ("config", {"shape_blocks": 10_000_000}, "shape_blocks of a field is 1 to 32"),
@@ -133,12 +133,12 @@ def test_models_that_could_only_show_nothing_are_refused(model: Model):
         ("category", None, r"model\.category must be a text"),
     ],
 )
-def test_metadata_of_another_kind_is_named(model: Model, tmp_path: Path, part: str, value: object, reason: str):
+def test_metadata_of_another_kind_is_named(model: Model, tmp_path: Path, key: str, value: object, reason: str):
     path = tmp_path / "m.safetensors"
     model.save(path)
     metadata, tensors = read_tensors(path)
-    about = json.loads(metadata["model"]) | {part: value} if part else value
-    save_file(tensors, path, metadata={"model": json.dumps(about)})
+    stored = json.loads(metadata["model"]) | {key: value} if key else value
+    save_file(tensors, path, metadata={"model": json.dumps(stored)})
     with pytest.raises(ValueError, match=rf"m\.safetensors: {reason}"):
         Model.load(path)
 
@@ -155,14 +155,14 @@ def test_a_soft_model_has_no_contrast_and_shares_weights_and_scenes(model: Model
     assert model.soft is model
 
 
-def test_an_object_is_a_model_with_codes_compared_by_what_its_renders_show(model: Model) -> None:
-    first, second = model[0], model[1]
+def test_objects_are_equal_if_their_models_render_alike_and_their_codes_are_equal(model: Model) -> None:
+    first = model[0]
+    second = model[1]
     assert first == Instance(replace(model), model.codes[0]) and hash(first) == hash(model[0])
     assert first != second and first != Instance(replace(model, white_from_network=True), model.codes[0])
     assert first.mixed(second, 0.0, 1.0) == first.with_texture(second) == second.with_shape(first)
     assert first.mixed(second, 1.0, 1.0) == second
-    by = torch.ones(len(first.codes.texture))
-    assert torch.equal(first.moved("texture", by).codes.texture, first.codes.texture + 1)
+    assert torch.equal(first.moved("texture", torch.ones(4)).codes.texture, first.codes.texture + 1)
     assert model.first == first and model.mean.codes == model.codes.mean
     with pytest.raises(ValueError, match="no photos"):
         _ = first.fitted

@@ -17,7 +17,7 @@ from tests.core.tiny import EXTENT, tiny_model
 _EXTENT = torch.tensor(EXTENT)
 
 
-def test_a_cell_is_occupied_where_a_corner_is_and_other_cells_are_refused():
+def test_a_cell_with_an_occupied_corner_is_occupied_and_other_sizes_are_refused():
     density = torch.zeros((CELLS + 1) ** 3)
     density[(CELLS + 1) ** 2 * 5 + (CELLS + 1) * 7 + 9] = 1e3
     cells = cells_at_corners(density, _EXTENT)
@@ -33,7 +33,7 @@ def test_packed_cells_are_the_same_again(seed: int):
 
 
 def _outside(model: Model, code: torch.Tensor) -> float:
-    """The share of the box that a shape takes beyond the model's cells."""
+    """Return the fraction of the box that a shape occupies beyond the model's cells."""
     assert model.occupied_cells is not None
     with torch.no_grad(), autocast(model.device):
         density = model.field.density(corner_points(model.extent_tensor, CELLS), model.field.shape_bias(code))[0]
@@ -51,7 +51,8 @@ def test_all_of_the_training_objects_is_inside():
 @settings(max_examples=12)
 @given(seed=st.integers(0, 2**31))
 def test_shapes_of_five_standard_deviations_are_inside(name: str, seed: int):
-    model, generator = _shipped(name), torch.Generator().manual_seed(seed)
+    model = _shipped(name)
+    generator = torch.Generator().manual_seed(seed)
     space = model.codes.shape_space
     direction = int(torch.randint(len(space.std), (), generator=generator))
     deviations = torch.zeros(len(space.std))

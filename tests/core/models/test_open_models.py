@@ -14,21 +14,21 @@ from tests.conftest import open_models, random_model
 
 
 @pytest.fixture
-def other() -> Model:
+def cars() -> Model:
     return replace(random_model(5), category="cars")
 
 
-def test_each_object_finds_its_model_or_one_that_extends_it(model: Model, other: Model) -> None:
-    models = open_models(model, other)
-    for instance in (model[1], other.mean):
+def test_each_object_finds_its_model_or_one_that_extends_it(model: Model, cars: Model) -> None:
+    models = open_models(model, cars)
+    for instance in (model[1], cars.mean):
         assert models.adopt(instance) is instance
         assert models.adopt(MissingInstance(instance.fingerprint, instance.codes)) == instance
-    assert models.of_category("cars") is other and models.of_category("tables") is None
-    assert list(models) == [model, other]
+    assert models.of_category("cars") is cars and models.of_category("tables") is None
+    assert list(models) == [model, cars]
     waiting = MissingInstance(model.fingerprint, model.codes[0])
-    extended = replace(other, extends=(model.fingerprint,))
+    extended = replace(cars, extends=(model.fingerprint,))
     assert open_models(extended).adopt(waiting) == Instance(extended, waiting.codes)
-    alone = open_models(other)
+    alone = open_models(cars)
     assert alone.adopt(waiting) is waiting and waiting.is_missing
     for read in (lambda: waiting.model, lambda: alone[model.fingerprint]):
         with pytest.raises(ValueError, match="a model that is not open"):
@@ -48,31 +48,31 @@ def test_a_model_is_loaded_once_under_any_of_its_names(model: Model) -> None:
     assert len(list(models)) == 1
 
 
-def test_codes_of_a_formerly_shipped_model_open_it(model: Model, other: Model, tmp_path, monkeypatch) -> None:
+def test_codes_of_a_formerly_shipped_model_open_it(model: Model, cars: Model, tmp_path, monkeypatch) -> None:
     model.save(tmp_path / f"{model.fingerprint}.safetensors")
     monkeypatch.setattr(library, "FORMER", tmp_path)
     models = OpenModels(load_model)
-    models.add("shipped", other)
+    models.add("shipped", cars)
     former, again = (models.adopt(MissingInstance(model.fingerprint, model.codes[index])).model for index in (0, 1))
     assert former is again
-    assert [one.fingerprint for one in models] == [other.fingerprint, model.fingerprint]
-    assert models.is_former(former) and not models.is_former(other)
+    assert [opened.fingerprint for opened in models] == [cars.fingerprint, model.fingerprint]
+    assert models.is_former(former) and not models.is_former(cars)
 
 
-def test_objects_of_two_models_are_told_apart_and_not_mixed(model: Model, other: Model) -> None:
+def test_objects_of_two_models_differ_and_are_not_mixed(model: Model, cars: Model) -> None:
     mine = model[0]
-    same = Instance(other, mine.codes)
+    same = Instance(cars, mine.codes)
     assert mine != same
     for mix in (lambda: mine.mixed(same, 0.5, 0.5), lambda: mine.taking("shape", same)):
         with pytest.raises(ValueError, match="different models"):
             mix()
 
 
-def test_frames_of_two_models_follow_each_other(model: Model, other: Model) -> None:
+def test_frames_of_two_models_follow_each_other(model: Model, cars: Model) -> None:
     def frames(*views: View) -> list[np.ndarray]:
         return [image for image in render_frames(views, None, exact=True) if image is not None]
 
-    first, second = (View(one[0], one.camera(0.3, 0.2).resized(8, 8)) for one in (model, other))
+    first, second = (View(opened[0], opened.camera(0.3, 0.2).resized(8, 8)) for opened in (model, cars))
     both = frames(first, second, first)
     for image, alone in zip(both, [*frames(first), *frames(second), *frames(first)], strict=True):
         np.testing.assert_array_equal(image, alone)

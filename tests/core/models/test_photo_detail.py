@@ -14,7 +14,7 @@ CAMERA = Camera(0.5, 0.2, 1.3, 60.0, 40, 30)
 SCRATCH = Erasure(((0.25, 0.5), (0.75, 0.5)), 0.05)
 
 
-def some_detail(model: Model) -> PhotoDetail:
+def red_detail(model: Model) -> PhotoDetail:
     rgba = np.full((30, 40, 4), 255, np.uint8)
     rgba[10:20, 10:30] = 200, 30, 40, 255
     rgba[:5, :, 3] = 0
@@ -24,7 +24,7 @@ def some_detail(model: Model) -> PhotoDetail:
 
 
 def test_pixels_come_back_nearly_and_small(model: Model) -> None:
-    pixels = some_detail(model).views[0].pixels()
+    pixels = red_detail(model).views[0].pixels()
     assert pixels.shape == (30, 40, 4)
     np.testing.assert_allclose(pixels[13:17, 14:26, :3].mean((0, 1)), (200, 30, 40), atol=12)
     assert (pixels[:4, :, 3] == 0).all() and (pixels[6:, :, 3] == 255).all()
@@ -34,8 +34,8 @@ def test_pixels_come_back_nearly_and_small(model: Model) -> None:
     assert len(PhotoView.of(noise, camera).image) <= MAX_BYTES
 
 
-def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
-    detail = replace(some_detail(model).erasing(0, (SCRATCH,)), strength=0.4, other_side="model")
+def test_a_scene_and_an_image_keep_the_detail(model: Model, tmp_path: Path) -> None:
+    detail = replace(red_detail(model).erasing(0, (SCRATCH,)), strength=0.4, other_side="model")
     instance = model.mean.with_detail(detail)
     scene = Scene(instance, CAMERA)
     scene.save(tmp_path / "s.json")
@@ -58,26 +58,28 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
         {"camera": {"azimuth": 0, "elevation": 0, "distance": 1.3, "focal": 60, "width": 41, "height": 30}},
     ],
 )
-def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, change: dict) -> None:
-    instance = model.mean.with_detail(some_detail(model))
-    about = json.loads(Scene(instance, CAMERA).to_json())
-    (about["detail"] if change.keys() & about["detail"].keys() else about["detail"]["views"][0]).update(change)
-    (tmp_path / "s.json").write_text(json.dumps(about))
+def test_damaged_detail_is_refused_in_one_line(model: Model, tmp_path: Path, change: dict) -> None:
+    instance = model.mean.with_detail(red_detail(model))
+    content = json.loads(Scene(instance, CAMERA).to_json())
+    stored = content["detail"]
+    (stored if change.keys() & stored.keys() else stored["views"][0]).update(change)
+    (tmp_path / "s.json").write_text(json.dumps(content))
     with pytest.raises(ValueError) as raised:
         Scene.load(tmp_path / "s.json", model)
     assert "\n" not in str(raised.value)
 
 
 def test_the_masks_of_older_scenes_bound_nothing(model: Model) -> None:
-    scene = Scene(model.mean.with_detail(some_detail(model)), CAMERA)
-    about = json.loads(scene.to_json())
-    del about["detail"]["views"][0]["outline_margin"]
-    detail = Scene.from_json(json.dumps(about), model).instance.detail
+    scene = Scene(model.mean.with_detail(red_detail(model)), CAMERA)
+    content = json.loads(scene.to_json())
+    del content["detail"]["views"][0]["outline_margin"]
+    detail = Scene.from_json(json.dumps(content), model).instance.detail
     assert detail is not None and detail.views[0].outline_margin is None
 
 
-def test_it_goes_with_the_shape(model: Model) -> None:
-    plain, fitted = model[0], model[1].with_detail(some_detail(model))
+def test_detail_goes_with_the_shape(model: Model) -> None:
+    plain = model[0]
+    fitted = model[1].with_detail(red_detail(model))
     assert plain.taking("shape", fitted).detail is fitted.detail
     assert plain.taking("texture", fitted).detail is None
     assert fitted.taking("shape", plain).detail is None
@@ -88,16 +90,16 @@ def test_it_goes_with_the_shape(model: Model) -> None:
 
 
 def test_an_erasure_covers_its_line_and_nothing_else(model: Model) -> None:
-    view = some_detail(model).erasing(0, (SCRATCH,)).views[0]
+    view = red_detail(model).erasing(0, (SCRATCH,)).views[0]
     kept = view.kept(200, 150)
     assert kept.shape == (150, 200)
     assert not kept[75, 50:150].any()
     assert kept[:60].all() and kept[90:].all() and kept[:, :35].all() and kept[:, 165:].all()
-    assert view != some_detail(model).views[0]
+    assert view != red_detail(model).views[0]
 
 
 @pytest.mark.parametrize("count", [0, MAX_PHOTOS + 1])
-def test_there_are_few_photos(model: Model, count: int) -> None:
-    one = some_detail(model)
+def test_no_photos_and_too_many_are_refused(model: Model, count: int) -> None:
+    detail = red_detail(model)
     with pytest.raises(ValueError, match=f"got {count}"):
-        replace(one, views=one.views * count)
+        replace(detail, views=detail.views * count)

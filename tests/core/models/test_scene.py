@@ -16,34 +16,34 @@ from tests.conftest import random_model
 PIXELS = np.arange(6 * 5 * 3, dtype=np.uint8).reshape(6, 5, 3)
 
 
-def some(model: Model) -> Scene:
+def random_scene(model: Model) -> Scene:
     instance = Instance(model, Codes(torch.randn(8) * 1e-3, torch.randn(4) * 1e3))
     return Scene(instance, model.camera(0.1 + 1e-15, 1 / 3))
 
 
 def test_a_scene_comes_back_exactly_or_is_not_written(model: Model, tmp_path):
-    scene = some(model)
+    scene = random_scene(model)
     scene.save(tmp_path / "s.json")
     again = Scene.load(tmp_path / "s.json", model)
     assert again == open_scene(tmp_path / "s.json", model) == scene
     assert torch.equal(again.instance.codes.shape, scene.instance.codes.shape)
     for path in (tmp_path / "gone" / "s.json", tmp_path):
         with pytest.raises(ValueError, match="cannot write"):
-            some(model).save(path)
+            random_scene(model).save(path)
     assert [path.name for path in tmp_path.iterdir()] == ["s.json"]
 
 
 def test_a_scene_of_another_model_is_refused_by_name(model: Model, tmp_path):
-    other = some(random_model(seed=1))
-    other.save(tmp_path / "s.json")
-    save_image(PIXELS, tmp_path / "s.png", other)
+    foreign = random_scene(random_model(seed=1))
+    foreign.save(tmp_path / "s.json")
+    save_image(PIXELS, tmp_path / "s.png", foreign)
     for name in ("s.json", "s.png"):
         with pytest.raises(ValueError, match=f"{name}: it belongs to another model"):
             open_scene(tmp_path / name, model)
 
 
 def test_a_scene_of_a_model_that_this_one_extends_becomes_one_of_this_model(model: Model, tmp_path):
-    scene = some(random_model(seed=1))
+    scene = random_scene(random_model(seed=1))
     scene.save(tmp_path / "s.json")
     extended = replace(model, extends=("0123456789abcdef", scene.instance.fingerprint))
     assert Scene.load(tmp_path / "s.json", extended) == replace(
@@ -54,7 +54,7 @@ def test_a_scene_of_a_model_that_this_one_extends_becomes_one_of_this_model(mode
 @pytest.mark.parametrize(
     "content", [b"", b"[]", b"hello", b"\xff\xfe\x00", b'{"model": 1}', b'{"camera": {}, "model": "x"}']
 )
-def test_what_is_no_scene_is_named(content: bytes, model: Model, tmp_path):
+def test_files_that_hold_no_scene_are_named(content: bytes, model: Model, tmp_path):
     path = tmp_path / "s.json"
     path.write_bytes(content)
     with pytest.raises(ValueError, match=r"s\.json"):
@@ -65,7 +65,7 @@ def test_what_is_no_scene_is_named(content: bytes, model: Model, tmp_path):
 
 @pytest.fixture
 def scene(model: Model) -> Scene:
-    return some(model)
+    return random_scene(model)
 
 
 def test_a_png_brings_its_scene_back_exactly(scene: Scene, model: Model, tmp_path: Path):
@@ -84,11 +84,11 @@ def test_other_formats_hold_pixels_only(scene: Scene, name: str, tmp_path: Path)
     assert embedded_scene(tmp_path / name) is None
 
 
-def test_files_that_hold_no_scene_hold_none(scene: Scene, model: Model, tmp_path: Path):
+def test_no_scene_is_embedded_in_torn_and_plain_files(scene: Scene, model: Model, tmp_path: Path):
     save_image(PIXELS, tmp_path / "whole.png", scene)
-    whole = (tmp_path / "whole.png").read_bytes()
+    content = (tmp_path / "whole.png").read_bytes()
     for length in (0, 7, 8, 20, 40, 100):
-        (tmp_path / "torn.png").write_bytes(whole[:length])
+        (tmp_path / "torn.png").write_bytes(content[:length])
         assert embedded_scene(tmp_path / "torn.png") is None, length
     (tmp_path / "text.png").write_text("hello")
     Image.fromarray(PIXELS).save(tmp_path / "plain.png")
@@ -101,16 +101,16 @@ def test_files_that_hold_no_scene_hold_none(scene: Scene, model: Model, tmp_path
 def test_the_scene_of_an_image_is_read_without_decoding_it(scene: Scene, tmp_path: Path):
     """Its header says 60,000 by 60,000 pixels, which the file does not hold and no memory would."""
     save_image(PIXELS, tmp_path / "a.png", scene)
-    whole = (tmp_path / "a.png").read_bytes()
-    header = b"IHDR" + struct.pack(">II", 60_000, 60_000) + whole[24:29]
-    (tmp_path / "huge.png").write_bytes(whole[:12] + header + struct.pack(">I", zlib.crc32(header)) + whole[33:])
+    content = (tmp_path / "a.png").read_bytes()
+    header = b"IHDR" + struct.pack(">II", 60_000, 60_000) + content[24:29]
+    (tmp_path / "huge.png").write_bytes(content[:12] + header + struct.pack(">I", zlib.crc32(header)) + content[33:])
     assert embedded_scene(tmp_path / "huge.png") == scene.to_json()
 
 
 @pytest.mark.parametrize(
-    ("name", "why"), [("a.xyz", r"must end in \.png"), ("a", r"must end in \.png"), ("gone/a.png", "cannot write")]
+    ("name", "reason"), [("a.xyz", r"must end in \.png"), ("a", r"must end in \.png"), ("gone/a.png", "cannot write")]
 )
-def test_an_image_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, why: str, tmp_path: Path):
-    with pytest.raises(ValueError, match=why):
+def test_an_image_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, reason: str, tmp_path: Path):
+    with pytest.raises(ValueError, match=reason):
         save_image(PIXELS, tmp_path / name, scene)
     assert list(tmp_path.iterdir()) == []
