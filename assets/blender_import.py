@@ -1,4 +1,4 @@
-"""Opens a .glb of CodeNeRF Viewer in Blender, and sees the object through the camera of its photo.
+"""Open a .glb of CodeNeRF Viewer in Blender and show the object through the camera of its photo.
 
     blender --python assets/blender_import.py -- chair.glb [photo.png]
 
@@ -11,36 +11,39 @@ from pathlib import Path
 
 import bpy
 
-_HEIGHT = 1024
-"""px, of renders"""
+_HEIGHT = 1024  # px, of renders
 
 
 def open_glb(path, photo=None):
-    """An otherwise empty scene with the object and, where the file has one, its camera; returns its parts and that."""
+    """Make a scene of the file's object and camera alone; return its meshes and the camera, None without one."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(path))
-    scene, made = bpy.context.scene, list(bpy.data.objects)
-    parts = [one for one in made if one.type == "MESH"]
-    camera = next((one for one in made if one.type == "CAMERA"), None)
+    scene = bpy.context.scene
+    imported = list(bpy.data.objects)
+    meshes = [item for item in imported if item.type == "MESH"]
+    camera = next((item for item in imported if item.type == "CAMERA"), None)
     world = bpy.data.worlds.new("white")
     world.color = (1.0, 1.0, 1.0)
-    scene.world, scene.camera = world, camera
-    # Light is in the colours already: they are to come out as they are in the file.
+    scene.world = world
+    scene.camera = camera
+    # The colours contain the light: they are shown unchanged.
     scene.view_settings.view_transform = "Standard"
     if camera:
-        scene.render.resolution_y, scene.render.resolution_x = _HEIGHT, round(_HEIGHT * _aspect(path))
+        scene.render.resolution_y = _HEIGHT
+        scene.render.resolution_x = round(_HEIGHT * _aspect_ratio(path))
         if photo:
             camera.data.show_background_images = True
-            behind = camera.data.background_images.new()
-            behind.image, behind.alpha = bpy.data.images.load(str(photo)), 0.5
-    return parts, camera
+            background = camera.data.background_images.new()
+            background.image = bpy.data.images.load(str(photo))
+            background.alpha = 0.5
+    return meshes, camera
 
 
-def _aspect(path):
-    """Width of the camera's image over its height."""
+def _aspect_ratio(path):
+    """Return the width of the camera's image over its height."""
     data = Path(path).read_bytes()
-    about = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    return about["cameras"][0]["perspective"]["aspectRatio"]
+    gltf = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    return gltf["cameras"][0]["perspective"]["aspectRatio"]
 
 
 if __name__ == "__main__" and "--" in sys.argv:

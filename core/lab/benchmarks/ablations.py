@@ -62,11 +62,11 @@ def summarise_ablations(trials: Sequence[FitTrial]) -> tuple[Ablation, ...]:
 
 
 def _ablation(name: str, by_name: Mapping[str, Mapping[tuple[str, int], FitTrial]]) -> Ablation:
-    found = by_name[name]
-    full = {view: [by_name[other][view] for other in REPEATS if other != name] for view in found}
-    gain = mean_gain([one.held_out for one in found.values()], [_held_out(others) for others in full.values()])
-    times = [one.seconds / fmean(other.seconds for other in full[view]) for view, one in found.items()]
-    return Ablation(summarise_fits(name, tuple(found.values())), gain, median(times))
+    trials = by_name[name]
+    full = {view: [by_name[repeat][view] for repeat in REPEATS if repeat != name] for view in trials}
+    gain = mean_gain([trial.held_out for trial in trials.values()], [_held_out(repeats) for repeats in full.values()])
+    times = [trial.seconds / fmean(repeat.seconds for repeat in full[view]) for view, trial in trials.items()]
+    return Ablation(summarise_fits(name, tuple(trials.values())), gain, median(times))
 
 
 def _held_out(trials: Sequence[FitTrial]) -> float:

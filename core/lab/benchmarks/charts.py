@@ -33,20 +33,21 @@ class Chart(NamedTuple):
     figure: Callable[[Any], "Figure"] | None = None
 
 
-def write(folder: Path, name: str, found: Results[Any]) -> str:
+def write(folder: Path, name: str, results: Results[Any]) -> str:
     """Write the CSV file of a benchmark, its table and its chart; return the table."""
-    write_results(folder / f"{name}.csv", found)
+    write_results(folder / f"{name}.csv", results)
     return draw(folder, name)
 
 
 def draw(folder: Path, name: str) -> str:
     """Write the table and chart of a CSV file beside it; return the table. Raise ``ValueError`` for another file."""
-    chart, path = CHARTS[name], folder / f"{name}.csv"
-    found = chart.read(path)
-    table = chart.table(found)
+    chart = CHARTS[name]
+    path = folder / f"{name}.csv"
+    results = chart.read(path)
+    table = chart.table(results)
     path.with_suffix(".md").write_text(table)
     if chart.figure:
-        chart.figure(found).savefig(path.with_suffix(".png"), dpi=DPI)
+        chart.figure(results).savefig(path.with_suffix(".png"), dpi=DPI)
     return table
 
 

@@ -53,22 +53,22 @@ class DetailView:
         return self.category, self.renderer, self.camera, self.name
 
 
-def others(rows: Iterable[DetailView]) -> list[DetailView]:
+def unfitted_views(rows: Iterable[DetailView]) -> list[DetailView]:
     """Return the views that were not fitted."""
     return [row for row in rows if row.bound is None]
 
 
-def object_gains(rows: Sequence[DetailView], what: str = "full") -> list[float]:
+def object_gains(rows: Sequence[DetailView], score: str = "full") -> list[float]:
     """Return each object's mean gain in dB over the render without detail."""
     gains: dict[str, list[float]] = {}
     for row in rows:
-        gains.setdefault(row.name, []).append(getattr(row, what) - row.plain)
-    return [statistics.mean(each) for each in gains.values()]
+        gains.setdefault(row.name, []).append(getattr(row, score) - row.plain)
+    return [statistics.mean(view_gains) for view_gains in gains.values()]
 
 
-def gain_by_object(rows: Sequence[DetailView], what: str = "full") -> Mean:
+def gain_by_object(rows: Sequence[DetailView], score: str = "full") -> Mean:
     """Return the mean gain in dB, with its interval over objects."""
-    return mean_of(object_gains(rows, what))
+    return mean_of(object_gains(rows, score))
 
 
 def measure_detail(
@@ -103,40 +103,43 @@ def measure_detail(
             for view in range(0, len(views.cameras), stride):
                 if view == input_view:
                     continue
-                seen, image = views.cameras[view], torch.from_numpy(views.images[view]).float() / 255
-                plain, direct, full = _scores(last.instance, maps, seen, image)
-                rows.append(
-                    replace(row, view=view, angle=rotation_error(seen, truth), plain=plain, direct=direct, full=full)
-                )
+                target = views.cameras[view]
+                image = torch.from_numpy(views.images[view]).float() / 255
+                view_row = replace(row, view=view, angle=rotation_error(target, truth))
+                rows.append(_scored(view_row, last.instance, maps, target, image))
             yield from rows
 
 
-def _scores(
-    instance: Instance, maps: DetailMaps | None, camera: Camera, image: Float[Tensor, "h w 3"]
-) -> tuple[float, float, float]:
-    """Return the PSNR without detail, without mirroring and with all of it."""
+def _scored(
+    row: DetailView, instance: Instance, maps: DetailMaps | None, camera: Camera, image: Float[Tensor, "h w 3"]
+) -> DetailView:
+    """Return the row with the PSNR without detail, without mirroring and with all of it."""
     plain = psnr(render_image(instance.with_detail(None), camera).colour.clamp(0, 1).cpu(), image)
     if maps is None:
-        return plain, plain, plain
+        return replace(row, plain=plain, direct=plain, full=plain)
     rendered = render_image(instance, camera)
     full, direct = (
-        psnr(one.added(rendered, camera)[0].colour.cpu(), image) for one in (maps, replace(maps, other_side="model"))
+        psnr(variant.added(rendered, camera)[0].colour.cpu(), image)
+        for variant in (maps, replace(maps, other_side="model"))
     )
-    return plain, direct, full
+    return replace(row, plain=plain, direct=direct, full=full)
 
 
 def _input_row(
     instance: Instance, maps: DetailMaps | None, photo: PhotoView, camera: Camera, row: DetailView
 ) -> DetailView:
     """Return the row of the photo itself, at its fitted camera and the size of the model's images."""
-    size, wide = instance.model.image_size, round(photo.camera.focal / camera.focal * camera.height)
+    size = instance.model.image_size
+    side = round(photo.camera.focal / camera.focal * camera.height)
     rgba = torch.from_numpy(photo.pixels()).float().movedim(-1, 0) / 255
-    beside, below = (wide - photo.camera.width) // 2, (wide - photo.camera.height) // 2
-    white = functional.pad(rgba[:3], (beside, beside, below, below), value=1.0)
+    columns = (side - photo.camera.width) // 2
+    rows = (side - photo.camera.height) // 2
+    white = functional.pad(rgba[:3], (columns, columns, rows, rows), value=1.0)
     image = functional.adaptive_avg_pool2d(white, (size, size)).movedim(0, -1)
-    seen = replace(photo.camera, width=wide, height=wide).resized(size, size)
-    rendered = render_image(instance.with_detail(None), seen)
-    left = 1 - rendered.opacity[..., None].cpu()
-    bound = torch.where(left < 1 - MIN_OPACITY, torch.maximum(image, left), rendered.colour.clamp(0, 1).cpu())
-    plain, direct, full = _scores(instance, maps, seen, image)
-    return replace(row, bound=psnr(bound, image), plain=plain, direct=direct, full=full)
+    target = replace(photo.camera, width=side, height=side).resized(size, size)
+    rendered = render_image(instance.with_detail(None), target)
+    transmittance = 1 - rendered.opacity[..., None].cpu()
+    bound = torch.where(
+        transmittance < 1 - MIN_OPACITY, torch.maximum(image, transmittance), rendered.colour.clamp(0, 1).cpu()
+    )
+    return _scored(replace(row, bound=psnr(bound, image)), instance, maps, target, image)

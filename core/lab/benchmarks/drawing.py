@@ -42,9 +42,9 @@ def log_ticks(axis: "Axis", places: Sequence[float] | None = None) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def around(means: Sequence[Mean]) -> list[list[float]]:
+def error_bars(means: Sequence[Mean]) -> list[list[float]]:
     """Return the intervals' distances below and above their means, as matplotlib's error bars take them."""
-    return [[one.mean - one.low for one in means], [one.high - one.mean for one in means]]
+    return [[mean.mean - mean.low for mean in means], [mean.high - mean.mean for mean in means]]
 
 
 def draw_frontier(axes: "Axes", points: Sequence[tuple[float, float]]) -> None:

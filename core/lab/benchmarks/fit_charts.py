@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, others
-from core.lab.benchmarks.drawing import around, draw_frontier, log_ticks, new_figure
+from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, unfitted_views
+from core.lab.benchmarks.drawing import draw_frontier, error_bars, log_ticks, new_figure
 from core.lab.benchmarks.fits import FitTrial, summarise_presets
 from core.lab.benchmarks.robustness import SUCCESS_DEGREES, RobustnessTrial, success_rates
 from core.lab.benchmarks.stressors import STRESSORS
@@ -16,21 +16,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def fit_chart(found: Results[FitTrial]) -> "Figure":
+def fit_chart(results: Results[FitTrial]) -> "Figure":
     """Draw rotation error and fraction of right cameras over time, and PSNR of other views against time."""
     figure, (left, middle, right) = new_figure(3)
-    summaries = summarise_presets(found.rows)
-    for one in summaries:
+    summaries = summarise_presets(results.rows)
+    for summary in summaries:
         # A curve ends with the results at the time at which half of the fits have ended.
-        end = one.seconds, one.rotation, one.within_5_degrees.mean
-        curve = [point for point in one.curve if point[0] < one.seconds] + [end]
-        left.plot([point[0] for point in curve], [max(point[1], 0.01) for point in curve], "o-", label=one.preset)
-        middle.plot([point[0] for point in curve], [100 * point[2] for point in curve], "o-", label=one.preset)
-        mean = one.held_out.mean
-        right.errorbar(one.seconds, mean, around([one.held_out]), fmt="o", capsize=2)
-        default = " (default)" if one.preset == "normal" else ""
-        right.annotate(f"{one.preset}{default}", (one.seconds, mean), (6, -12), textcoords="offset points", fontsize=8)
-    draw_frontier(right, [(one.seconds, one.held_out.mean) for one in summaries])
+        end = summary.seconds, summary.rotation, summary.within_5_degrees.mean
+        curve = [point for point in summary.curve if point[0] < summary.seconds] + [end]
+        seconds, rotations, fractions = zip(*curve, strict=True)
+        left.plot(seconds, [max(rotation, 0.01) for rotation in rotations], "o-", label=summary.preset)
+        middle.plot(seconds, [100 * fraction for fraction in fractions], "o-", label=summary.preset)
+        place = summary.seconds, summary.held_out.mean
+        right.errorbar(*place, error_bars([summary.held_out]), fmt="o", capsize=2)
+        label = f"{summary.preset} (default)" if summary.preset == "normal" else summary.preset
+        right.annotate(label, place, (6, -12), textcoords="offset points", fontsize=8)
+    draw_frontier(right, [(summary.seconds, summary.held_out.mean) for summary in summaries])
     left.set(xscale="log", yscale="log", xlabel="processor seconds", ylabel="rotation error (degrees, median)")
     middle.set(xscale="log", ylim=(-2, 102), xlabel="processor seconds", ylabel="cameras within 5 degrees (%)")
     right.set(xscale="log", xlabel="processor seconds (median)", ylabel="other views (dB, with 95 % intervals)")
@@ -40,18 +41,18 @@ def fit_chart(found: Results[FitTrial]) -> "Figure":
         axes.grid(alpha=0.3)
     log_ticks(left.yaxis)
     left.legend()  # in the middle it would hide points
-    figure.suptitle(f"{found.about['machine']}, {summaries[0].fits} views", fontsize=9)
+    figure.suptitle(f"{results.common['machine']}, {summaries[0].fits} views", fontsize=9)
     return figure
 
 
-def ablations_chart(found: Results[Ablation]) -> "Figure":
+def ablations_chart(results: Results[Ablation]) -> "Figure":
     """Draw time and accuracy of each ablation beside the full method."""
-    names = [f"{part.summary.preset} ({part.summary.fits})" for part in found.rows]
-    gains = [part.gain for part in found.rows]
+    names = [f"{ablation.summary.preset} ({ablation.summary.fits})" for ablation in results.rows]
+    gains = [ablation.gain for ablation in results.rows]
     figure, (left, right) = new_figure(2)
-    left.barh(names, [part.time for part in found.rows])
+    left.barh(names, [ablation.time for ablation in results.rows])
     left.axvline(1.0, color="black", linewidth=0.8)
-    right.errorbar([one.mean for one in gains], names, xerr=around(gains), fmt="o", capsize=2)
+    right.errorbar([gain.mean for gain in gains], names, xerr=error_bars(gains), fmt="o", capsize=2)
     right.axvline(0.0, color="black", linewidth=0.8)
     left.invert_yaxis()
     left.set(xlabel="time (of the full method's)")
@@ -59,41 +60,44 @@ def ablations_chart(found: Results[Ablation]) -> "Figure":
     for axes in (left, right):
         axes.grid(alpha=0.3, axis="x")
         axes.set_axisbelow(True)
-    figure.suptitle(f"{found.about['machine']}; views in brackets", fontsize=9)
+    figure.suptitle(f"{results.common['machine']}; views in brackets", fontsize=9)
     return figure
 
 
 # Robustness
 
 
-def robustness_chart(found: Results[RobustnessTrial]) -> "Figure":
+def robustness_chart(results: Results[RobustnessTrial]) -> "Figure":
     """Draw success rates: a panel per stressor, bars per level and preset."""
-    rates = success_rates(found.rows)
+    rates = success_rates(results.rows)
     names = list(dict.fromkeys(name for name, _ in rates))
     columns = min(4, len(names))
     figure, panels = new_figure(columns, -(-len(names) // columns), 2.9)
     for axes in panels[len(names) :]:
         axes.remove()
-    presets = list(dict.fromkeys(trial.preset for trial in found.rows))
+    presets = list(dict.fromkeys(trial.preset for trial in results.rows))
     for axes, name in zip(panels, names, strict=False):
-        _stressor_panel(axes, name, {level: one for (other, level), one in rates.items() if other == name}, presets)
+        by_level = {level: by_preset for (stressor, level), by_preset in rates.items() if stressor == name}
+        _stressor_panel(axes, name, by_level, presets)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower right", ncols=len(labels))
-    what = f"cameras within {SUCCESS_DEGREES:g}°; without an object: refused or doubted (%)"
-    objects = len({trial.name for trial in found.rows})
-    figure.suptitle(f"{what}; {objects} objects; {found.about['machine']}", fontsize=9)
+    measure = f"cameras within {SUCCESS_DEGREES:g}°; without an object: refused or doubted (%)"
+    objects = len({trial.name for trial in results.rows})
+    figure.suptitle(f"{measure}; {objects} objects; {results.common['machine']}", fontsize=9)
     return figure
 
 
 def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]], presets: list[str]) -> None:
     for number, preset in enumerate(presets):
-        shares = [Mean(*(100 * share for share in one.get(preset, (0, 0, 0)))) for one in rates.values()]
+        fractions = [by_preset.get(preset, (0, 0, 0)) for by_preset in rates.values()]
+        percentages = [Mean(*(100 * bound for bound in fraction)) for fraction in fractions]
         width = 0.8 / len(presets)
         centres = [index + (number - (len(presets) - 1) / 2) * width for index in range(len(rates))]
-        means = [one.mean for one in shares]
-        axes.bar(centres, means, width, label=preset, yerr=around(shares), error_kw={"linewidth": 0.8})
+        means = [percentage.mean for percentage in percentages]
+        axes.bar(centres, means, width, label=preset, yerr=error_bars(percentages), error_kw={"linewidth": 0.8})
     axes.set_xticks(range(len(rates)), [f"{level:g}" for level in rates] if len(rates) > 1 else [""])
-    middle, half = (len(rates) - 1) / 2, max(3, len(rates)) / 2
+    middle = (len(rates) - 1) / 2
+    half = max(3, len(rates)) / 2
     axes.set(xlim=(middle - half, middle + half), ylim=(0, 105), yticks=(0, 50, 100))
     axes.set_title(name, fontsize=10)
     axes.set_xlabel(STRESSORS[name].unit if name in STRESSORS else "", fontsize=8)
@@ -101,33 +105,33 @@ def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]]
     axes.set_axisbelow(True)
 
 
-def photo_detail_chart(found: Results[DetailView]) -> "Figure":
+def photo_detail_chart(results: Results[DetailView]) -> "Figure":
     """Draw the gain of other views against their angle from the photo, a panel per category and camera."""
-    places = sorted({(row.category, row.camera) for row in found.rows})
-    figure, panels = new_figure(len(places), width=3.8)
-    for axes, place in zip(panels, places, strict=True):
-        rows = [row for row in others(found.rows) if (row.category, row.camera) == place]
+    groups = sorted({(row.category, row.camera) for row in results.rows})
+    figure, panels = new_figure(len(groups), width=3.8)
+    for axes, group in zip(panels, groups, strict=True):
+        rows = [row for row in unfitted_views(results.rows) if (row.category, row.camera) == group]
         for number, renderer in enumerate(dict.fromkeys(row.renderer for row in rows)):
             own = [row for row in rows if row.renderer == renderer]
-            for what, style in (("full", "o-"), ("direct", "s:")):
+            for score, style in (("full", "o-"), ("direct", "s:")):
                 bins = {middle: [row for row in own if abs(row.angle - middle) <= _BIN / 2] for middle in _MIDDLES}
-                gains = {middle: gain_by_object(each, what) for middle, each in bins.items() if each}
-                label = f"{renderer}{'' if what == 'full' else ', not mirrored'}"
+                gains = {middle: gain_by_object(binned, score) for middle, binned in bins.items() if binned}
+                label = f"{renderer}{'' if score == 'full' else ', not mirrored'}"
                 values = list(gains.values())
                 axes.errorbar(
                     list(gains),
-                    [one.mean for one in values],
-                    around(values) if what == "full" else None,
+                    [gain.mean for gain in values],
+                    error_bars(values) if score == "full" else None,
                     fmt=style,
                     color=f"C{number}",
                     capsize=2,
                     label=label,
                 )
         axes.axhline(0.0, color="black", linewidth=0.8)
-        axes.set(title=f"{place[0]}, camera {place[1]}", xlabel="degrees from the photo", ylabel="gain (dB)")
+        axes.set(title=f"{group[0]}, camera {group[1]}", xlabel="degrees from the photo", ylabel="gain (dB)")
         axes.grid(alpha=0.3)
         axes.legend(fontsize=7)
-    figure.suptitle(found.about["machine"], fontsize=9)
+    figure.suptitle(results.common["machine"], fontsize=9)
     return figure
 
 

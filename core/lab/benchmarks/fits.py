@@ -21,6 +21,7 @@ from core.fitting.fit import FitJob, FitSettings, FitStep
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
+from core.lab.datasets.srn import ObjectViews
 from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
 from core.lab.evaluation.statistics import Mean, fraction_within, mean_of
 from core.metrics import rotation_error, translation_error
@@ -28,7 +29,7 @@ from core.models.model import Model
 from core.runtime.precision import use_dtype
 
 _FAR = 20.0  # degrees: a camera further off may still be right by symmetry
-_SYMMETRY_TOLERANCE = 5.0  # degrees: it is right if the view matches its own as well as after a turn by this
+_SYMMETRY_TOLERANCE = 5.0  # degrees: a view is symmetric if it matches the true one as well as a turn by this does
 TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))  # s, at which the curves are read
 
 
@@ -44,13 +45,13 @@ class FitTrial:
     rotation: float  # degrees, error of the fitted camera
     translation: float  # error as a fraction of the true distance
     psnr: float  # dB, of the fitted image
-    held_out: float  # dB, mean over some other views, from their true cameras
+    held_out: float  # dB, mean over the held-out views, from their true cameras
     margin: float | None  # over the runner-up; None without one
     uncertainty: float | None  # degrees, as in FitStep
     confidence: float | None
     rotation_curve: tuple[float, ...]  # degrees, error at TIMES
     symmetric: bool  # far off, but a render from this camera is nearly the one from the true camera
-    whole: ViewScore | None = None  # mean of those other views at the dataset's size
+    whole: ViewScore | None = None  # mean of the held-out views at the dataset's size
 
     @property
     def key(self) -> tuple[str, str, int]:
@@ -82,8 +83,8 @@ class FitSummary:
     held_out: Mean  # dB
     auroc: float | None
     """of the confidence, right cameras against wrong ones; None without confidence, or if all are right or wrong"""
-    whole: ViewScore | None  # mean of the other views at the dataset's size
-    curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error in degrees, part within 5 degrees
+    whole: ViewScore | None  # mean of the held-out views at the dataset's size
+    curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error (degrees), fraction within 5 degrees
 
 
 class FitMethod(NamedTuple):
@@ -117,25 +118,28 @@ def fit_views(
 
 def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
     """Fit a view without its camera and compare with the truth. ``preset`` is only a name."""
-    views, index = target.views, target.index
-    job = FitJob((as_photo(views, index, False),), method.settings, seed, components=method.components)
+    views = target.views
+    job = FitJob((as_photo(views, target.index, False),), method.settings, seed, components=method.components)
     clock = time.perf_counter if model.device.type == "cuda" else time.process_time
-    began, steps, seconds = clock(), list[FitStep](), list[float]()
+    steps = list[FitStep]()
+    seconds = list[float]()
+    began = clock()
     for step in fit_as_set(model, job):
         steps.append(step)
         seconds.append(clock() - began)
-    last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
-    remaining = [other for other in range(len(views.cameras)) if other != index]
-    others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
-    scores = [score_view(last.instance, views, other) for other in others]
-    whole = [score_view(last.instance, target.whole, other) for other in others] if target.whole else scores
+    last = steps[-1]
+    errors = [rotation_error(step.cameras[0], target.camera) for step in steps]
+    held_out = _held_out_views(views, target.index)
+    scores = [score_view(last.instance, views, index) for index in held_out]
+    full_size = target.full_size
+    full_size_scores = [score_view(last.instance, full_size, index) for index in held_out] if full_size else scores
     symmetric = errors[-1] > _FAR and is_symmetric_view(
         target.instance, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
     )
     return FitTrial(
         preset,
         views.name,
-        index,
+        target.index,
         seconds=seconds[-1],
         initial_rotation=errors[0],
         rotation=errors[-1],
@@ -147,8 +151,14 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         confidence=last.confidence,
         rotation_curve=tuple(errors[_step_at(seconds, moment)] for moment in TIMES),
         symmetric=symmetric,
-        whole=_mean_score(whole),
+        whole=_mean_score(full_size_scores),
     )
+
+
+def _held_out_views(views: ObjectViews, fitted: int) -> list[int]:
+    """Return the indices of evenly spaced views other than the fitted one."""
+    remaining = [index for index in range(len(views.cameras)) if index != fitted]
+    return remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
 
 
 def _step_at(seconds: Sequence[float], moment: float) -> int:
@@ -193,18 +203,18 @@ def _mean_score(scores: Sequence[ViewScore]) -> ViewScore | None:
 
 def calibrate_fits(trials: Sequence[FitTrial]) -> Calibration | None:
     """Calibrate the confidence on these fits alone; return None if all cameras are right, or all wrong."""
-    judged, right = _judged(trials)
-    margins = [trial.margin or 0.0 for trial in judged]
-    uncertainties = [trial.uncertainty or 0.0 for trial in judged]
-    return fit_calibration(margins, uncertainties, right) if len(set(right)) == 2 else None
+    rated, correct = _rated_trials(trials)
+    margins = [trial.margin or 0.0 for trial in rated]
+    uncertainties = [trial.uncertainty or 0.0 for trial in rated]
+    return fit_calibration(margins, uncertainties, correct) if len(set(correct)) == 2 else None
 
 
 def _confidence_auroc(trials: Sequence[FitTrial]) -> float | None:
-    judged, right = _judged(trials)
-    return auroc([trial.confidence or 0.0 for trial in judged], right) if len(set(right)) == 2 else None
+    rated, correct = _rated_trials(trials)
+    return auroc([trial.confidence or 0.0 for trial in rated], correct) if len(set(correct)) == 2 else None
 
 
-def _judged(trials: Sequence[FitTrial]) -> tuple[list[FitTrial], list[bool]]:
+def _rated_trials(trials: Sequence[FitTrial]) -> tuple[list[FitTrial], list[bool]]:
     """Return the trials that have a confidence, and which of their cameras are right."""
-    judged = [trial for trial in trials if trial.confidence is not None]
-    return judged, [trial.effective_rotation <= RIGHT_DEGREES for trial in judged]
+    rated = [trial for trial in trials if trial.confidence is not None]
+    return rated, [trial.effective_rotation <= RIGHT_DEGREES for trial in rated]

@@ -69,13 +69,13 @@ def measure_ratios(model: Model) -> Iterator[Ratio]:
     yield from _commands(model.category)
 
 
-def compare(found: Sequence[Ratio], baseline: Sequence[Ratio]) -> list[str]:
+def compare(ratios: Sequence[Ratio], baseline: Sequence[Ratio]) -> list[str]:
     """Return a line for each ratio of the baseline that is missing or too large."""
-    values = {one.name: one.value for one in found}
+    values = {ratio.name: ratio.value for ratio in ratios}
     return [
-        f"{one}, now {values[one.name]:.3g}" if one.name in values else f"{one}, now missing"
-        for one in baseline
-        if not values.get(one.name, float("inf")) <= TOLERANCE * one.value
+        f"{ratio}, now {values[ratio.name]:.3g}" if ratio.name in values else f"{ratio}, now missing"
+        for ratio in baseline
+        if not values.get(ratio.name, float("inf")) <= TOLERANCE * ratio.value
     ]
 
 
@@ -105,9 +105,9 @@ def _commands(category: str) -> Iterator[Ratio]:
     photo = str(sample_images(category)[0])
     words = (sys.executable, "-m", "core", "fit", photo, "--model", category, "--preset", "draft")
     with busy_processes(max(1, (os.cpu_count() or 1) - 1)):
-        plain = _timed(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
-        whole = _timed(lambda: subprocess.run(words, cwd=_ROOT, capture_output=True, check=True), time.perf_counter)
-    yield Ratio("a draft fit's process against importing torch", whole / plain)
+        importing = _timed(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
+        fitting = _timed(lambda: subprocess.run(words, cwd=_ROOT, capture_output=True, check=True), time.perf_counter)
+    yield Ratio("a draft fit's process against importing torch", fitting / importing)
 
 
 @contextmanager

@@ -33,7 +33,7 @@ class HeldOutView:
     index: int  # of the fitted view
     instance: Instance
     """the object's own; of an object that the model was not trained on, fitted to a few views with their cameras"""
-    whole: ObjectViews | None = None  # the same views at the dataset's size; None: that is the model's
+    full_size: ObjectViews | None = None  # the same views at the dataset's size; None if that is the model's
 
     @property
     def camera(self) -> Camera:
@@ -43,8 +43,8 @@ class HeldOutView:
     def nearest(self, camera: Camera) -> int | None:
         """Return the index of the nearest view to a camera; None if none is near and of its focal length."""
         errors = [
-            math.inf if abs(math.log(one.focal / camera.focal)) > _SAME_FOCAL else rotation_error(one, camera)
-            for one in self.views.cameras
+            math.inf if abs(math.log(view.focal / camera.focal)) > _SAME_FOCAL else rotation_error(view, camera)
+            for view in self.views.cameras
         ]
         index = int(np.argmin(errors))
         return index if errors[index] < _NEAR_DEGREES else None
@@ -65,13 +65,13 @@ def training_object_views(model: Model, count: int, generator: torch.Generator) 
 def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
     """Yield one random view of every object of a dataset."""
     for entry in entries:
-        whole = entry.read()
-        views = whole.reduced(model.image_size)
+        full_size = entry.read()
+        views = full_size.reduced(model.image_size)
         stride = -(-len(views.cameras) // HELD_OUT_VIEWS)
         photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
         *_, last = fit(model, FitJob(photos, PRESETS["draft"]))
         index = int(torch.randint(len(views.cameras), (), generator=generator))
-        yield HeldOutView(views, index, last.instance, whole)
+        yield HeldOutView(views, index, last.instance, full_size)
 
 
 def evenly_spaced_objects(model: Model, count: int) -> list[Instance]:
@@ -85,8 +85,8 @@ def random_camera(model: Model, generator: torch.Generator) -> Camera:
     return model.camera(2 * math.pi * turn, math.asin(height))
 
 
-def is_symmetric_view(instance: Instance, found: Camera, truth: Camera, degrees: float) -> bool:
-    """Return whether both cameras show an object alike: as when the true one turns by ``degrees``.
+def is_symmetric_view(instance: Instance, fitted: Camera, truth: Camera, degrees: float) -> bool:
+    """Return whether both cameras show an object as alike as when the true one turns by ``degrees``.
 
     A round stool has several right cameras; the one that rendered its image is no better than the others.
     """
@@ -95,8 +95,9 @@ def is_symmetric_view(instance: Instance, found: Camera, truth: Camera, degrees:
         replace(truth, azimuth=truth.azimuth + math.radians(degrees)),
         replace(truth, elevation=truth.elevation + lift),
     )
-    seen, image = (render_on_white(instance, camera)[0] for camera in (found, truth))
-    return psnr(seen, image) >= min(psnr(render_on_white(instance, camera)[0], image) for camera in turned)
+    fitted_image, true_image = (render_on_white(instance, camera)[0] for camera in (fitted, truth))
+    turned_images = (render_on_white(instance, camera)[0] for camera in turned)
+    return psnr(fitted_image, true_image) >= min(psnr(image, true_image) for image in turned_images)
 
 
 def render_on_white(

@@ -10,6 +10,7 @@ import time
 from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 
 import torch
@@ -38,7 +39,7 @@ class Judgement:
     top: float
     right: float
     bottom: float
-    azimuth: float | None  # degrees; None if it lies on its side
+    azimuth: float | None  # degrees; None if the object lies on its side
     elevation: float | None
 
     @property
@@ -79,33 +80,33 @@ class PhotoTrial:
 
 def read_judgements(path: Path) -> dict[str, tuple[Judgement, ...]]:
     """Read the labels by photo. Raise ``ValueError`` if the file does not parse."""
-    found = sorted(read_results(path, Judgement).rows, key=lambda one: one.photo)
-    return {name: tuple(group) for name, group in groupby(found, key=lambda one: one.photo)}
+    judgements = sorted(read_results(path, Judgement).rows, key=attrgetter("photo"))
+    return {name: tuple(group) for name, group in groupby(judgements, key=attrgetter("photo"))}
 
 
 def measure_photos(
-    files: Sequence[Path], seen: Mapping[str, Sequence[Judgement]], preset: str, done: Collection[Hashable] = ()
+    files: Sequence[Path], judgements: Mapping[str, Sequence[Judgement]], preset: str, done: Collection[Hashable] = ()
 ) -> Iterator[PhotoTrial]:
     """Fit each photo without a hint, as ``fit`` does, except those whose keys are done; yield its results."""
     for path in (file for file in files if file.stem not in done):
-        yield measure_photo(path, seen[path.stem], preset)
+        yield measure_photo(path, judgements[path.stem], preset)
 
 
-def measure_photo(path: Path, seen: Sequence[Judgement], preset: str) -> PhotoTrial:
+def measure_photo(path: Path, judgements: Sequence[Judgement], preset: str) -> PhotoTrial:
     """Fit one photo and compare it with its labels."""
     began = time.process_time()
     cut = cut_out(read_rgba(path))
     taken_for = likeliest_model(cut.categories)
     model = load_model(taken_for)
     *_, last = fit(model, FitJob((prepare_photo(cut, model),), PRESETS[preset]))
-    nearest = min(seen, key=lambda one: -_overlap(one.box, cut))
+    nearest = max(judgements, key=lambda judgement: _overlap(judgement.box, cut))
     camera = last.cameras[0]
     return PhotoTrial(
         path.stem,
         nearest.category,
         taken_for,
-        _judged(box_overlap(nearest.box, cut.detections[0].box)) if cut.detections else "",
-        _judged(_overlap(nearest.box, cut)),
+        _grade(box_overlap(nearest.box, cut.detections[0].box)) if cut.detections else "",
+        _grade(_overlap(nearest.box, cut)),
         cut.found_by,
         cut.confidence,
         math.degrees(camera.azimuth),
@@ -118,7 +119,7 @@ def measure_photo(path: Path, seen: Sequence[Judgement], preset: str) -> PhotoTr
     )
 
 
-def _judged(overlap: float) -> str:
+def _grade(overlap: float) -> str:
     return "whole" if overlap >= _WHOLE else "part" if overlap >= _PART else "wrong"
 
 
@@ -127,15 +128,15 @@ def _overlap(box: Box, cut: CutOut) -> float:
     return box_overlap(box, mask_box(cut.mask))
 
 
-def _right_side(seen: Judgement, camera: Camera) -> bool | None:
+def _right_side(judgement: Judgement, camera: Camera) -> bool | None:
     """Return whether a camera agrees with the labelled azimuth; None without one."""
-    if seen.azimuth is None or seen.elevation is None:
+    if judgement.azimuth is None or judgement.elevation is None:
         return None
     looks = [
         camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))[2]
         for azimuth, elevation in (
             (camera.azimuth, camera.elevation),
-            (math.radians(seen.azimuth), math.radians(seen.elevation)),
+            (math.radians(judgement.azimuth), math.radians(judgement.elevation)),
         )
     ]
     return math.degrees(math.acos(min(1.0, float(looks[0] @ looks[1])))) < RIGHT_DEGREES

@@ -69,8 +69,8 @@ def median_turns(rows: Iterable[RenderTiming]) -> dict[str, tuple[RenderTiming, 
     turns: dict[Hashable, list[RenderTiming]] = {}
     for row in rows:
         turns.setdefault(row.key[:-1], []).append(row)
-    timings = [replace(some[0], turn=0, ms=median(one.ms for one in some)) for some in turns.values()]
-    return {curve: tuple(one for one in timings if one.curve == curve) for curve in CURVES}
+    medians = [replace(timings[0], turn=0, ms=median(timing.ms for timing in timings)) for timings in turns.values()]
+    return {curve: tuple(timing for timing in medians if timing.curve == curve) for curve in CURVES}
 
 
 class _Setting(NamedTuple):
@@ -82,7 +82,7 @@ class _Setting(NamedTuple):
     render: Callable[[View], Tensor]
     turns: int = TURNS
     warm: bool = True
-    """Rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
+    """rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes"""
 
 
 def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[RenderTiming]:
@@ -102,7 +102,8 @@ def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] =
 
 def _settings(views: Sequence[View]) -> list[_Setting]:
     """Return all settings that take turns."""
-    fastest, default = matmul_dtype("cpu"), RenderSettings().samples
+    fastest = matmul_dtype("cpu")
+    default = RenderSettings().samples
     name = f"fast, {str(fastest).removeprefix('torch.')}"
     settings = [
         _Setting("naive", "naive, float32", _SIZE, samples, views, _naive(samples), NAIVE_TURNS, warm=False)
@@ -118,8 +119,8 @@ def _settings(views: Sequence[View]) -> list[_Setting]:
         _Setting("baked", "baked, marched by torch", _SIZE, 64 * 2**level, views, _baked(level)) for level in (0, 1)
     ]
     settings += [
-        _Setting("ablation", part, _SIZE, default, views, _fast(default, cutoff))
-        for part, cutoff in _ablations(default).items()
+        _Setting("ablation", recipe, _SIZE, default, views, _fast(default, cutoff))
+        for recipe, cutoff in _ablations(default).items()
     ]
     for size in SIZES:
         resized = [view._replace(camera=view.camera.resized(size, size)) for view in views[:1]]
@@ -129,15 +130,18 @@ def _settings(views: Sequence[View]) -> list[_Setting]:
 
 def _measure(setting: _Setting, turn: int, truth: Callable[[View], Tensor]) -> RenderTiming:
     """Time a turn of a setting over all of its views."""
-    seconds, quality, off = [], [], []
+    seconds = []
+    quality = []
+    differences = []
     for view in setting.views:
         exact = truth(view)
         image, spent = _timed(setting, view)
         seconds.append(spent)
         quality.append(psnr(image, exact))
-        off.append(float((image - exact).abs().max()))
-    ms, mean = 1000 * sum(seconds) / len(seconds), sum(quality) / len(quality)
-    return RenderTiming(*setting[:4], turn, ms, mean, min(quality), max(off))
+        differences.append(float((image - exact).abs().max()))
+    ms = 1000 * sum(seconds) / len(seconds)
+    mean = sum(quality) / len(quality)
+    return RenderTiming(*setting[:4], turn, ms, mean, min(quality), max(differences))
 
 
 def _views(model: Model, count: int) -> list[View]:
@@ -151,20 +155,20 @@ def _views(model: Model, count: int) -> list[View]:
 
 def _exact(view: View, samples: int) -> Tensor:
     """Render all pixels of a small image, 64 x 64 of a large one: the exact renderer is slow."""
-    every = _every(view.camera)
-    if every == 1:
+    stride = _pixel_stride(view.camera)
+    if stride == 1:
         return render_exact(view.instance, view.camera, samples).colour.clamp(0, 1).cpu()
     model = view.instance.model
     biases = view.instance.biases
-    rows = exact_rays(model, view.camera)
+    rays = exact_rays(model, view.camera)
     with torch.no_grad():
-        parts = [
-            render_rays(model, rows[row, ::every], samples, *biases).colour for row in range(0, len(rows.near), every)
+        rows = [
+            render_rays(model, rays[row, ::stride], samples, *biases).colour for row in range(0, len(rays.near), stride)
         ]
-    return torch.stack(parts).clamp(0, 1).cpu()
+    return torch.stack(rows).clamp(0, 1).cpu()
 
 
-def _every(camera: Camera) -> int:
+def _pixel_stride(camera: Camera) -> int:
     """Return the stride of the pixels that are compared with the reference."""
     return camera.height // _COMPARED if camera.height > _SIZE else 1
 
@@ -209,8 +213,8 @@ def _timed(setting: _Setting, view: View) -> tuple[Tensor, float]:
     began = clock()
     image = setting.render(view).cpu()  # waits for a graphics card to finish
     seconds = clock() - began
-    every = _every(view.camera)
-    return image[::every, ::every], seconds
+    stride = _pixel_stride(view.camera)
+    return image[::stride, ::stride], seconds
 
 
 def _ablations(samples: int) -> dict[str, Tolerances]:

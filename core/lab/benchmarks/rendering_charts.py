@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def rendering_chart(found: Results[RenderTiming]) -> "Figure":
+def rendering_chart(results: Results[RenderTiming]) -> "Figure":
     """Draw PSNR against milliseconds, and milliseconds against image size."""
-    timings = median_turns(found.rows)
+    timings = median_turns(results.rows)
     sizes = timings["sizes"]
     figure, (left, right) = new_figure(2)
     curves = [timings[name] for name in ("naive", "fast", "float32") if timings[name]]
@@ -38,35 +38,37 @@ def rendering_chart(found: Results[RenderTiming]) -> "Figure":
         log_ticks(axes.xaxis if axes is left else axes.yaxis)
         axes.grid(alpha=0.3)
         axes.legend()
-    figure.suptitle(f"{found.about['machine']}, {found.about['views']} views", fontsize=9)
+    figure.suptitle(f"{results.common['machine']}, {results.common['views']} views", fontsize=9)
     return figure
 
 
-def videos_chart(found: Results[VideoTiming]) -> "Figure":
+def videos_chart(results: Results[VideoTiming]) -> "Figure":
     """Draw PSNR against seconds of a turn, exact and baked; the star is the default."""
     figure, (axes,) = new_figure(1, width=6.5)
-    turns = [row for row in found.rows if row.shown == "turn"]
-    for recipe, what in (("exact", "every frame by the network, samples"), ("baked", "drawn from a baked copy, cells")):
+    turns = [row for row in results.rows if row.shown == "turn"]
+    labels = {"exact": "every frame by the network, samples", "baked": "drawn from a baked copy, cells"}
+    for recipe, label in labels.items():
         points = [row for row in turns if row.recipe == recipe]
-        (line,) = axes.plot([one.seconds for one in points], [one.psnr for one in points], "o-", label=what)
-        for one in points:
+        (line,) = axes.plot([point.seconds for point in points], [point.psnr for point in points], "o-", label=label)
+        for point in points:
             axes.annotate(
-                f"{one.setting:g}",
-                (one.seconds, one.psnr),
+                f"{point.setting:g}",
+                (point.seconds, point.psnr),
                 (5, -10),
                 textcoords="offset points",
                 fontsize=7,
                 color=line.get_color(),
             )
-    chosen = [row for row in turns if row.recipe == DEFAULT]
-    axes.plot([one.seconds for one in chosen], [one.psnr for one in chosen], "k*", markersize=12, label="default")
-    about = found.about
-    axes.set(xscale="log", xlabel=f"s of the processor for {about['frames']} frames of {about['size']} px")
-    axes.set(ylabel="PSNR to the exact frame (dB)", title=f"{about['category']}, {about['objects']} objects")
+    defaults = [row for row in turns if row.recipe == DEFAULT]
+    seconds = [row.seconds for row in defaults]
+    axes.plot(seconds, [row.psnr for row in defaults], "k*", markersize=12, label="default")
+    common = results.common
+    axes.set(xscale="log", xlabel=f"s of the processor for {common['frames']} frames of {common['size']} px")
+    axes.set(ylabel="PSNR to the exact frame (dB)", title=f"{common['category']}, {common['objects']} objects")
     log_ticks(axes.xaxis)
     axes.grid(alpha=0.3)
     axes.legend()
-    figure.suptitle(about["machine"], fontsize=9)
+    figure.suptitle(common["machine"], fontsize=9)
     return figure
 
 

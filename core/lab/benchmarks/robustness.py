@@ -66,22 +66,22 @@ Rates = dict[tuple[str, float], dict[str, Mean]]  # fractions of every preset, 0
 
 def success_rates(trials: Sequence[RobustnessTrial]) -> Rates:
     """Return the success rates."""
-    return _shares(trials, lambda trial: trial.success)
+    return _rates(trials, lambda trial: trial.success)
 
 
 def rough_rates(trials: Sequence[RobustnessTrial]) -> Rates:
     """Return the rates of cameras within 30 degrees; a success without an object counts as one."""
-    return _shares(
+    return _rates(
         trials, lambda trial: trial.success or (trial.rotation is not None and trial.rotation <= ROUGH_DEGREES)
     )
 
 
-def _shares(trials: Sequence[RobustnessTrial], counts: Callable[[RobustnessTrial], bool]) -> Rates:
-    found: dict[tuple[str, float], dict[str, list[bool]]] = {}
+def _rates(trials: Sequence[RobustnessTrial], counts: Callable[[RobustnessTrial], bool]) -> Rates:
+    successes: dict[tuple[str, float], dict[str, list[bool]]] = {}
     for trial in trials:
-        presets = found.setdefault((trial.stressor, trial.level), {})
+        presets = successes.setdefault((trial.stressor, trial.level), {})
         presets.setdefault(trial.preset, []).append(counts(trial))
-    return {key: {name: mean_of(each) for name, each in presets.items()} for key, presets in found.items()}
+    return {key: {name: mean_of(flags) for name, flags in presets.items()} for key, presets in successes.items()}
 
 
 def measure_robustness(
@@ -89,7 +89,7 @@ def measure_robustness(
     views: Sequence[HeldOutView],
     stressors: Sequence[str] = (),
     presets: Sequence[str] = COMPARED,
-    part: tuple[int, int] = (1, 1),
+    chunk: tuple[int, int] = (1, 1),
     seed: int = 0,
     done: Collection[tuple[str, float, str, str]] = (),
 ) -> Iterator[RobustnessTrial]:
@@ -97,17 +97,17 @@ def measure_robustness(
 
     Args:
         stressors: names; all of them if empty.
-        part: (k, n): the k-th of n equal parts of all trials, for n processes beside each other.
+        chunk: (k, n): the k-th of n equal chunks of all trials, for n processes beside each other.
         done: keys of trials to leave out.
 
-    Raise ``ValueError`` if there is no such stressor, preset or part.
+    Raise ``ValueError`` if there is no such stressor, preset or chunk.
     """
     for name in (*stressors, *presets):
         if name not in STRESSORS and name not in PRESETS:
             raise ValueError(f"there is no {name!r}; there are {', '.join((*STRESSORS, *PRESETS))}")
-    which, parts = part
-    if not 1 <= which <= parts:
-        raise ValueError(f"a part K/N has K of 1 to N, not {which}/{parts}")
+    index, chunks = chunk
+    if not 1 <= index <= chunks:
+        raise ValueError(f"a part K/N has K of 1 to N, not {index}/{chunks}")
     keys = [
         (name, level, preset, number)
         for number in range(len(views))
@@ -115,16 +115,17 @@ def measure_robustness(
         for level in STRESSORS[name].levels
         for preset in presets
     ]
-    for name, level, preset, number in keys[which - 1 :: parts]:
-        trial, stressor = RobustnessTrial(name, level, preset, views[number].views.name), STRESSORS[name]
+    for name, level, preset, number in keys[index - 1 :: chunks]:
+        trial = RobustnessTrial(name, level, preset, views[number].views.name)
+        stressor = STRESSORS[name]
         if trial.key in done:
             continue
-        seen = _view(views[number], stressor.camera(views[number].camera, level))
-        image = _corrupted(model, seen, stressor, level, seed + number)
-        yield _fit(model, _Attempt(image, seen, PRESETS[preset], seed + number, stressor, level), trial)
+        subject = _subject(views[number], stressor.camera(views[number].camera, level))
+        image = _corrupted(model, subject, stressor, level, seed + number)
+        yield _fit(model, _Attempt(image, subject, PRESETS[preset], seed + number, stressor, level), trial)
 
 
-class _Seen(NamedTuple):
+class _Subject(NamedTuple):
     """An object from its true camera."""
 
     cutout: Cutout
@@ -132,25 +133,26 @@ class _Seen(NamedTuple):
     view: HeldOutView
 
 
-def _view(view: HeldOutView, camera: Camera) -> _Seen:
+def _subject(view: HeldOutView, camera: Camera) -> _Subject:
     """Return the object from a camera: the image taken from there or close by, else a render of its codes."""
     index = view.nearest(camera)
     if index is None:
-        return _Seen(_cutout(*map(np.asarray, render_on_white(view.instance, camera))), camera, view)
+        return _Subject(_cutout(*map(np.asarray, render_on_white(view.instance, camera))), camera, view)
     image = view.views.images[index].astype(np.float32) / 255
-    return _Seen(_cutout(image, view.views.masks[index]), view.views.cameras[index], view)
+    return _Subject(_cutout(image, view.views.masks[index]), view.views.cameras[index], view)
 
 
 def _cutout(image: np.ndarray, mask: np.ndarray) -> Cutout:
     return np.concatenate((image, mask[..., None]), -1).astype(np.float32)
 
 
-def _corrupted(model: Model, seen: _Seen, stressor: Stressor, level: float, seed: int) -> np.ndarray:
-    cutout = seen.cutout
+def _corrupted(model: Model, subject: _Subject, stressor: Stressor, level: float, seed: int) -> np.ndarray:
+    cutout = subject.cutout
     if stressor.other_category:
-        other = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
-        camera = other.camera(seen.camera.azimuth, seen.camera.elevation)
-        cutout = _cutout(*map(np.asarray, render_on_white(other[seed % len(other.codes.objects)], camera)))
+        other_model = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
+        camera = other_model.camera(subject.camera.azimuth, subject.camera.elevation)
+        instance = other_model[seed % len(other_model.codes.objects)]
+        cutout = _cutout(*map(np.asarray, render_on_white(instance, camera)))
     return stressor.corrupt(cutout, level, np.random.default_rng(seed))
 
 
@@ -158,7 +160,7 @@ class _Attempt(NamedTuple):
     """A corrupted image, its truth, and the settings of its fit."""
 
     image: np.ndarray
-    seen: _Seen
+    subject: _Subject
     settings: FitSettings
     seed: int
     stressor: Stressor
@@ -167,9 +169,10 @@ class _Attempt(NamedTuple):
     def job(self, model: Model) -> FitJob:
         """Return the fit; the paper's recipe from the mean codes if the stressor gives an initial camera."""
         cut = cut_out(Image.fromarray(to_bytes(self.image)).convert("RGBA"))
-        photo, initial = prepare_photo(cut, model), None
+        photo = prepare_photo(cut, model)
+        initial = None
         if self.stressor.init and isinstance(self.settings, PaperSettings):
-            camera = self.stressor.init(self.seen.camera, self.level)
+            camera = self.stressor.init(self.subject.camera, self.level)
             initial = Hypothesis(0, math.inf, (camera,), model.mean, torch.zeros(1, 4))
         return FitJob((photo,), self.settings, self.seed, initial)
 
@@ -187,12 +190,15 @@ def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: RobustnessTria
     if attempt.stressor.no_object:
         doubted = last.confidence is not None and last.confidence < DOUBTFUL
         return replace(trial, outcome="doubted" if doubted else "believed")
-    camera, truth, instance = last.cameras[0], attempt.seen.camera, attempt.seen.view.instance
-    rotation, name = rotation_error(camera, truth), name_camera(camera, truth)
-    if name in ("opposite", "wrong") and is_symmetric_view(instance, camera, truth, SUCCESS_DEGREES):
-        rotation, name = 0.0, "symmetric"
+    camera = last.cameras[0]
+    truth = attempt.subject.camera
+    instance = attempt.subject.view.instance
+    rotation = rotation_error(camera, truth)
+    outcome = name_camera(camera, truth)
+    if outcome in ("opposite", "wrong") and is_symmetric_view(instance, camera, truth, SUCCESS_DEGREES):
+        rotation, outcome = 0.0, "symmetric"
     size = _longest_side(last.instance) / _longest_side(instance) - 1
-    return replace(trial, rotation=rotation, size_error=size, outcome=name)
+    return replace(trial, rotation=rotation, size_error=size, outcome=outcome)
 
 
 def _longest_side(instance: Instance) -> float:
@@ -201,13 +207,13 @@ def _longest_side(instance: Instance) -> float:
     return float((points.amax(0) - points.amin(0)).max()) if len(points) else math.nan
 
 
-def name_camera(found: Camera, truth: Camera) -> str:
+def name_camera(fitted: Camera, truth: Camera) -> str:
     """Classify a fitted camera as "correct", "near", "opposite" (180 degrees around) or "wrong"."""
-    rotation = rotation_error(found, truth)
+    rotation = rotation_error(fitted, truth)
     if rotation <= SUCCESS_DEGREES:
         return "correct"
     if rotation <= ROUGH_DEGREES:
         return "near"
-    turn = math.degrees(found.azimuth - truth.azimuth) % 360
-    tilt = abs(math.degrees(found.elevation - truth.elevation))
+    turn = math.degrees(fitted.azimuth - truth.azimuth) % 360
+    tilt = abs(math.degrees(fitted.elevation - truth.elevation))
     return "opposite" if abs(turn - 180) < ROUGH_DEGREES and tilt < ROUGH_DEGREES else "wrong"

@@ -33,10 +33,10 @@ class Stressor(NamedTuple):
     other_category: bool = False  # it shows an object of another shipped category
 
 
-def _occlude(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+def _occlude(cutout: Cutout, fraction: float, _: np.random.Generator) -> np.ndarray:
     """Hide the left part of the object behind the background's colour."""
     columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
-    hidden = columns <= share * columns[-1]
+    hidden = columns <= fraction * columns[-1]
     corrupted = cutout.copy()
     corrupted[:, hidden] = (1, 1, 1, 0)
     return corrupted
@@ -45,23 +45,25 @@ def _occlude(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray
 def _hide(cutout: Cutout, least: float, generator: np.random.Generator) -> np.ndarray:
     """Hide a fraction ``least`` to ``least`` + 0.2 of the object by discs; the cut-out shows the rest."""
     height, width = cutout.shape[:2]
-    corrupted, visible = cutout.copy(), cutout[..., 3] > 0.5
-    share, area = least + 0.2 * generator.random(), visible.sum()
+    visible = cutout[..., 3] > 0.5
+    area = visible.sum()
+    target = least + 0.2 * generator.random()
     rows, columns = np.nonzero(visible)
     y, x = np.mgrid[:height, :width]
-    radius = 0.3 * math.sqrt(area)
-    while (hidden := 1 - visible.sum() / area) < share - 0.02:
-        at = generator.integers(len(rows))
+    largest_radius = 0.3 * math.sqrt(area)
+    while (hidden := 1 - visible.sum() / area) < target - 0.02:
+        centre = generator.integers(len(rows))
         # The last disc has the missing area.
-        reach = min(radius, math.sqrt((share - hidden) * area / math.pi) + 1)
-        visible &= (y - rows[at]) ** 2 + (x - columns[at]) ** 2 > reach**2
+        radius = min(largest_radius, math.sqrt((target - hidden) * area / math.pi) + 1)
+        visible &= (y - rows[centre]) ** 2 + (x - columns[centre]) ** 2 > radius**2
+    corrupted = cutout.copy()
     corrupted[~visible] = (1, 1, 1, 0)
     return corrupted
 
 
-def _shift(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+def _shift(cutout: Cutout, fraction: float, _: np.random.Generator) -> np.ndarray:
     """Move the object right and down by a fraction of the image."""
-    side = round((1 - share) * len(cutout))
+    side = round((1 - fraction) * len(cutout))
     shifted = np.zeros_like(cutout)
     shifted[..., :3] = 1
     shifted[-side:, -side:] = cutout[:side, :side]
@@ -100,10 +102,10 @@ def _remove_mask(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndar
     return np.where(cutout[..., 3:] > 0.5, cutout[..., :3], np.float32(grey))
 
 
-def _crop(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+def _crop(cutout: Cutout, fraction: float, _: np.random.Generator) -> np.ndarray:
     """Cut off the left part of the object."""
     columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
-    return cutout[:, columns > share * columns[-1]]
+    return cutout[:, columns > fraction * columns[-1]]
 
 
 def _shift_white_balance(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
@@ -112,11 +114,11 @@ def _shift_white_balance(cutout: Cutout, factor: float, _: np.random.Generator) 
     return np.concatenate((colours, cutout[..., 3:]), -1).clip(0, 1)
 
 
-def _fade_texture(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+def _fade_texture(cutout: Cutout, fraction: float, _: np.random.Generator) -> np.ndarray:
     """Blend colours towards the object's mean colour."""
     mask = cutout[..., 3:] > 0.5
     mean = cutout[mask[..., 0], :3].mean(0)
-    return np.concatenate((np.where(mask, cutout[..., :3] * (1 - share) + mean * share, 1), cutout[..., 3:]), -1)
+    return np.concatenate((np.where(mask, cutout[..., :3] * (1 - fraction) + mean * fraction, 1), cutout[..., 3:]), -1)
 
 
 def _plain_image(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndarray:

@@ -10,7 +10,7 @@ from core.fitting.confidence import auroc
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.candidates import SHIPPED, Judgement
 from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, object_gains, others
+from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, object_gains, unfitted_views
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.rendering import RenderTiming, median_turns
@@ -53,23 +53,24 @@ def _cell(row: Any, key: str | Callable[[Any], Any], form: str | Callable[[Any],
     return form.format(value) if isinstance(form, str) else form(value)
 
 
-def _text(about: str, *blocks: str) -> str:
-    """Join tables and sentences below a first line, with empty lines between them."""
-    return "\n\n".join((about, *blocks)) + "\n"
+def _text(heading: str, *blocks: str) -> str:
+    """Join tables and sentences below a heading line, with empty lines between them."""
+    return "\n\n".join((heading, *blocks)) + "\n"
 
 
 # Rendering
 
 
-def rendering_table(found: Results[RenderTiming]) -> str:
+def rendering_table(results: Results[RenderTiming]) -> str:
     """Format milliseconds and PSNR by recipe, of the ablations, and by image size."""
-    curves = median_turns(found.rows)
-    naive, full = curves["naive"][-1], curves["ablation"][0]
+    curves = median_turns(results.rows)
+    naive = curves["naive"][-1]
+    full = curves["ablation"][0]
     renderers: list[Column] = [
         ("renderer", "recipe", "{}"),
         ("samples", "samples", "{}"),
         ("ms", "ms", "{:.1f}"),
-        (f"times naive {naive.samples}", lambda one: naive.ms / one.ms, "{:.0f}"),
+        (f"times naive {naive.samples}", lambda timing: naive.ms / timing.ms, "{:.0f}"),
         ("PSNR (dB)", "psnr", "{:.1f}"),
         ("worst view", "worst_view", "{:.1f}"),
         ("worst pixel", "worst_pixel", "{:.3f}"),
@@ -77,33 +78,33 @@ def rendering_table(found: Results[RenderTiming]) -> str:
     ablations: list[Column] = [
         ("ablation, default settings", "recipe", "{}"),
         ("ms", "ms", "{:.1f}"),
-        ("difference", lambda one: one.ms - full.ms, "{:+.1f} ms"),
+        ("difference", lambda timing: timing.ms - full.ms, "{:+.1f} ms"),
         ("PSNR (dB)", "psnr", "{:.1f}"),
-        ("difference", lambda one: one.psnr - full.psnr, "{:+.1f} dB"),
+        ("difference", lambda timing: timing.psnr - full.psnr, "{:+.1f} dB"),
     ]
     return _text(
-        f"{found.about['machine']}; {found.about['views']} views; PSNR against 256 exact samples in float32.",
-        markdown_table(renderers, [one for name in ("naive", "fast", "float32", "baked") for one in curves[name]]),
+        f"{results.common['machine']}; {results.common['views']} views; PSNR against 256 exact samples in float32.",
+        markdown_table(renderers, [row for curve in ("naive", "fast", "float32", "baked") for row in curves[curve]]),
         markdown_table(ablations, curves["ablation"]),
         markdown_table(_SIZES, curves["sizes"]),
     )
 
 
-def videos_table(found: Results[VideoTiming]) -> str:
+def videos_table(results: Results[VideoTiming]) -> str:
     """Format seconds and PSNR of each way to render a video, against the exact one."""
-    exact = {row.shown: row for row in sorted(found.rows, key=attrgetter("setting")) if row.recipe == "exact"}
+    exact = {row.shown: row for row in sorted(results.rows, key=attrgetter("setting")) if row.recipe == "exact"}
     columns: list[Column] = [
         ("shown", "shown", "{}"),
         ("frames", "recipe", "{}"),
         ("samples or cells", "setting", "{:g}"),
         ("s", "seconds", "{:.1f}"),
-        ("times as fast as exact", lambda one: exact[one.shown].seconds / one.seconds, "{:.1f}"),
+        ("times as fast as exact", lambda timing: exact[timing.shown].seconds / timing.seconds, "{:.1f}"),
         ("PSNR (dB)", "psnr", "{:.1f}"),
         ("worst frame", "worst", "{:.1f}"),
     ]
-    about = "{machine}; {category}, {objects} objects, {frames} frames of {size} px, an image of {image} px"
-    text = f"{about.format(**found.about)}; processor time without writing them."
-    return _text(text, markdown_table(columns, found.rows))
+    conditions = "{machine}; {category}, {objects} objects, {frames} frames of {size} px, an image of {image} px"
+    heading = f"{conditions.format(**results.common)}; processor time without writing them."
+    return _text(heading, markdown_table(columns, results.rows))
 
 
 _SIZES: list[Column] = [("size (px)", "size", "{}"), ("ms", "ms", "{:.1f}"), ("PSNR (dB)", "psnr", "{:.1f}")]
@@ -112,18 +113,19 @@ _SIZES: list[Column] = [("size (px)", "size", "{}"), ("ms", "ms", "{:.1f}"), ("P
 # Fits
 
 
-def fit_table(found: Results[FitTrial]) -> str:
+def fit_table(results: Results[FitTrial]) -> str:
     """Format a line per preset, then cameras that are right by symmetry, then a calibration of the confidence."""
-    summaries, calibration = summarise_presets(found.rows), calibrate_fits(found.rows)
-    symmetric = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in found.rows if trial.symmetric]
+    summaries = summarise_presets(results.rows)
+    calibration = calibrate_fits(results.rows)
+    symmetric = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in results.rows if trial.symmetric]
     lines = []
     if symmetric:
         lines.append(f"Right by symmetry, for the object looks the same from there: {', '.join(symmetric)}.")
     if calibration:
         numbers = ", ".join(f"{name} {value:.3f}" for name, value in calibration._asdict().items())
         lines.append(f"A calibration of the confidence on these fits alone: {numbers}.")
-    about = f"{summaries[0].fits} views, cameras unknown; shares with their 95 % intervals."
-    return _text(f"{found.about['machine']}; {about}", markdown_table(_FITS, summaries), *lines)
+    conditions = f"{summaries[0].fits} views, cameras unknown; shares with their 95 % intervals."
+    return _text(f"{results.common['machine']}; {conditions}", markdown_table(_FITS, summaries), *lines)
 
 
 def _view_score(score: ViewScore) -> str:
@@ -144,9 +146,10 @@ _FITS: list[Column] = [
 ]
 
 
-def ablations_table(found: Results[Ablation]) -> str:
-    """A line per method."""
-    return _text(f"{found.about['machine']}; cameras unknown; 95 % intervals.", markdown_table(_ABLATIONS, found.rows))
+def ablations_table(results: Results[Ablation]) -> str:
+    """Format a line per method."""
+    heading = f"{results.common['machine']}; cameras unknown; 95 % intervals."
+    return _text(heading, markdown_table(_ABLATIONS, results.rows))
 
 
 _ABLATIONS: list[Column] = [
@@ -196,30 +199,31 @@ def _gain_over(
     return format_difference(mean_of([getattr(after, measure) - getattr(before, measure) for after, before in pairs]))
 
 
-def robustness_table(found: Results[RobustnessTrial]) -> str:
+def robustness_table(results: Results[RobustnessTrial]) -> str:
     """Format success rates by stressor, level and preset; confidence and size errors; kinds of failures."""
-    within, rough = success_rates(found.rows), rough_rates(found.rows)
-    presets = list(dict.fromkeys(trial.preset for trial in found.rows))
-    ours = [trial for trial in found.rows if trial.preset == presets[0]]
+    within = success_rates(results.rows)
+    rough = rough_rates(results.rows)
+    presets = list(dict.fromkeys(trial.preset for trial in results.rows))
+    ours = [trial for trial in results.rows if trial.preset == presets[0]]
     groups = {key: [trial for trial in ours if (trial.stressor, trial.level) == key] for key in within}
     columns: list[Column] = [("stressor", itemgetter(0), "{}"), ("level", _level, "{}")]
-    for one in presets:
-        columns.append((one, _of(one, within), _share))
-        columns.append((f"within {ROUGH_DEGREES:g}°", _of(one, rough), _per_cent))
+    for preset in presets:
+        columns.append((preset, _rate_of(preset, within), _rate_with_interval))
+        columns.append((f"within {ROUGH_DEGREES:g}°", _rate_of(preset, rough), _rate))
     columns += [
         (f"wrong at confidence > {_SURE:g}", lambda key: sum(map(_misleads, groups[key])), "{}"),
         ("size error (median)", lambda key: _size_error(groups[key]), "{}"),
     ]
-    judged = [trial for trial in ours if trial.confidence is not None]
-    area = auroc([trial.confidence or 0 for trial in judged], [trial.success for trial in judged])
+    rated = [trial for trial in ours if trial.confidence is not None]
+    area = auroc([trial.confidence or 0 for trial in rated], [trial.success for trial in rated])
     failed = Counter(trial.outcome for trial in ours if not trial.success).most_common()
-    symmetric = dict.fromkeys(trial.name for trial in found.rows if trial.outcome == "symmetric")
-    what = f"share of cameras within {SUCCESS_DEGREES:g}°, with 95 % intervals; and within {ROUGH_DEGREES:g}°."
+    symmetric = dict.fromkeys(trial.name for trial in results.rows if trial.outcome == "symmetric")
+    measure = f"share of cameras within {SUCCESS_DEGREES:g}°, with 95 % intervals; and within {ROUGH_DEGREES:g}°."
     return _text(
-        f"{found.about['machine']}; {len({trial.name for trial in found.rows})} objects; {what}",
+        f"{results.common['machine']}; {len({trial.name for trial in results.rows})} objects; {measure}",
         markdown_table(columns, within),
-        f"Confidence of {presets[0]} over {len(judged)} fits: AUROC {area:.3f}. Where there is an object to be found:",
-        _risk_and_coverage([trial for trial in judged if trial.rotation is not None]),
+        f"Confidence of {presets[0]} over {len(rated)} fits: AUROC {area:.3f}. Where there is an object to be found:",
+        _risk_and_coverage([trial for trial in rated if trial.rotation is not None]),
         f"Failures of {presets[0]}: {', '.join(f'{count} {name}' for name, count in failed)}.",
         f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}.",
     )
@@ -240,8 +244,8 @@ def _risk_and_coverage(trials: Sequence[RobustnessTrial]) -> str:
     return markdown_table(columns, _THRESHOLDS)
 
 
-def _ratio(count: int, of: int) -> str:
-    return f"{100 * count / of:.0f} %" if of else ""
+def _ratio(count: int, total: int) -> str:
+    return f"{100 * count / total:.0f} %" if total else ""
 
 
 def _level(key: tuple[str, float]) -> str:
@@ -249,16 +253,16 @@ def _level(key: tuple[str, float]) -> str:
     return f"{level:g} {STRESSORS[name].unit if name in STRESSORS else ''}".strip()
 
 
-def _of(preset: str, rates: Rates) -> Callable[[tuple[str, float]], Mean | None]:
+def _rate_of(preset: str, rates: Rates) -> Callable[[tuple[str, float]], Mean | None]:
     return lambda key: rates[key].get(preset)
 
 
-def _share(share: Mean | None) -> str:
-    return format_fraction(share) if share else ""
+def _rate_with_interval(rate: Mean | None) -> str:
+    return format_fraction(rate) if rate else ""
 
 
-def _per_cent(share: Mean | None) -> str:
-    return f"{100 * share.mean:.0f} %" if share else ""
+def _rate(rate: Mean | None) -> str:
+    return f"{100 * rate.mean:.0f} %" if rate else ""
 
 
 def _misleads(trial: RobustnessTrial) -> bool:
@@ -270,28 +274,28 @@ def _size_error(trials: Sequence[RobustnessTrial]) -> str:
     return f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
 
 
-def photo_detail_table(found: Results[DetailView]) -> str:
+def photo_detail_table(results: Results[DetailView]) -> str:
     """Format a line per category, renderer and camera: other views, and the photo itself."""
     groups: dict[tuple[str, str, str], list[DetailView]] = {}
-    for row in found.rows:
+    for row in results.rows:
         groups.setdefault(row.key[:3], []).append(row)
     columns: list[Column] = [
         ("category", lambda rows: rows[0].category, "{}"),
         ("drawn by", lambda rows: rows[0].renderer, "{}"),
         ("camera", lambda rows: rows[0].camera, "{}"),
         ("objects", lambda rows: len({row.name for row in rows}), "{}"),
-        ("other views (dB)", lambda rows: statistics.mean(row.plain for row in others(rows)), "{:.1f}"),
-        ("with detail", lambda rows: gain_by_object(others(rows)), format_difference),
-        ("worst object", lambda rows: min(object_gains(others(rows))), "{:+.2f}"),
-        ("not mirrored", lambda rows: gain_by_object(others(rows), "direct"), format_difference),
-        ("within 45°", lambda rows: [row for row in others(rows) if row.angle < 45], _gain_or_nothing),
+        ("other views (dB)", lambda rows: statistics.mean(row.plain for row in unfitted_views(rows)), "{:.1f}"),
+        ("with detail", lambda rows: gain_by_object(unfitted_views(rows)), format_difference),
+        ("worst object", lambda rows: min(object_gains(unfitted_views(rows))), "{:+.2f}"),
+        ("not mirrored", lambda rows: gain_by_object(unfitted_views(rows), "direct"), format_difference),
+        ("within 45°", lambda rows: [row for row in unfitted_views(rows) if row.angle < 45], _gain_or_nothing),
         ("the photo itself (dB)", lambda rows: _photo_itself(rows, "plain"), "{:.1f}"),
         ("with detail", lambda rows: _photo_itself(rows, "full"), "{:.1f}"),
         ("bound", lambda rows: _photo_itself(rows, "bound"), "{:.1f}"),
         ("35 dB", lambda rows: fraction_within([-row.full for row in _right(rows)], -35.0), format_fraction),
     ]
-    what = "with 95 % intervals over objects; the photo itself: of cameras within 10°; bound: the photo's own colours."
-    return _text(f"{found.about['machine']}; {what}", markdown_table(columns, groups.values()))
+    notes = "with 95 % intervals over objects; the photo itself: of cameras within 10°; bound: the photo's own colours."
+    return _text(f"{results.common['machine']}; {notes}", markdown_table(columns, groups.values()))
 
 
 def _gain_or_nothing(rows: Sequence[DetailView]) -> str:
@@ -303,14 +307,14 @@ def _right(rows: Sequence[DetailView]) -> list[DetailView]:
     return [row for row in rows if row.bound is not None and row.rotation <= SUCCESS_DEGREES]
 
 
-def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
-    return statistics.mean([getattr(row, what) for row in _right(rows)] or [float("nan")])
+def _photo_itself(rows: Sequence[DetailView], score: str) -> float:
+    return statistics.mean([getattr(row, score) for row in _right(rows)] or [float("nan")])
 
 
 # Photographs
 
 
-def photos_table(found: Results[PhotoTrial]) -> str:
+def photos_table(results: Results[PhotoTrial]) -> str:
     """Format a line per photo, and one per category."""
     columns: list[Column] = [
         ("photo", "photo", "{}"),
@@ -323,15 +327,18 @@ def photos_table(found: Results[PhotoTrial]) -> str:
         ("PSNR", "psnr", "{:.1f}"),
         ("s", "seconds", "{:.1f}"),
     ]
-    sums = [_photos_of(category, found.rows) for category in sorted({trial.category for trial in found.rows})]
-    about = "{preset} without a hint; sides and boxes by eye ({machine}).".format(**found.about)
-    return _text(about, *sums, markdown_table(columns, found.rows))
+    categories = sorted({trial.category for trial in results.rows})
+    summaries = [_category_summary(category, results.rows) for category in categories]
+    heading = "{preset} without a hint; sides and boxes by eye ({machine}).".format(**results.common)
+    return _text(heading, *summaries, markdown_table(columns, results.rows))
 
 
-def _photos_of(category: str, trials: Sequence[PhotoTrial]) -> str:
-    of = [trial for trial in trials if trial.category == category]
-    counts = Counter(trial.cut_out for trial in of)
-    model, side = sum(trial.taken_for == category for trial in of), sum(trial.right for trial in of)
-    misled = max((trial.confidence for trial in of if not trial.right and trial.right_side is not None), default=0.0)
+def _category_summary(category: str, trials: Sequence[PhotoTrial]) -> str:
+    trials = [trial for trial in trials if trial.category == category]
+    counts = Counter(trial.cut_out for trial in trials)
+    model = sum(trial.taken_for == category for trial in trials)
+    side = sum(trial.right for trial in trials)
+    wrong = [trial.confidence for trial in trials if not trial.right and trial.right_side is not None]
     cut = f"cut out whole {counts['whole']}, in part {counts['part']}, wrongly {counts['wrong']}"
-    return f"{len(of)} {category}: {cut}; right model {model}, right side {side}; surest wrong camera {misled:.2f}."
+    right = f"right model {model}, right side {side}; surest wrong camera {max(wrong, default=0.0):.2f}"
+    return f"{len(trials)} {category}: {cut}; {right}."

@@ -50,14 +50,14 @@ class VideoTiming:
         return f"{self.shown}, {self.recipe} {self.setting:g}: {self.seconds:.1f} s, {self.psnr:.1f} dB"
 
 
-class _Views(NamedTuple):
-    """Views of a video in their cameras' size, and which of them are compared."""
+class _Video(NamedTuple):
+    """The views of a video at their cameras' size, and the indices of those that are compared."""
 
     views: Sequence[View]
     compared: Sequence[int]
 
 
-_Render = Callable[[_Views], tuple[float, float, list[Image]]]
+_Render = Callable[[_Video], tuple[float, float, list[Image]]]
 """Renders a video: its setting, s, and the compared frames."""
 
 
@@ -65,32 +65,34 @@ def measure_videos(model: Model, objects: int = 2, done: Collection[Hashable] = 
     """Yield each row as it is measured, except those whose keys are done. Needs OpenGL."""
     camera = model.camera(0.9, 0.35).resized(SIZE, SIZE)
     turns = [filling_frame(turntable(instance, camera, FRAMES)) for instance in evenly_spaced_objects(model, objects)]
-    shown = {
-        "turn": [_Views(views, COMPARED) for views in turns],
-        "morph": [_Views(views, COMPARED) for views in map(_morph, turns, turns[1:] + turns[:1])],
-        "image": [
-            _Views([turn[0]._replace(camera=turn[0].camera.resized(IMAGE_SIZE, IMAGE_SIZE))], [0]) for turn in turns
-        ],
+    videos = {
+        "turn": [_Video(views, COMPARED) for views in turns],
+        "morph": [_Video(views, COMPARED) for views in map(_morph, turns, turns[1:] + turns[:1])],
+        "image": [_Video([_still(turn[0])], [0]) for turn in turns],
     }
-    finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _default)
+    finest = ("exact", SAMPLES[-1], _exact(SAMPLES[-1]))
+    default = (DEFAULT, 0, _default)
     turned: list[tuple[str, int, _Render]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
     turned += [("baked", cells, _baked(cells)) for cells in GRIDS]
 
     @cache
-    def truth(what: str, number: int) -> list[Image]:
-        return _exact(REFERENCE_SAMPLES)(shown[what][number])[2]
+    def truth(kind: str, number: int) -> list[Image]:
+        return _exact(REFERENCE_SAMPLES)(videos[kind][number])[2]
 
-    for what, recipes in (("turn", [*turned, default]), ("morph", [finest, default]), ("image", [finest, default])):
-        for recipe, setting, make in recipes:
-            if (what, recipe, setting) in done:
+    for kind, recipes in (("turn", [*turned, default]), ("morph", [finest, default]), ("image", [finest, default])):
+        for recipe, setting, render in recipes:
+            if (kind, recipe, setting) in done:
                 continue
-            chosen, seconds, quality = [], [], []
-            for number, views in enumerate(shown[what]):
-                found, spent, frames = make(views)
-                chosen.append(found)
+            chosen = []
+            seconds = []
+            quality = []
+            for number, video in enumerate(videos[kind]):
+                choice, spent, frames = render(video)
+                chosen.append(choice)
                 seconds.append(spent)
-                quality += [psnr(one / 255, of / 255) for one, of in zip(frames, truth(what, number), strict=True)]
-            yield VideoTiming(what, recipe, median(chosen), mean(seconds), mean(quality), min(quality))
+                pairs = zip(frames, truth(kind, number), strict=True)
+                quality += [psnr(frame / 255, exact / 255) for frame, exact in pairs]
+            yield VideoTiming(kind, recipe, median(chosen), mean(seconds), mean(quality), min(quality))
 
 
 def _still(view: View) -> View:
@@ -103,28 +105,29 @@ def _morph(turn: Sequence[View], second: Sequence[View]) -> Sequence[View]:
 
 
 def _exact(samples: int) -> _Render:
-    def render(shown: _Views) -> tuple[float, float, list[Image]]:
-        frames, began = [], time.process_time()
-        for index in shown.compared:
-            job = RenderJob(*shown.views[index], RenderSettings(samples, (1,)))
+    def render(video: _Video) -> tuple[float, float, list[Image]]:
+        frames = []
+        began = time.process_time()
+        for index in video.compared:
+            job = RenderJob(*video.views[index], RenderSettings(samples, (1,)))
             frames += [frame.image for frame in render_progressively(job) if frame]
-        return samples, (time.process_time() - began) * len(shown.views) / len(shown.compared), frames
+        return samples, (time.process_time() - began) * len(video.views) / len(video.compared), frames
 
     return render
 
 
-def _default(shown: _Views) -> tuple[float, float, list[Image]]:
-    few = are_few(shown.views)
-    return (_exact(FEW_SAMPLES) if few else _baked(CELLS))(shown)
+def _default(video: _Video) -> tuple[float, float, list[Image]]:
+    render = _exact(FEW_SAMPLES) if are_few(video.views) else _baked(CELLS)
+    return render(video)
 
 
 def _baked(cells: int) -> _Render:
     """Draw from a grid of ``cells`` along an axis."""
 
-    def render(shown: _Views) -> tuple[float, float, list[Image]]:
+    def render(video: _Video) -> tuple[float, float, list[Image]]:
         began = time.process_time()
-        stream = baked_frames(shown.views, (255, 255, 255), cells=cells)
+        stream = baked_frames(video.views, (255, 255, 255), cells=cells)
         frames = [image for image in stream if image is not None]
-        return cells, time.process_time() - began, [frames[index] for index in shown.compared]
+        return cells, time.process_time() - began, [frames[index] for index in video.compared]
 
     return render

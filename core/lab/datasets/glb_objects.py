@@ -124,7 +124,8 @@ def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
 def normalised(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     """Scale and centre an object: bounding box around the origin, diagonal 1 (ShapeNet v2's scale)."""
     used = np.vstack([surface.vertices[np.unique(surface.faces)] for surface in surfaces])
-    low, high = used.min(0), used.max(0)
+    low = used.min(0)
+    high = used.max(0)
     scale = 1.0 / max(float(np.linalg.norm(high - low)), 1e-12)
     middle = (low + high) / 2
     return tuple(
@@ -146,7 +147,8 @@ def _appearance(
     geometry: trimesh.Trimesh,
 ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 2"] | None, UInt8[np.ndarray, "h w 4"] | None]:
     """Return colours, texture coordinates and texture from vertex colours, or the material's factor and image."""
-    count, visual = len(geometry.vertices), geometry.visual
+    count = len(geometry.vertices)
+    visual = geometry.visual
     if isinstance(visual, trimesh.visual.ColorVisuals):
         return np.asarray(visual.vertex_colors)[:, :3] / 255.0, None, None
     if visual is None:

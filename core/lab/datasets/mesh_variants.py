@@ -40,12 +40,13 @@ def deformed(surfaces: Sequence[Surface], name: str, shape: int) -> tuple[Surfac
         return tuple(surfaces)
     generator = _generator(name, 1, shape)
     used = np.vstack([surface.vertices for surface in surfaces])
-    low, high = used.min(0), used.max(0)
+    low = used.min(0)
+    high = used.max(0)
     knee = low + generator.uniform(0.35, 0.65, 3) * (high - low)
     knee[0] = 0.0
-    whole, halves = generator.uniform(-_STRETCH, _STRETCH, (2, 3))
+    stretch, halves = generator.uniform(-_STRETCH, _STRETCH, (2, 3))
     halves[0] = 0.0
-    factors = np.exp(np.stack((whole - halves / 2, whole + halves / 2)))
+    factors = np.exp(np.stack((stretch - halves / 2, stretch + halves / 2)))
     return tuple(_stretched(surface, knee, factors) for surface in surfaces)
 
 
@@ -69,13 +70,14 @@ def _stretched(surface: Surface, knee: Float[np.ndarray, "3"], factors: Float[np
 
 def _recolouring(surfaces: Sequence[Surface], generator: np.random.Generator) -> Recolouring:
     """Choose new colours for groups of an object's colours, always including the largest group."""
-    seen = _seen_colours(surfaces, generator)
-    count = min(_COLOURS, len(np.unique(np.round(seen, 2), axis=0)))
-    centres, group = kmeans2(seen, count, minit="++", seed=generator)
+    samples = _sample_colours(surfaces, generator)
+    count = min(_COLOURS, len(np.unique(np.round(samples, 2), axis=0)))
+    centres, group = kmeans2(samples, count, minit="++", seed=generator)
     sizes = np.bincount(group, minlength=count)
     targets = centres.copy()
     for index in range(count):
-        bright, dull = centres[index].max(), centres[index].min()
+        bright = centres[index].max()
+        dull = centres[index].min()
         vivid = bright > 0.22 and bright - dull > 0.25 * bright
         if index == sizes.argmax() or generator.random() < (0.6 if vivid else 0.2):
             targets[index] = _any_colour(generator)
@@ -87,9 +89,10 @@ def _recolouring(surfaces: Sequence[Surface], generator: np.random.Generator) ->
     return recolour
 
 
-def _seen_colours(surfaces: Sequence[Surface], generator: np.random.Generator) -> Float[np.ndarray, "4096 3"]:
+def _sample_colours(surfaces: Sequence[Surface], generator: np.random.Generator) -> Float[np.ndarray, "4096 3"]:
     """Sample colours evenly over the surfaces."""
-    found, areas = [], []
+    face_colours = []
+    areas = []
     for surface in surfaces:
         a, b, c = surface.vertices[surface.faces.T]
         areas.append(np.linalg.norm(np.cross(b - a, c - a), axis=-1))
@@ -99,10 +102,10 @@ def _seen_colours(surfaces: Sequence[Surface], generator: np.random.Generator) -
             across, down = (surface.uvs[surface.faces].mean(1) % 1.0).T
             texels = surface.texture[(down * (height - 1)).astype(int), (across * (width - 1)).astype(int), :3]
             colours = colours * (texels / 255.0)
-        found.append(colours)
-    share = np.concatenate(areas) + 1e-12
-    sampled = generator.choice(len(share), 4096, p=share / share.sum())
-    return np.concatenate(found)[sampled]
+        face_colours.append(colours)
+    weights = np.concatenate(areas) + 1e-12
+    sampled = generator.choice(len(weights), 4096, p=weights / weights.sum())
+    return np.concatenate(face_colours)[sampled]
 
 
 def _repainted(surface: Surface, recolour: Recolouring) -> Surface:

@@ -120,7 +120,8 @@ class Rasteriser:
             self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
         except Exception as error:  # moderngl raises bare Exception
             raise RuntimeError(f"rendering needs OpenGL 3.3 through EGL, and this machine has none: {error}") from error
-        context, fine = self._context, size * SUPERSAMPLES
+        context = self._context
+        fine = size * SUPERSAMPLES
         self._size = size
         self._samples = context.texture((fine, fine), 4)
         self._fine = context.framebuffer([self._samples], context.depth_renderbuffer((fine, fine)))

@@ -59,8 +59,8 @@ class ObjectViews:
 
         if max(self.images.shape[1:3]) <= size:
             return self
-        images = np.stack([cv2.resize(one, (size, size), interpolation=cv2.INTER_AREA) for one in self.images])
-        masks = [cv2.resize(one.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA) for one in self.masks]
+        images = np.stack([cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA) for image in self.images])
+        masks = [cv2.resize(mask.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA) for mask in self.masks]
         cameras = tuple(camera.resized(size, size) for camera in self.cameras)
         return replace(self, images=images, masks=np.stack(masks) > 0.5, cameras=cameras)
 
@@ -116,11 +116,12 @@ def index_objects(folders: Sequence[Path | str], scale: float = 1.0) -> tuple[st
 
     Raises ``ValueError`` naming the folder if it is empty, or if categories or names clash.
     """
-    categories, entries = set[str](), list[ObjectEntry]()
+    categories = set[str]()
+    entries = list[ObjectEntry]()
     for folder in map(Path, folders):
-        category, found = _index_folder(folder)
+        category, folder_entries = _index_folder(folder)
         categories |= {category} - {""}
-        entries += [replace(entry, scale=scale) for entry in found]
+        entries += [replace(entry, scale=scale) for entry in folder_entries]
     if len(categories) > 1:
         raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
     counts = Counter(entry.name for entry in entries)
@@ -199,8 +200,8 @@ def write_object(folder: Path | str, views: ObjectViews) -> None:
     target = Path(folder) / views.name
     target.parent.mkdir(parents=True, exist_ok=True)
     with atomic_folder(target, replace=True) as partial:
-        for part in ("rgb", "pose", "mask"):
-            (partial / part).mkdir()
+        for kind in ("rgb", "pose", "mask"):
+            (partial / kind).mkdir()
         for i, (image, mask, camera) in enumerate(zip(views.images, views.masks, views.cameras, strict=True)):
             Image.fromarray(image).save(partial / f"rgb/{i:06d}.png", compress_level=4)
             Image.fromarray(mask.astype(np.uint8) * 255).save(partial / f"mask/{i:06d}.png", compress_level=4)
@@ -236,10 +237,10 @@ def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
     category, identities = _read_manifest(folder / "manifest.json")
     if _transforms(folder):
         return category, [_own_entry(folder)]
-    found = sorted(path for path in folder.iterdir() if path.is_dir() and not _is_junk(path))
-    if not found:
+    paths = sorted(path for path in folder.iterdir() if path.is_dir() and not _is_junk(path))
+    if not paths:
         raise ValueError(f"{folder}: no object folders in it")
-    return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in found]
+    return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in paths]
 
 
 def _own_entry(folder: Path) -> ObjectEntry:
@@ -291,7 +292,8 @@ def _read_object(entry: ObjectEntry) -> ObjectViews:
 
 def _srn_views(folder: Path) -> list[PosedImage]:
     """Return the images of an object in SRN's layout, with their cameras."""
-    paths, masks = _images(folder / "rgb"), {path.stem: path for path in _images(folder / "mask")}
+    paths = _images(folder / "rgb")
+    masks = {path.stem: path for path in _images(folder / "mask")}
     if not paths:
         raise ValueError(f"{folder / 'rgb'}: no images ({', '.join(IMAGE_SUFFIXES)})")
     poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt") if not _is_junk(pose)}
@@ -306,16 +308,16 @@ def _nerf_views(file: Path) -> list[PosedImage]:
     views = []
     for view in read_transforms(file):
         names = (view.image, *(view.image.with_name(f"{view.image.name}{suffix}") for suffix in IMAGE_SUFFIXES))
-        found = next(filter(Path.is_file, names), None)
-        if found is None:
+        path = next(filter(Path.is_file, names), None)
+        if path is None:
             raise ValueError(f"{file}: there is no image {view.image}")
-        views.append(view._replace(image=found))
+        views.append(view._replace(image=path))
     return views
 
 
 def _images(folder: Path) -> list[Path]:
     """Return the images in a folder, sorted by name; none if there is no folder."""
-    return sorted(one for one in folder.glob("*") if one.suffix.lower() in IMAGE_SUFFIXES and not _is_junk(one))
+    return sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_SUFFIXES and not _is_junk(path))
 
 
 def _is_junk(path: Path) -> bool:
@@ -327,7 +329,8 @@ def _read_intrinsics(path: Path) -> float:
     """Return the focal length in image widths."""
     with reading(path, "a file of SRN intrinsics"):
         lines = [line.split() for line in read_text(path).splitlines() if line.strip()]
-        focal, width = number(float(lines[0][0])), whole(float(lines[-1][-1]))  # the last line: height, width
+        focal = number(float(lines[0][0]))
+        width = whole(float(lines[-1][-1]))  # the last line: height, width
         if focal <= 0 or width < 1:
             raise ValueError(f"focal length and width must be positive, got {focal} and {width}")
         return focal / width
@@ -344,8 +347,8 @@ def _read_image(
         image = rgba[..., :3]
         clear = bool((alpha < 255).any())
         if clear:
-            share = alpha.astype(np.float32) / 255
-            image = (image * share + 255 * (1 - share) + 0.5).astype(np.uint8)
+            opacity = alpha.astype(np.float32) / 255
+            image = (image * opacity + 255 * (1 - opacity) + 0.5).astype(np.uint8)
         if mask_path:
             with reading(mask_path, "an image"), open_image(mask_path) as opened:
                 mask = np.asarray(opened.convert("L")) > 127

@@ -58,21 +58,21 @@ def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePai
     Excludes codes of collapsed objects.
     """
     book = model.codes
-    known = {book.objects[index].name: book.objects[index] for index in book.valid}
-    trained = [entry for entry in entries if entry.name in known]
-    shapes = {entry.shape_id: known[entry.name].shape for entry in trained}
-    textures = {entry.texture_id: known[entry.name].texture for entry in trained}
-    found = tuple(
-        ShapeTexturePair(entry, shapes[entry.shape_id], textures[entry.texture_id], entry.name in known)
+    trained_objects = {book.objects[index].name: book.objects[index] for index in book.valid}
+    trained = [entry for entry in entries if entry.name in trained_objects]
+    shapes = {entry.shape_id: trained_objects[entry.name].shape for entry in trained}
+    textures = {entry.texture_id: trained_objects[entry.name].texture for entry in trained}
+    candidates = tuple(
+        ShapeTexturePair(entry, shapes[entry.shape_id], textures[entry.texture_id], entry.name in trained_objects)
         for entry in entries
         if entry.shape_id in shapes and entry.texture_id in textures
     )
-    if all(pair.trained for pair in found):
+    if all(pair.trained for pair in candidates):
         raise ValueError(
             f"no held-out pair: the model was trained on {len(trained)} of the {len(entries)} objects, and no other "
             "object has the shape of one of these and the texture of another"
         )
-    return found
+    return candidates
 
 
 def score_pairs(model: Model, chosen: Sequence[ShapeTexturePair], seed: int = 0) -> Iterator[PairScore]:
@@ -82,7 +82,8 @@ def score_pairs(model: Model, chosen: Sequence[ShapeTexturePair], seed: int = 0)
 
 
 def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: int) -> PairScore:
-    views, book = pair.entry.read(), model.codes
+    views = pair.entry.read()
+    book = model.codes
     instance = Instance(model, Codes(book.shapes[pair.shape], book.textures[pair.texture]))
     indices = range(len(views.cameras))
     rendered = evenly_spaced(indices, _RENDERED_VIEWS)
@@ -132,12 +133,13 @@ def probe(codes: Float[Tensor, "pairs latent"], labels: Sequence[Hashable], grou
     To predict the texture, pairs of one shape form a group: otherwise the same shape in other textures would count
     against the right one. Chance is one over the number of predictable labels. None if no label occurs in two groups.
     """
-    hits, chances = [], []
+    hits = []
+    chances = []
     for index, (label, group) in enumerate(zip(labels, groups, strict=True)):
         members: dict[Hashable, list[int]] = {}
-        for other, (name, kind) in enumerate(zip(labels, groups, strict=True)):
-            if kind != group:
-                members.setdefault(name, []).append(other)
+        for member, (name, member_group) in enumerate(zip(labels, groups, strict=True)):
+            if member_group != group:
+                members.setdefault(name, []).append(member)
         if label in members and len(members) > 1:
             names = list(members)
             centroids = torch.stack([codes[members[name]].mean(0) for name in names])

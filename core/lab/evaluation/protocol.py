@@ -129,25 +129,30 @@ class ViewScore(NamedTuple):
 def score_view(instance: Instance, views: ObjectViews, index: int) -> ViewScore:
     """Compare a rendered view, its colours clipped to [0, 1], with the true one."""
     rendered = render_image(instance, views.cameras[index])
-    colour, opacity = rendered.colour.clamp(0, 1).cpu(), rendered.opacity.cpu().numpy()
+    colour = rendered.colour.clamp(0, 1).cpu()
+    opacity = rendered.opacity.cpu().numpy()
     truth = torch.from_numpy(views.images[index]).float() / 255
     overlap = silhouette_overlap(opacity, views.masks[index])
     return ViewScore(psnr(colour, truth), ssim(colour, truth), overlap, haze(opacity))
 
 
 def _require_views(views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:
-    count, wanted = len(views.cameras), ",".join(map(str, protocol.inputs))
+    count = len(views.cameras)
+    inputs = ",".join(map(str, protocol.inputs))
     if max(protocol.inputs) >= count:
-        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, but the input views are {wanted}")
+        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, but the input views are {inputs}")
     if not rest:
-        raise ValueError(f"{views.name}: {count} views, all used as input ({wanted}): none left to compare")
+        raise ValueError(f"{views.name}: {count} views, all used as input ({inputs}): none left to compare")
 
 
 def _require_focal_length(model: Model, views: ObjectViews) -> None:
     camera = views.cameras[0]
-    theirs, ours = camera.focal / camera.height, model.focal / model.image_size
-    if abs(theirs - ours) > 0.01 * ours:
-        raise ValueError(f"{views.name}: focal length {theirs:.3f} image heights, but the model's is {ours:.3f}")
+    dataset_focal = camera.focal / camera.height
+    model_focal = model.focal / model.image_size
+    if abs(dataset_focal - model_focal) > 0.01 * model_focal:
+        raise ValueError(
+            f"{views.name}: focal length {dataset_focal:.3f} image heights, but the model's is {model_focal:.3f}"
+        )
 
 
 def _pose_score(view: int, truth: Camera, estimated: Camera, initial: Camera) -> PoseScore:
@@ -187,28 +192,28 @@ class EvaluationSummary:
 
 def summarise(scores: Sequence[ObjectScore]) -> EvaluationSummary:
     """Average over all objects and, for estimated cameras, over the objects without outliers."""
-    whole = _summary(scores)
-    if whole.pose is None:
-        return whole
-    return replace(whole, without_outliers=_summary([score for score in scores if not score.outlier]))
+    summary = _summary(scores)
+    if summary.pose is None:
+        return summary
+    return replace(summary, without_outliers=_summary([score for score in scores if not score.outlier]))
 
 
 def _summary(scores: Sequence[ObjectScore]) -> EvaluationSummary:
-    psnrs, ssims, seconds = (mean_of([getattr(one, name) for one in scores]) for name in ("psnr", "ssim", "seconds"))
+    means = (mean_of([getattr(score, name) for score in scores]) for name in ("psnr", "ssim", "seconds"))
     posed = [score for score in scores if score.poses]
-    return EvaluationSummary(len(scores), psnrs, ssims, seconds, _pose_summary(posed) if posed else None)
+    return EvaluationSummary(len(scores), *means, _pose_summary(posed) if posed else None)
 
 
 def _pose_summary(scores: Sequence[ObjectScore]) -> PoseSummary:
-    def over(measure: str) -> Mean:
+    def average(measure: str) -> Mean:
         return mean_of([float(np.mean([getattr(pose, measure) for pose in score.poses])) for score in scores])
 
-    def within(measure: str, most: float) -> Mean:
-        return mean_of([float(np.mean([getattr(p, measure) <= most for p in score.poses])) for score in scores])
+    def fraction(measure: str, limit: float) -> Mean:
+        return mean_of([float(np.mean([getattr(pose, measure) <= limit for pose in score.poses])) for score in scores])
 
     return PoseSummary(
         sum(len(score.poses) for score in scores),
-        *(over(name) for name in ("rotation", "translation", "initial_rotation", "initial_translation")),
-        *(within("rotation", degrees) for degrees in (5.0, 10.0)),
-        *(within("translation", share) for share in (0.03, 0.05)),
+        *(average(name) for name in ("rotation", "translation", "initial_rotation", "initial_translation")),
+        *(fraction("rotation", limit) for limit in (5.0, 10.0)),
+        *(fraction("translation", limit) for limit in (0.03, 0.05)),
     )

@@ -30,39 +30,39 @@ def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) ->
 
 
 def write_report(
-    path: Path, scores: Sequence[ObjectScore], protocol: EvaluationProtocol, about: dict[str, str]
+    path: Path, scores: Sequence[ObjectScore], protocol: EvaluationProtocol, origin: dict[str, str]
 ) -> None:
     """Write the numbers as JSON, per object too."""
     objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
-    content = about | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
+    content = origin | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
     write_json(path, content)
 
 
 def format_disentanglement(scores: Sequence[PairScore]) -> str:
     """Format scores of held-out and trained pairs, effects of a texture edit, and leaks of codes."""
-    found = summarise_pairs(scores)
+    summary = summarise_pairs(scores)
     rows = (
-        ("held-out pairs, codes of two objects", found.recombined, found.recombined_ssim, found.recombined_pairs),
-        ("the same, codes fitted to other views", found.refitted, found.refitted_ssim, found.recombined_pairs),
-        ("trained pairs, their own codes", found.trained, found.trained_ssim, found.trained_pairs),
+        ("held-out pairs, codes of two objects", summary.recombined, summary.recombined_ssim, summary.recombined_pairs),
+        ("the same, codes fitted to other views", summary.refitted, summary.refitted_ssim, summary.recombined_pairs),
+        ("trained pairs, their own codes", summary.trained, summary.trained_ssim, summary.trained_pairs),
     )
     lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'pairs':>9}"]
     lines += [
-        f"{name:38}{_interval(a, 2):>22}{_interval(b, 3):>24}{count:>9}"
-        for name, a, b, count in rows
-        if not math.isnan(a.mean)
+        f"{name:38}{_interval(psnr, 2):>22}{_interval(ssim, 3):>24}{count:>9}"
+        for name, psnr, ssim, count in rows
+        if not math.isnan(psnr.mean)
     ]
-    lines.append(f"\nanother texture changes the silhouette by at most {found.opacity_change:.2g} of full opacity")
-    lines.append(f"and the background by at most {found.background_change:.2g} of full colour")
-    if found.probes:
+    lines.append(f"\nanother texture changes the silhouette by at most {summary.opacity_change:.2g} of full opacity")
+    lines.append(f"and the background by at most {summary.background_change:.2g} of full colour")
+    if summary.probes:
         lines.append(f"\n{'predicted from fitted codes':38}{'correct (%)':>22}{'chance (%)':>24}{'pairs':>9}")
-    for name, probe in found.probes.items():
+    for name, probe in summary.probes.items():
         cells = (_interval(probe.accuracy, 0, 100), f"{100 * probe.chance:.1f}", probe.pairs) if probe else ("-",) * 3
         lines.append(f"{name:38}{cells[0]:>22}{cells[1]:>24}{cells[2]:>9}")
     return "\n".join(lines)
 
 
-def write_disentanglement_report(path: Path, scores: Sequence[PairScore], about: dict[str, str]) -> None:
+def write_disentanglement_report(path: Path, scores: Sequence[PairScore], origin: dict[str, str]) -> None:
     """Write the numbers as JSON, per pair too, and true and rendered views as PNG beside it, held-out pairs first."""
     pairs = [
         {
@@ -74,7 +74,7 @@ def write_disentanglement_report(path: Path, scores: Sequence[PairScore], about:
         }
         for score in scores
     ]
-    write_json(path, about | {"summary": asdict(summarise_pairs(scores)), "pairs": pairs})
+    write_json(path, origin | {"summary": asdict(summarise_pairs(scores)), "pairs": pairs})
     if is_stream(path):
         return
     first = sorted(scores, key=lambda score: score.pair.trained)[:_SHEET]
@@ -103,10 +103,10 @@ def _pose_table(pose: PoseSummary, kept: EvaluationSummary | None) -> list[str]:
     lines = [f"{head:22}{'initial':>24}{'final':>24}{'- outliers':>24}"]
     rows = (("rotation (degrees)", "rotation", 1.0), ("translation (%)", "translation", 100.0))
     for name, field, scale in rows:
-        found = [getattr(pose, f"initial_{field}"), getattr(pose, field), getattr(without, field) if without else None]
-        cells = (_interval(value, 2, scale) if value else "-" for value in found)
+        means = [getattr(pose, f"initial_{field}"), getattr(pose, field), getattr(without, field) if without else None]
+        cells = (_interval(mean, 2, scale) if mean else "-" for mean in means)
         lines.append(f"{name:22}" + "".join(f"{cell:>24}" for cell in cells))
-    shares = (("5 degrees", "within_5_degrees"), ("10 degrees", "within_10_degrees"))
-    for limit, field in (*shares, ("3 %", "within_3_percent"), ("5 %", "within_5_percent")):
+    limits = (("5 degrees", "within_5_degrees"), ("10 degrees", "within_10_degrees"))
+    for limit, field in (*limits, ("3 %", "within_3_percent"), ("5 %", "within_5_percent")):
         lines.append(f"{f'within {limit} (%)':22}{'':24}{_interval(getattr(pose, field), 0, 100):>24}")
     return lines

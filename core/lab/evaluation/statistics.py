@@ -31,14 +31,14 @@ def mean_of(values: Sequence[float]) -> Mean:
     return Mean(float(array.mean()), float(low), float(high))
 
 
-def mean_gain(values: Sequence[float], others: Sequence[float]) -> Mean:
+def mean_gain(values: Sequence[float], baselines: Sequence[float]) -> Mean:
     """Return the mean difference of paired values (same objects or same views).
 
     Example:
         >>> mean_gain([21.0, 31.0], [20.0, 30.0]).mean
         1.0
     """
-    return mean_of([one - other for one, other in zip(values, others, strict=True)])
+    return mean_of([value - baseline for value, baseline in zip(values, baselines, strict=True)])
 
 
 def fraction_within(values: Sequence[float], limit: float) -> Mean:

@@ -18,14 +18,15 @@ USED: dict[str, tuple] = {}
 
 
 @pytest.fixture
-def found(monkeypatch: pytest.MonkeyPatch) -> Results[Ablation]:
-    """Three objects, each 10 dB harder than the one before; with a single hypothesis a fit is 1 dB worse."""
+def results(monkeypatch: pytest.MonkeyPatch) -> Results[Ablation]:
+    """Results of three objects, each 10 dB harder than the last; a single hypothesis costs 1 dB."""
 
     def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
         USED[preset] = method.settings, method.components, matmul_dtype("cpu")
         many = method.settings.hypotheses > 1
         index = int(target.views.name)
-        seconds, psnr = (4.0 if many else 1.0) * (1 + index), 50.0 - 10 * index - (not many)
+        seconds = (4.0 if many else 1.0) * (1 + index)
+        psnr = 50.0 - 10 * index - (not many)
         errors = (3.0, 2.0, 0.01)
         return FitTrial(
             preset, target.views.name, 0, seconds, *errors, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False
@@ -37,17 +38,17 @@ def found(monkeypatch: pytest.MonkeyPatch) -> Results[Ablation]:
     return Results({"machine": "m"}, summarise_ablations(list(fits.fit_views(model, views, ABLATIONS))))
 
 
-def test_each_ablation_leaves_something_out_and_is_compared_with_the_full_fit(found: Results[Ablation]) -> None:
-    full, *others = found.rows
+def test_each_ablation_differs_from_the_full_fit_and_is_compared_with_it(results: Results[Ablation]) -> None:
+    full, *ablations = results.rows
     assert (full.summary.preset, full.gain, full.time) == (FULL, (0.0, 0.0, 0.0), 1.0)
-    (single,) = (one for one in others if "multi-start" in one.summary.preset)
+    (single,) = (ablation for ablation in ablations if "multi-start" in ablation.summary.preset)
     assert (single.gain, single.time) == ((-1.0, -1.0, -1.0), 0.25)
-    assert all(one.gain.mean == 0.0 for one in others if one is not single)
+    assert all(ablation.gain.mean == 0.0 for ablation in ablations if ablation is not single)
     assert USED[FULL][:2] == (PRESETS["normal"], ALL_COMPONENTS)
     different = len(ABLATIONS) - len(REPEATS) + 1
     assert len(set(USED.values())) >= different - (USED["in float32"] == USED[FULL])
-    rows = ablations_table(found).splitlines()[4:]
-    assert len(rows) == len(found.rows) == len(ABLATIONS)
+    rows = ablations_table(results).splitlines()[4:]
+    assert len(rows) == len(results.rows) == len(ABLATIONS)
     assert rows[0].startswith(f"| {FULL} | 3 | 1.00 | 2.00° |")
     assert sum("| -1.00 (-1.00 to -1.00) |" in row for row in rows) == 1
 
@@ -57,4 +58,4 @@ def test_a_seed_of_the_full_method_is_compared_with_the_other_seeds() -> None:
         FitTrial(name, "a", 0, 1.0, 3.0, 2.0, 0.01, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False)
         for name, psnr in zip((*REPEATS, "in float32"), (20.0, 23.0, 26.0, 25.0), strict=True)
     ]
-    assert [one.gain.mean for one in summarise_ablations(trials)] == [-4.5, 0.0, 4.5, 2.0]
+    assert [ablation.gain.mean for ablation in summarise_ablations(trials)] == [-4.5, 0.0, 4.5, 2.0]

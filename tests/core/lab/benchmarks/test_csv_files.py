@@ -35,18 +35,18 @@ RECORDS = (
 )
 
 
-def test_what_is_read_is_what_was_written_also_by_older_versions(tmp_path: Path) -> None:
-    found = Results({"machine": "m"}, RECORDS)
-    for _ in range(2):  # the second takes the place of the first
-        write_results(tmp_path / "r.csv", found)
-        assert read_results(tmp_path / "r.csv", Record) == found
+def test_results_are_read_as_written_and_older_files_lack_columns(tmp_path: Path) -> None:
+    results = Results({"machine": "m"}, RECORDS)
+    for _ in range(2):  # the second file replaces the first
+        write_results(tmp_path / "r.csv", results)
+        assert read_results(tmp_path / "r.csv", Record) == results
     assert read_records(tmp_path / "r.csv", Record, {"machine": "m"}) == RECORDS
     assert read_records(tmp_path / "none.csv", Record) == ()
     write_results(tmp_path / "r.csv", Results({}, (Point(1.0, 2),)))
     assert read_results(tmp_path / "r.csv", NewerPoint).rows == (NewerPoint(1.0, 2),)
 
 
-def test_other_files_are_refused(tmp_path: Path) -> None:
+def test_empty_and_foreign_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty.csv").write_text("name\n")
     with pytest.raises(ValueError, match=r"empty.csv: no measurements"):
         read_results(tmp_path / "empty.csv", Record)

@@ -7,21 +7,21 @@ from core.lab.benchmarks.detail_gains import DetailView
 
 
 def rows() -> list[DetailView]:
-    """Of two objects: detail adds 1 dB to the first, 3 dB to the second."""
-    found = []
+    """Return views of two objects: detail adds 1 dB to the first, 3 dB to the second."""
+    views = []
     for name, gain in (("one", 1.0), ("two", 3.0)):
         photo = DetailView("cars", "own", "found", name, 3, 0.0, 2.0, 0.9, 26.0, 36.0, 36.0, 40.0)
-        found.append(photo)
+        views.append(photo)
         for view, angle in enumerate((20.0, 100.0)):
-            found.append(replace(photo, view=view, angle=angle, plain=24.0, direct=24.0, full=24.0 + gain, bound=None))
-    return found
+            views.append(replace(photo, view=view, angle=angle, plain=24.0, direct=24.0, full=24.0 + gain, bound=None))
+    return views
 
 
 def test_gains_are_means_of_objects() -> None:
-    others = detail_gains.others(rows())
-    assert detail_gains.object_gains(others) == [1.0, 3.0]
-    assert detail_gains.gain_by_object(others).mean == 2.0
-    assert detail_gains.gain_by_object(others, "direct").mean == 0.0
+    unfitted = detail_gains.unfitted_views(rows())
+    assert detail_gains.object_gains(unfitted) == [1.0, 3.0]
+    assert detail_gains.gain_by_object(unfitted).mean == 2.0
+    assert detail_gains.gain_by_object(unfitted, "direct").mean == 0.0
 
 
 def test_rows_become_a_table_and_a_chart(tmp_path: Path) -> None:

@@ -23,9 +23,9 @@ QUICK = {
 
 
 @pytest.fixture(scope="module")
-def found(tiny: Model) -> Results[FitTrial]:
+def results(tiny: Model) -> Results[FitTrial]:
     first, second = training_object_views(tiny, 2, torch.Generator().manual_seed(0))
-    targets = replace(first, whole=_enlarged(first.views)), second
+    targets = replace(first, full_size=_enlarged(first.views)), second
     methods = {name: FitMethod(preset) for name, preset in QUICK.items()}
     trials = tuple(fit_views(tiny, targets, methods))
     assert list(fit_views(tiny, targets, methods, {trial.key for trial in trials})) == []
@@ -33,17 +33,17 @@ def found(tiny: Model) -> Results[FitTrial]:
 
 
 def _enlarged(views: ObjectViews) -> ObjectViews:
-    """The views with four pixels for each."""
+    """Return the views with four pixels in place of each."""
     cameras = tuple(camera.resized(2 * camera.width, 2 * camera.height) for camera in views.cameras)
-    images, masks = (part.repeat(2, 1).repeat(2, 2) for part in (views.images, views.masks))
+    images, masks = (pixels.repeat(2, 1).repeat(2, 2) for pixels in (views.images, views.masks))
     return replace(views, images=images, masks=masks, cameras=cameras)
 
 
-def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Results[FitTrial]):
-    assert [(trial.preset, trial.name) for trial in found.rows] == [
+def test_every_preset_fits_every_view_and_curves_follow_its_processor_time(results: Results[FitTrial]):
+    assert [(trial.preset, trial.name) for trial in results.rows] == [
         (preset, name) for name in ("stool0", "stool2") for preset in QUICK
     ]
-    for trial in found.rows:
+    for trial in results.rows:
         assert trial.rotation_curve[-1] in (trial.initial_rotation, trial.rotation) or trial.seconds > fits.TIMES[-1]
         assert trial.held_out > 5
         if trial.preset == "paper":
@@ -54,25 +54,25 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Result
             assert trial.confidence == confidence(trial.margin, trial.uncertainty) * explained(trial.psnr)
         assert trial.whole is not None and 0 < trial.whole.overlap <= 1 and 0 < trial.whole.haze < 1
         assert (trial.whole.psnr == trial.held_out) == (trial.name == "stool2")
-    summaries = summarise_presets(found.rows)
+    summaries = summarise_presets(results.rows)
     assert summaries[0].whole is not None and summaries[0].whole.psnr > 5
-    assert [one.preset for one in summaries] == list(QUICK)
-    assert {one.fits for one in summaries} == {2}
-    assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in summaries)
+    assert [summary.preset for summary in summaries] == list(QUICK)
+    assert {summary.fits for summary in summaries} == {2}
+    assert all(summary.auroc is None or 0 <= summary.auroc <= 1 for summary in summaries)
 
 
-def test_charts_of_any_results_are_written(found: Results[FitTrial], tmp_path: Path):
+def test_charts_are_written_even_of_instant_fits(results: Results[FitTrial], tmp_path: Path):
     with pytest.raises(ValueError, match="no CSV file of a benchmark"):
         redraw(tmp_path)
     prepare(tmp_path / "charts")
-    table = write(tmp_path / "charts", "fit", found)
-    assert read_results(tmp_path / "charts/fit.csv", FitTrial) == found
+    table = write(tmp_path / "charts", "fit", results)
+    assert read_results(tmp_path / "charts/fit.csv", FitTrial) == results
     assert image_size(tmp_path / "charts/fit.png")[0] > 800
     assert (tmp_path / "charts/fit.md").read_text() == table
     assert "| paper |" in table
     (tmp_path / "charts/fit.md").unlink()
     assert redraw(tmp_path) == [tmp_path / "charts/fit.csv"]
     assert (tmp_path / "charts/fit.md").read_text() == table
-    at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.rows)
-    write(tmp_path, "fit", replace(found, rows=at_once))
+    instant_trials = tuple(replace(trial, seconds=1e-3, rotation=0.0) for trial in results.rows)
+    write(tmp_path, "fit", replace(results, rows=instant_trials))
     assert (tmp_path / "fit.png").exists()

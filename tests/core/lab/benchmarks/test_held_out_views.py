@@ -29,14 +29,14 @@ def test_training_objects_are_rendered_from_the_upper_hemisphere():
     assert sum(heights) / len(heights) == pytest.approx(0.5, abs=0.05)
 
 
-def test_a_network_that_renders_its_background_has_views_too():
+def test_networks_that_render_their_background_have_views():
     target, *_ = training_object_views(random_model(1, True), 1, torch.Generator().manual_seed(0))
     assert target.views.images.shape[-1] == 3
 
 
-def test_a_symmetric_view_is_one_from_which_the_object_looks_the_same(monkeypatch: pytest.MonkeyPatch):
-    model, truth = tiny_model(), tiny_model().camera(0.7, 0.4)
-    lopsided = model[0]
+def test_views_from_which_the_object_looks_the_same_are_symmetric(monkeypatch: pytest.MonkeyPatch):
+    lopsided = tiny_model()[0]
+    truth = lopsided.model.camera(0.7, 0.4)
     assert is_symmetric_view(lopsided, replace(truth, azimuth=0.75), truth, 5.0)
     assert not is_symmetric_view(lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
     plain = held_out_views.render_on_white

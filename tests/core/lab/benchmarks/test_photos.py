@@ -21,19 +21,19 @@ def test_a_photo_is_judged_by_box_category_and_side(tmp_path: Path, monkeypatch:
     height, width = mask.shape
     left, top, right, bottom = bounding_box(mask)
     box = (left / width, top / height, right / width, bottom / height)
-    whole = Judgement(path.stem, "cars", *box, azimuth=None, elevation=None)
+    label = Judgement(path.stem, "cars", *box, azimuth=None, elevation=None)
 
-    def judged(*seen: Judgement) -> PhotoTrial:
-        write_results(tmp_path / "seen.csv", Results({}, seen))
-        (trial,) = measure_photos([path], read_judgements(tmp_path / "seen.csv"), "draft")
+    def trial_of(*judgements: Judgement) -> PhotoTrial:
+        write_results(tmp_path / "labels.csv", Results({}, judgements))
+        (trial,) = measure_photos([path], read_judgements(tmp_path / "labels.csv"), "draft")
         return trial
 
-    corner = replace(whole, left=0.0, top=0.0, right=0.01, bottom=0.01, azimuth=0.0, elevation=0.0)
-    trial = judged(whole, corner)
+    corner = replace(label, left=0.0, top=0.0, right=0.01, bottom=0.01, azimuth=0.0, elevation=0.0)
+    trial = trial_of(label, corner)
     assert (trial.taken_for, trial.cut_out, trial.right_side, trial.right) == ("cars", "whole", None, False)
-    again = judged(replace(whole, azimuth=trial.azimuth + 10, elevation=trial.elevation))
+    again = trial_of(replace(label, azimuth=trial.azimuth + 10, elevation=trial.elevation))
     assert again.right
-    wrong = judged(replace(corner, azimuth=trial.azimuth + 180))
+    wrong = trial_of(replace(corner, azimuth=trial.azimuth + 180))
     assert (wrong.cut_out, wrong.right_side) == ("wrong", False)
     assert math.isclose(wrong.confidence, trial.confidence)
     table = photos_table(Results({"preset": "draft", "machine": "here"}, (again, wrong)))

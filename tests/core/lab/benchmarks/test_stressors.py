@@ -6,28 +6,28 @@ from tests.core.tiny import tiny_model
 
 
 def cutout() -> np.ndarray:
-    """An object of one colour on white."""
+    """Return an object of one colour on white."""
     image = np.ones((40, 40, 4), np.float32)
     image[..., 3] = 0
     image[10:30, 12:28] = (0.2, 0.4, 0.6, 1)
     return image
 
 
-_OF_CAMERAS = ("initial error", "elevation", "frontal", "focal length")
+_CAMERA_STRESSORS = ("initial error", "elevation", "frontal", "focal length")
 
 
-@pytest.mark.parametrize("name", [name for name in STRESSORS if name not in _OF_CAMERAS])
-def test_a_corrupted_image_is_one_and_every_level_is_another(name: str):
+@pytest.mark.parametrize("name", [name for name in STRESSORS if name not in _CAMERA_STRESSORS])
+def test_every_level_gives_another_valid_image(name: str):
     stressor = STRESSORS[name]
-    made = [stressor.corrupt(cutout(), level, np.random.default_rng(0)) for level in stressor.levels]
-    for image in made:
+    images = [stressor.corrupt(cutout(), level, np.random.default_rng(0)) for level in stressor.levels]
+    for image in images:
         assert image.shape[-1] in (3, 4)
         assert image.dtype == np.uint8 or 0 <= image.min() <= image.max() <= 1
-    assert len({image.tobytes() for image in made}) == len(made)
-    assert np.array_equal(made[0], cutout()) == (name in ("none", "another category"))
+    assert len({image.tobytes() for image in images}) == len(images)
+    assert np.array_equal(images[0], cutout()) == (name in ("none", "another category"))
 
 
-def test_stressors_of_masks_and_cameras_do_as_they_say():
+def test_masks_and_cameras_change_by_the_level():
     area = cutout()[..., 3].sum()
     hidden = STRESSORS["occlusion"].corrupt(cutout(), 0.5, np.random.default_rng(0))
     assert hidden[..., 3].sum() == pytest.approx(area / 2, abs=20)
@@ -42,7 +42,7 @@ def test_stressors_of_masks_and_cameras_do_as_they_say():
 
 @pytest.mark.parametrize("least", [0.2, 0.4, 0.6])
 @pytest.mark.parametrize("seed", range(5))
-def test_discs_hide_a_share_within_their_band(least: float, seed: int):
+def test_discs_hide_a_fraction_within_their_band(least: float, seed: int):
     image = STRESSORS["hidden"].corrupt(cutout(), least, np.random.default_rng(seed))
     hidden = 1 - image[..., 3].sum() / cutout()[..., 3].sum()
     assert least - 0.03 <= hidden <= least + 0.3

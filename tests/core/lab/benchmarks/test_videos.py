@@ -10,7 +10,7 @@ from core.lab.benchmarks.videos import VideoTiming, measure_videos
 from tests.conftest import image_size, unchecked_shapes
 from tests.core.tiny import tiny_model
 
-ABOUT = {"machine": "a machine", "category": "chairs", "objects": "1", "frames": "12", "size": "64", "image": "96"}
+COMMON = {"machine": "a machine", "category": "chairs", "objects": "1", "frames": "12", "size": "64", "image": "96"}
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_every_way_to_make_a_video_is_measured_once() -> None:
             *(("turn", "exact", samples) for samples in (8, 64)),
             ("turn", "baked", 128),
             ("turn", "default", 0),
-            *((shown, *made) for shown in ("morph", "image") for made in (("exact", 64), ("default", 0))),
+            *((kind, *recipe) for kind in ("morph", "image") for recipe in (("exact", 64), ("default", 0))),
         ]
         assert all(row.seconds > 0 and row.worst <= row.psnr for row in rows)
         coarse, fine, baked, default = rows[:4]
@@ -47,13 +47,13 @@ def test_every_way_to_make_a_video_is_measured_once() -> None:
         assert list(measure_videos(tiny_model(), 2, [row.key for row in rows])) == []
 
 
-def test_the_chart_and_the_table_show_them(tmp_path: Path) -> None:
+def test_timings_become_a_chart_and_a_table(tmp_path: Path) -> None:
     for row in (
         VideoTiming("turn", "exact", 192, 60.0, 55.0, 54.0),
         VideoTiming("turn", "baked", 192, 3.0, 46.0, 45.0),
         VideoTiming("turn", "default", 192, 4, 46, 45),
     ):
-        append_record(tmp_path / "videos.csv", ABOUT, row)
+        append_record(tmp_path / "videos.csv", COMMON, row)
     table = draw(tmp_path, "videos")
     assert "| turn | baked | 192 | 3.0 | 20.0 | 46.0 | 45.0 |" in table
     width, height = image_size(tmp_path / "videos.png")

@@ -18,14 +18,14 @@ from core.lab.datasets.srn import read_dataset
 
 
 def write_folder(folder: Path, names: list[str]) -> None:
-    """A mesh folder with one box for each name."""
+    """Write a mesh folder with one box for each name."""
     for name in names:
         trimesh.Scene([trimesh.creation.box((1, 2, 3))]).export(folder / f"{name}.glb")
     lines = [{"id": name, "category": "chairs", "file": f"{name}.glb"} for name in names]
     (folder / "index.json").write_text(json.dumps(lines))
 
 
-def test_axes_scale_and_the_scene_graph(tmp_path: Path) -> None:
+def test_axes_scale_and_scene_graph_are_the_worlds(tmp_path: Path) -> None:
     """glTF's (right, up, front) = (x, y, z) becomes the world's (-x, z, y): front at +y, up at +z."""
     scene = trimesh.Scene()
     scene.add_geometry(trimesh.creation.box((2, 4, 6)))
@@ -35,7 +35,8 @@ def test_axes_scale_and_the_scene_graph(tmp_path: Path) -> None:
     scene.export(tmp_path / "box.glb")
     surfaces = load_mesh(tmp_path / "box.glb")
     everything = np.concatenate([surface.vertices for surface in surfaces])
-    low, high = everything.min(0), everything.max(0)
+    low = everything.min(0)
+    high = everything.max(0)
     assert np.linalg.norm(high - low) == pytest.approx(1)
     assert low == pytest.approx(-high)
     assert (high - low) / (high - low)[0] == pytest.approx(np.array([2, 6.5, 4]) / 2)
@@ -57,7 +58,7 @@ def test_a_turn_is_counter_clockwise_from_above(tmp_path: Path) -> None:
     assert turned[:, 1] == pytest.approx(straight[:, 0], abs=1e-9)
 
 
-def test_textures_and_factors(tmp_path: Path, rasteriser: Rasteriser) -> None:
+def test_textures_and_colour_factors_are_read(tmp_path: Path, rasteriser: Rasteriser) -> None:
     image = Image.fromarray(np.tile(np.array([10, 200, 30], np.uint8), (4, 4, 1)))
     material = trimesh.visual.material.PBRMaterial(baseColorTexture=image, baseColorFactor=(255, 255, 255, 255))
     textured = trimesh.creation.box((1, 1, 1))
@@ -92,15 +93,15 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
         return render_objects(mesh_tasks(tmp_path, "chairs", split), out, "chairs", split, views, size)
 
     assert next(rendered(out, "train", 4, 32)) == "one"
-    assert [one.name for one in read_dataset(out).objects] == ["one"]
+    assert [views.name for views in read_dataset(out).objects] == ["one"]
     before = (out / "one/rgb/000000.png").stat().st_mtime_ns
     assert list(rendered(out, "train", 4, 32)) == ["one", "two"]
     assert (out / "one/rgb/000000.png").stat().st_mtime_ns == before
     dataset = read_dataset(out)
     assert (dataset.category, dataset.image_size, len(dataset.objects[0].cameras)) == ("chairs", 32, 4)
-    assert all(0.02 < one.masks.mean() < 0.5 for one in dataset.objects)
+    assert all(0.02 < views.masks.mean() < 0.5 for views in dataset.objects)
     assert list(rendered(tmp_path / "test", "test", 3, 32)) == [kept]
-    # Another size is another job: the old images do not stand in for it.
+    # Another size is another job: the old images are replaced.
     assert list(rendered(out, "train", 4, 16)) == ["one", "two"]
     assert read_dataset(out).image_size == 16
 
@@ -113,7 +114,7 @@ def test_the_shared_meshes_split_and_face_the_front(shared: Path) -> None:
         assert (selected["validation"], selected["test"]) == (held["validation"], held["test"])
         assert len(held["validation"]) == len(held["test"]) == 10
         assert sum(map(len, selected.values())) == len(set().union(*selected.values()))
-    # Most of what stands above the seat stands behind it.
+    # Most points above the seat are behind it.
     for entry in select_meshes(shared / "meshes", "chairs", "test"):
         if "stool" in entry.name:
             continue

@@ -22,7 +22,7 @@ def camera(azimuth: float, elevation: float, distance: float = 1.3) -> Camera:
 
 
 def dot(place: np.ndarray, radius: float) -> Surface:
-    """A black octahedron."""
+    """Return a black octahedron."""
     vertices = np.concatenate((np.eye(3), -np.eye(3))) * radius + place
     faces = np.array([(a, b, c) for a in (0, 3) for b in (1, 4) for c in (2, 5)])
     return Surface(vertices, np.zeros((6, 3)), faces, np.zeros((6, 3)))
@@ -48,7 +48,7 @@ def test_a_point_is_rendered_where_its_ray_passes(rasteriser: Rasteriser, azimut
         assert mask[row, column]
 
 
-def test_coverage_is_the_share_of_the_pixel(rasteriser: Rasteriser) -> None:
+def test_coverage_is_the_covered_fraction_of_the_pixel(rasteriser: Rasteriser) -> None:
     """A black square seen face on: its area in pixels is known, and its edges are grey by their coverage."""
     side = 0.3
     corners = np.array([(-side, -side, 0), (side, -side, 0), (side, side, 0), (-side, side, 0)], float) / 2
@@ -71,7 +71,8 @@ def test_near_hides_far_on_a_white_background_out_of_the_mask(rasteriser: Raster
     image, mask = rasteriser.render(camera(0, 0))
     assert (image == 255).all()
     assert not mask.any()
-    black, behind = dot(np.zeros(3), 0.1), dot(np.array([0, 0.3, 0]), 0.1)
+    black = dot(np.zeros(3), 0.1)
+    behind = dot(np.array([0, 0.3, 0]), 0.1)
     white = Surface(behind.vertices, behind.normals, behind.faces, np.ones((6, 3)))
     rasteriser.upload([white, black])
     assert rasteriser.render(camera(math.pi / 2, 0))[0][32, 32].min() > 120
@@ -79,18 +80,18 @@ def test_near_hides_far_on_a_white_background_out_of_the_mask(rasteriser: Raster
 
 
 def test_both_sides_of_a_face_are_lit(rasteriser: Rasteriser) -> None:
-    """Which way round a triangle is listed makes no difference, smooth normals or none."""
-    one = grey(trimesh.creation.icosphere(2, 0.2))
+    """Neither the winding of triangles nor the sign of normals makes a difference."""
+    sphere = grey(trimesh.creation.icosphere(2, 0.2))
     images = []
-    for faces, normals in ((one.faces, one.normals), (one.faces[:, ::-1], one.normals), (one.faces, -one.normals)):
-        rasteriser.upload([replace(one, faces=faces, normals=normals)])
+    for variant in (sphere, replace(sphere, faces=sphere.faces[:, ::-1]), replace(sphere, normals=-sphere.normals)):
+        rasteriser.upload([variant])
         images.append(rasteriser.render(camera(0.7, 0.5))[0].astype(int))
     assert np.abs(images[0] - images[1]).max() <= 1
     assert np.abs(images[0] - images[2]).max() <= 1
 
 
 def expected(normal: np.ndarray) -> float:
-    """The sRGB level of a grey face in daylight, in double precision."""
+    """Return the sRGB level of a grey face in daylight, in double precision."""
     low, high = DAYLIGHT["sky"]
     power = low + (high - low) * (0.5 + 0.5 * normal[2])
     back = np.array([0.2, -1.0, 0.2]) / np.linalg.norm((0.2, -1.0, 0.2))
@@ -108,8 +109,8 @@ def test_a_face_has_the_colour_of_the_formula(rasteriser: Rasteriser) -> None:
     for azimuth, elevation in faces:
         c = math.cos(elevation)
         normal = np.array([c * math.cos(azimuth), c * math.sin(azimuth), math.sin(elevation)])
-        found = rasteriser.render(camera(azimuth, elevation))[0][32, 32, 0]
-        assert float(found) == pytest.approx(expected(normal), abs=1.0)
+        level = rasteriser.render(camera(azimuth, elevation))[0][32, 32, 0]
+        assert float(level) == pytest.approx(expected(normal), abs=1.0)
 
 
 def test_a_texture_is_the_right_way_up_and_cut_out_where_clear(rasteriser: Rasteriser) -> None:
@@ -117,7 +118,9 @@ def test_a_texture_is_the_right_way_up_and_cut_out_where_clear(rasteriser: Raste
     corners = np.array([(0.2, 0, 0.2), (-0.2, 0, 0.2), (-0.2, 0, -0.2), (0.2, 0, -0.2)])
     uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
     image = np.zeros((32, 32, 4), np.uint8)
-    image[:16, :16], image[:16, 16:], image[16:, :16] = ((255, 0, 0, 255), (0, 255, 0, 255), (0, 0, 255, 255))
+    image[:16, :16] = 255, 0, 0, 255
+    image[:16, 16:] = 0, 255, 0, 255
+    image[16:, :16] = 0, 0, 255, 255
     faces = np.array([(0, 1, 2), (0, 2, 3)])
     rasteriser.upload([Surface(corners, np.zeros((4, 3)), faces, np.ones((4, 3)), uvs, image)])
     image, mask = rasteriser.render(camera(math.pi / 2, 0))
@@ -127,7 +130,7 @@ def test_a_texture_is_the_right_way_up_and_cut_out_where_clear(rasteriser: Raste
     assert not mask[37, 37]
 
 
-def test_a_surface_that_does_not_fit_is_refused(rasteriser: Rasteriser) -> None:
+def test_inconsistent_surfaces_and_cameras_are_refused(rasteriser: Rasteriser) -> None:
     three = np.zeros((3, 3))
     with pytest.raises(ValueError, match="point at"):
         Surface(three, three, np.array([(0, 1, 3)]), three)

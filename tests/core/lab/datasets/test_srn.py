@@ -1,4 +1,4 @@
-"""SRN folders: what is written comes back, genuine files are read, broken ones are named."""
+"""SRN folders: objects are read as written, genuine files are read, broken ones are named."""
 
 import json
 import math
@@ -18,7 +18,7 @@ SIZE = 16
 
 
 def views(name: str, seed: int = 0, count: int = 4, size: int = SIZE) -> ObjectViews:
-    """An object of noise, with cameras all around and one at the pole."""
+    """Return an object of noise, with cameras all around and one at the pole."""
     generator = np.random.default_rng(seed)
     masks = generator.random((count, size, size)) < 0.5
     images = np.where(masks[..., None], generator.integers(0, 255, (count, size, size, 3)), 255).astype(np.uint8)
@@ -27,43 +27,44 @@ def views(name: str, seed: int = 0, count: int = 4, size: int = SIZE) -> ObjectV
     return ObjectViews(name, name, name, images, masks, cameras)
 
 
-def test_what_is_written_comes_back(tmp_path: Path) -> None:
+def test_objects_are_read_as_written(tmp_path: Path) -> None:
     written = [views("b", 1), views("a", 2)]
-    for one in written:
-        write_object(tmp_path, one)
+    for original in written:
+        write_object(tmp_path, original)
     dataset = read_dataset(tmp_path)
-    assert [one.name for one in dataset.objects] == ["a", "b"]
+    assert [loaded.name for loaded in dataset.objects] == ["a", "b"]
     assert (dataset.category, dataset.image_size, dataset.focal) == ("", SIZE, pytest.approx(16.4))
-    for one, original in zip(dataset.objects, reversed(written), strict=True):
-        assert np.array_equal(one.images, original.images)
-        assert np.array_equal(one.masks, original.masks)
-        for camera, expected in zip(one.cameras, original.cameras, strict=True):
+    for loaded, original in zip(dataset.objects, reversed(written), strict=True):
+        assert np.array_equal(loaded.images, original.images)
+        assert np.array_equal(loaded.masks, original.masks)
+        for camera, expected in zip(loaded.cameras, original.cameras, strict=True):
             assert torch.allclose(camera.pose(), expected.pose(), rtol=0, atol=1e-6)
 
 
 def test_reduced_views_are_means_of_areas() -> None:
-    whole = views("a")
-    half = whole.reduced(SIZE // 2)
-    expected = whole.images.reshape(4, SIZE // 2, 2, SIZE // 2, 2, 3).mean((2, 4))
+    full_size = views("a")
+    half = full_size.reduced(SIZE // 2)
+    expected = full_size.images.reshape(4, SIZE // 2, 2, SIZE // 2, 2, 3).mean((2, 4))
     assert np.abs(half.images - expected).max() <= 1
-    assert np.array_equal(half.masks, whole.masks.reshape(4, SIZE // 2, 2, SIZE // 2, 2).mean((2, 4)) > 0.5)
-    assert half.cameras[0] == whole.cameras[0].resized(SIZE // 2, SIZE // 2)
-    assert whole.reduced(SIZE) is whole
+    assert np.array_equal(half.masks, full_size.masks.reshape(4, SIZE // 2, 2, SIZE // 2, 2).mean((2, 4)) > 0.5)
+    assert half.cameras[0] == full_size.cameras[0].resized(SIZE // 2, SIZE // 2)
+    assert full_size.reduced(SIZE) is full_size
 
 
-def test_a_manifest_says_what_is_shared_else_nothing_is(tmp_path: Path) -> None:
+def test_shapes_and_textures_are_shared_by_the_manifest_only(tmp_path: Path) -> None:
     write_manifest(tmp_path, "chairs", {"a": ("shape-1", "oak"), "b": ("shape-1", "red"), "not yet": ("x", "y")})
     for name in ("a", "b"):
         write_object(tmp_path, views(name))
     dataset = read_dataset(tmp_path)
     assert dataset.category == "chairs"
-    assert [(one.shape_id, one.texture_id) for one in dataset.objects] == [("shape-1", "oak"), ("shape-1", "red")]
+    identities = [(loaded.shape_id, loaded.texture_id) for loaded in dataset.objects]
+    assert identities == [("shape-1", "oak"), ("shape-1", "red")]
     write_object(tmp_path / "bare", replace(views("a"), shape_id="s", texture_id="t"))
-    one = read_dataset(tmp_path / "bare").objects[0]
-    assert one.shape_id == one.texture_id == "a"
+    bare = read_dataset(tmp_path / "bare").objects[0]
+    assert bare.shape_id == bare.texture_id == "a"
 
 
-def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
+def test_objects_are_indexed_without_being_read(tmp_path: Path) -> None:
     write_manifest(tmp_path / "one", "chairs", {"a": ("shape-1", "oak")})
     write_object(tmp_path / "one", views("a"))
     write_object(tmp_path / "two", views("b"))
@@ -87,11 +88,11 @@ def test_several_folders_become_one_dataset(tmp_path: Path) -> None:
     write_object(tmp_path / "y", views("0"))
     write_manifest(tmp_path / "y", "cars", {})
     dataset = read_dataset([tmp_path / "z", tmp_path / "y"])
-    assert [one.name for one in dataset.objects] == ["1", "0"]
+    assert [loaded.name for loaded in dataset.objects] == ["1", "0"]
     assert dataset.category == "cars"
 
 
-def test_writing_replaces_and_a_missing_mask_is_what_is_not_white(tmp_path: Path) -> None:
+def test_writing_replaces_and_a_missing_mask_holds_pixels_off_white(tmp_path: Path) -> None:
     write_object(tmp_path, views("a", 0, count=4))
     write_object(tmp_path, views("a", 1, count=2))
     assert len(read_dataset(tmp_path).objects[0].cameras) == 2
@@ -102,18 +103,18 @@ def test_writing_replaces_and_a_missing_mask_is_what_is_not_white(tmp_path: Path
     assert np.array_equal(read_dataset(tmp_path).objects[0].masks, (original.images < 253).any(-1))
 
 
-def test_clear_images_are_laid_on_white(tmp_path: Path) -> None:
+def test_transparent_images_are_composited_on_white(tmp_path: Path) -> None:
     write_object(tmp_path, views("a", count=1))
     shutil.rmtree(tmp_path / "a/mask")
     pixels = np.zeros((SIZE, SIZE, 4), np.uint8)
     pixels[:, :8] = 200, 0, 0, 255
     pixels[:, 8] = 0, 0, 0, 128
     Image.fromarray(pixels).save(tmp_path / "a/rgb/000000.png")
-    one = read_dataset(tmp_path).objects[0]
-    assert one.images[0, 0, 0].tolist() == [200, 0, 0]
-    assert one.images[0, 0, 8].tolist() == [127, 127, 127]
-    assert one.images[0, 0, 9].tolist() == [255, 255, 255]
-    assert one.masks[0, 0].tolist() == [True] * 9 + [False] * 7
+    composite = read_dataset(tmp_path).objects[0]
+    assert composite.images[0, 0, 0].tolist() == [200, 0, 0]
+    assert composite.images[0, 0, 8].tolist() == [127, 127, 127]
+    assert composite.images[0, 0, 9].tolist() == [255, 255, 255]
+    assert composite.masks[0, 0].tolist() == [True] * 9 + [False] * 7
 
 
 def test_a_resized_copy_keeps_its_field_of_view(tmp_path: Path) -> None:
@@ -123,18 +124,18 @@ def test_a_resized_copy_keeps_its_field_of_view(tmp_path: Path) -> None:
     assert read_dataset(tmp_path).focal == pytest.approx(131.25 * SIZE / 128)
 
 
-def test_genuine_srn_folders(shared: Path) -> None:
+def test_genuine_srn_folders_are_read(shared: Path) -> None:
     dataset = read_dataset(shared / "upstream/srn_real")
-    distances = {one.name: one.cameras[0].distance for one in dataset.objects}
+    distances = {loaded.name: loaded.cameras[0].distance for loaded in dataset.objects}
     assert (dataset.image_size, dataset.focal) == (128, 131.25)
     assert {name: round(value, 2) for name, value in distances.items()} == {
         "cars_idx0000": 1.3,
         "cars_idx0010": 1.3,
         "chairs_idx0004": 2.0,
     }
-    for one in dataset.objects:
-        assert 0.03 < one.masks.mean() < 0.6
-        assert not one.masks[0, 0].any()
+    for loaded in dataset.objects:
+        assert 0.03 < loaded.masks.mean() < 0.6
+        assert not loaded.masks[0, 0].any()
 
 
 @pytest.mark.parametrize(
@@ -167,7 +168,7 @@ def test_missing_and_broken_files_are_named(tmp_path: Path, file: str, content: 
         read_dataset(tmp_path)
 
 
-def test_contradictions_are_refused(tmp_path: Path) -> None:
+def test_contradictory_and_missing_folders_are_refused(tmp_path: Path) -> None:
     write_object(tmp_path / "one", views("a"))
     write_object(tmp_path / "two", views("b", size=8))
     write_object(tmp_path / "three", views("a"))
@@ -186,7 +187,7 @@ def test_contradictions_are_refused(tmp_path: Path) -> None:
         read_dataset([])
 
 
-def test_object_views_must_belong_together() -> None:
+def test_inconsistent_object_views_are_refused() -> None:
     good = views("a")
     with pytest.raises(ValueError, match="cameras for"):
         replace(good, cameras=good.cameras[:2])
@@ -196,7 +197,7 @@ def test_object_views_must_belong_together() -> None:
         replace(good, cameras=tuple(camera.resized(8, 8) for camera in good.cameras))
 
 
-def test_what_systems_leave_beside_files_is_no_part_of_a_dataset(tmp_path: Path) -> None:
+def test_system_files_and_byte_order_marks_are_ignored(tmp_path: Path) -> None:
     write_object(tmp_path, views("a"))
     write_manifest(tmp_path, "chairs", {"a": ("s", "t")})
     expected = read_dataset(tmp_path)
@@ -211,32 +212,32 @@ def test_what_systems_leave_beside_files_is_no_part_of_a_dataset(tmp_path: Path)
         (tmp_path / junk).write_bytes(b"\0\5\x16\7")
     for text in ("manifest.json", "a/intrinsics.txt", "a/pose/000000.txt"):
         (tmp_path / text).write_bytes(b"\xef\xbb\xbf" + (tmp_path / text).read_bytes())
-    found = read_dataset(tmp_path)
-    assert [one.name for one in found.objects] == ["a"]
-    assert found.objects[0].cameras == expected.objects[0].cameras
-    assert found.category == "chairs"
+    dataset = read_dataset(tmp_path)
+    assert [loaded.name for loaded in dataset.objects] == ["a"]
+    assert dataset.objects[0].cameras == expected.objects[0].cameras
+    assert dataset.category == "chairs"
 
 
 @pytest.mark.parametrize("suffix", [".PNG", ".jpg", ".JPEG", ".webp"])
-def test_images_are_known_by_any_usual_ending(suffix: str, tmp_path: Path) -> None:
-    one = views("a")
-    write_object(tmp_path, one)
+def test_images_with_any_usual_suffix_are_read(suffix: str, tmp_path: Path) -> None:
+    original = views("a")
+    write_object(tmp_path, original)
     for path in (tmp_path / "a/rgb").iterdir():
         with Image.open(path) as image:
             image.save(path.with_suffix(suffix), quality=100, lossless=True)
         path.unlink()
-    (found,) = read_dataset(tmp_path).objects
-    assert np.array_equal(found.masks, one.masks)  # which are still called .png
-    assert len(found.images) == 4
+    (loaded,) = read_dataset(tmp_path).objects
+    assert np.array_equal(loaded.masks, original.masks)  # still named .png
+    assert len(loaded.images) == 4
     if suffix in (".PNG", ".webp"):
-        assert np.array_equal(found.images, one.images)
+        assert np.array_equal(loaded.images, original.images)
 
 
 SQUARE = slice(6, 10)
 
 
 def write_nerf(folder: Path, name: str, scale: float = 1.0, count: int = 3) -> list[Camera]:
-    """A red square in front of a transparent ground, with cameras in other units, as NeRF-synthetic has them."""
+    """Write a red square in front of a transparent ground, with cameras in other units, as NeRF-synthetic has them."""
     cameras = [Camera(0.5 * index, 0.4, 1.3, 16.4, SIZE, SIZE) for index in range(count)]
     pixels = np.zeros((SIZE, SIZE, 4), np.uint8)
     pixels[SQUARE, SQUARE] = 200, 0, 0, 255
@@ -247,8 +248,8 @@ def write_nerf(folder: Path, name: str, scale: float = 1.0, count: int = 3) -> l
         matrix = camera.pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
         matrix[:3, 3] /= scale
         frames.append({"file_path": f"./train/r_{index}", "rotation": 0.01, "transform_matrix": matrix.tolist()})
-    about = {"camera_angle_x": 2 * math.atan(SIZE / 2 / 16.4), "frames": frames}
-    (folder / name / "transforms_train.json").write_text(json.dumps(about))
+    transforms = {"camera_angle_x": 2 * math.atan(SIZE / 2 / 16.4), "frames": frames}
+    (folder / name / "transforms_train.json").write_text(json.dumps(transforms))
     return cameras
 
 

@@ -34,7 +34,8 @@ def test_the_spiral_rises_steadily_at_any_count_and_size() -> None:
     assert np.diff(elevations) == pytest.approx(np.full(250, math.pi / 500))
     turns = np.unwrap([camera.azimuth for camera in cameras])
     assert np.diff(turns) == pytest.approx(np.full(250, -0.6))
-    fine, coarse = spiral_views(251, 2.0), spiral_views(51, 2.0)
+    fine = spiral_views(251, 2.0)
+    coarse = spiral_views(51, 2.0)
     for camera, expected in zip(coarse, fine[::5], strict=True):
         assert camera.azimuth == pytest.approx(expected.azimuth, abs=1e-9)
         assert camera.elevation == pytest.approx(expected.elevation)

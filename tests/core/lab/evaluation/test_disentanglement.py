@@ -24,9 +24,10 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[ObjectEntry, ...]:
-    """The training objects, and two of their shapes in textures not trained together with them."""
+    """Return the training objects, and two of their shapes in textures not trained together with them."""
     folder = tmp_path_factory.mktemp("factorial")
-    shapes, textures = tiny.codes.shapes, tiny.codes.textures
+    shapes = tiny.codes.shapes
+    textures = tiny.codes.textures
     for name, (shape, texture) in IDS.items():
         book = CodeBook(shapes[[shape]], textures[[texture]], (tiny.codes.objects[0]._replace(shape=0, texture=0),))
         write_object(folder, replace(views_of(replace(tiny, codes=book), 0, 3), name=name))
@@ -34,7 +35,7 @@ def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[Ob
     return index_objects([folder])[1]
 
 
-def test_pairs_take_codes_of_sound_objects_known_by_name(tiny: Model, factorial):
+def test_pairs_take_codes_of_valid_objects_matched_by_name(tiny: Model, factorial):
     by_name = {pair.entry.name: pair for pair in pairs(tiny, factorial)}
     for name, (shape, texture) in IDS.items():
         assert (by_name[name].shape, by_name[name].texture) == (shape, texture)
@@ -42,18 +43,18 @@ def test_pairs_take_codes_of_sound_objects_known_by_name(tiny: Model, factorial)
     lost = replace(tiny, codes=replace(tiny.codes, collapsed=frozenset({0})))
     assert "new01" not in {pair.entry.name for pair in pairs(lost, factorial)}
     with pytest.raises(ValueError, match="no held-out pair: the model was trained on 4 of the 4"):
-        pairs(tiny, [place for place in factorial if place.name.startswith("stool")])
+        pairs(tiny, [entry for entry in factorial if entry.name.startswith("stool")])
 
 
 def test_recombined_codes_render_the_true_pair_and_textures_move_nothing(tiny: Model, factorial, tmp_path: Path):
     scores = list(score_pairs(tiny, pairs(tiny, factorial)))
-    found = summarise_pairs(scores)
-    assert (found.recombined_pairs, found.trained_pairs) == (2, 4)
-    assert found.recombined.mean > 35
-    assert found.trained.mean > 35
-    assert found.refitted.mean > 25  # of short fits
-    assert found.opacity_change == 0
-    assert found.background_change < 1e-3  # all the light that the object gives to what counts as background
+    summary = summarise_pairs(scores)
+    assert (summary.recombined_pairs, summary.trained_pairs) == (2, 4)
+    assert summary.recombined.mean > 35
+    assert summary.trained.mean > 35
+    assert summary.refitted.mean > 25  # of short fits
+    assert summary.opacity_change == 0
+    assert summary.background_change < 1e-3  # all light of the object on background pixels
     text = format_disentanglement(scores)
     assert "at most 0 of full opacity" in text
     assert "texture from shape codes" in text
@@ -65,12 +66,12 @@ def test_recombined_codes_render_the_true_pair_and_textures_move_nothing(tiny: M
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s.json", "s.png"]
 
 
-def test_wrong_codes_are_seen(tiny: Model, factorial):
+def test_wrong_codes_score_badly(tiny: Model, factorial):
     wrong = [replace(pair, shape=3 - pair.shape) for pair in pairs(tiny, factorial) if not pair.trained]
     assert summarise_pairs(list(score_pairs(tiny, wrong))).recombined.mean < 24
 
 
-def test_a_leaking_field_would_be_caught(tiny: Model, factorial, monkeypatch: pytest.MonkeyPatch):
+def test_a_leaking_field_changes_opacity_and_background(tiny: Model, factorial, monkeypatch: pytest.MonkeyPatch):
     honest = module.render_image
 
     def leaking(instance: Instance, camera, samples: int | None = None):
@@ -94,7 +95,7 @@ def grid(shapes: int, textures: int) -> tuple[list[int], list[int]]:
     return zip(*[(s, t) for s in range(shapes) for t in range(textures)], strict=True)
 
 
-def test_a_probe_reads_what_is_there_and_nothing_else_if_there_is_anything():
+def test_a_probe_recovers_encoded_labels_and_only_those():
     shape_ids, texture_ids = grid(20, 5)
     generator = torch.Generator().manual_seed(0)
     shape_codes = torch.randn(20, 6, generator=generator)[list(shape_ids)]

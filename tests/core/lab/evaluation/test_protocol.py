@@ -21,15 +21,15 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
-    """Renders of one of the model's own objects, all round."""
+    """Return renders of a training object from all sides."""
     cameras = tuple(model.camera(0.7 + 1.3 * turn, 0.4) for turn in range(count))
-    drawn = [render_exact(model[index], camera, 64) for camera in cameras]
-    images = np.stack([(one.colour.clamp(0, 1) * 255 + 0.5).byte().numpy() for one in drawn])
-    masks = np.stack([(one.opacity > 0.5).numpy() for one in drawn])
+    renders = [render_exact(model[index], camera, 64) for camera in cameras]
+    images = np.stack([(render.colour.clamp(0, 1) * 255 + 0.5).byte().numpy() for render in renders])
+    masks = np.stack([(render.opacity > 0.5).numpy() for render in renders])
     return ObjectViews(f"stool{index}", "s", "t", images, masks, cameras)
 
 
-def test_a_known_object_scores_as_rendering_its_fit_by_hand_on_all_or_every_other_view(tiny: Model):
+def test_scores_are_those_of_renders_by_hand_on_all_or_every_other_view(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(2,)))
     _, last = module.fit_first_last(tiny, FitJob((module.as_photo(views, 2, True),), PRESETS["normal"]))
@@ -50,7 +50,7 @@ def test_a_known_object_scores_as_rendering_its_fit_by_hand_on_all_or_every_othe
     assert half.psnr == pytest.approx(score.psnr, abs=1.0)
 
 
-def test_two_inputs_beat_none_of_the_right_kind(tiny: Model):
+def test_two_inputs_beat_images_of_the_wrong_view(tiny: Model):
     views = views_of(tiny, 2)
     (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(0, 2)))
     assert score.views == 2
@@ -72,7 +72,7 @@ def test_estimated_cameras_are_compared_with_the_true_ones(tiny: Model):
     assert pose.rotation < 15
 
 
-def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
+def test_objects_are_scored_one_by_one_and_read_lazily(tiny: Model):
     read = []
 
     def lazily():
@@ -80,12 +80,12 @@ def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
             read.append(index)
             yield views_of(tiny, index, 2)
 
-    found = list(islice(evaluate(tiny, lazily(), EvaluationProtocol(inputs=(0,))), 2))
-    assert [score.name for score in found] == ["stool0", "stool1"]
+    scores = list(islice(evaluate(tiny, lazily(), EvaluationProtocol(inputs=(0,))), 2))
+    assert [score.name for score in scores] == ["stool0", "stool1"]
     assert read == [0, 1]
 
 
-def test_what_cannot_be_evaluated_is_refused(tiny: Model):
+def test_too_few_views_and_other_focal_lengths_are_refused(tiny: Model):
     views = views_of(tiny, 0, 2)
     with pytest.raises(ValueError, match="stool0: 2 views"):
         list(evaluate(tiny, [views], EvaluationProtocol(inputs=(2,))))
@@ -107,17 +107,17 @@ def score(name: str, value: float, *rotations: float, translation: float = 0.01)
     return ObjectScore(name, value, value / 30, 3, 2.0, poses)
 
 
-def test_outliers_are_found_and_every_object_counts_alike():
+def test_outliers_are_left_out_and_objects_weigh_alike():
     scores = [score("good", 24, 2.0), score("turned", 12, 170.0), score("away", 20, 1.0, translation=0.2)]
-    found = summarise(scores)
-    assert found.pose is not None
-    assert (found.objects, found.without_outliers.objects) == (3, 1)
-    assert found.psnr.mean == pytest.approx(56 / 3)
-    assert found.without_outliers.psnr.mean == 24
-    assert found.pose.within_5_degrees.mean == pytest.approx(2 / 3)
-    assert found.pose.within_3_percent.mean == pytest.approx(2 / 3)
-    assert found.pose.initial_rotation.mean == 80
-    found = summarise([score("a", 20, 0.0, 0.0, 9.0), score("b", 20, 9.0)])
-    assert found.pose.cameras == 4
-    assert found.pose.rotation.mean == pytest.approx(6)
-    assert found.pose.within_5_degrees.mean == pytest.approx((2 / 3 + 0) / 2)
+    summary = summarise(scores)
+    assert summary.pose is not None
+    assert (summary.objects, summary.without_outliers.objects) == (3, 1)
+    assert summary.psnr.mean == pytest.approx(56 / 3)
+    assert summary.without_outliers.psnr.mean == 24
+    assert summary.pose.within_5_degrees.mean == pytest.approx(2 / 3)
+    assert summary.pose.within_3_percent.mean == pytest.approx(2 / 3)
+    assert summary.pose.initial_rotation.mean == 80
+    summary = summarise([score("a", 20, 0.0, 0.0, 9.0), score("b", 20, 9.0)])
+    assert summary.pose.cameras == 4
+    assert summary.pose.rotation.mean == pytest.approx(6)
+    assert summary.pose.within_5_degrees.mean == pytest.approx((2 / 3 + 0) / 2)

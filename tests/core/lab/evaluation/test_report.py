@@ -11,7 +11,7 @@ ESTIMATED = [
 KNOWN = [ObjectScore("a", 24.0, 0.9, 250, 4.0), ObjectScore("b", 26.0, 0.92, 250, 6.0)]
 
 
-def test_known_cameras_give_a_line_of_the_paper():
+def test_known_cameras_give_a_row_of_the_papers_table():
     text = format_table(KNOWN, EvaluationProtocol())
     assert "1-view (64), camera known" in text
     assert "25.00 [24.00, 26.00]" in text
@@ -34,9 +34,9 @@ def test_estimated_cameras_add_errors_and_outliers_or_a_dash():
 def test_the_report_holds_every_object_and_no_nan(tmp_path: Path):
     write_report(tmp_path / "r.json", ESTIMATED[1:], EvaluationProtocol(estimate=True), {"model": "m"})
     text = (tmp_path / "r.json").read_text()
-    about = json.loads(text)
+    report = json.loads(text)
     assert "NaN" not in text
-    assert about["summary"]["without_outliers"]["psnr"] == [None, None, None]
-    assert about["objects"][0]["poses"][0]["rotation"] == 179.0
-    assert about["objects"][0]["outlier"]
-    assert about["protocol"] == {"inputs": [64], "estimate": True, "preset": "normal", "seed": 0, "every": 1}
+    assert report["summary"]["without_outliers"]["psnr"] == [None, None, None]
+    assert report["objects"][0]["poses"][0]["rotation"] == 179.0
+    assert report["objects"][0]["outlier"]
+    assert report["protocol"] == {"inputs": [64], "estimate": True, "preset": "normal", "seed": 0, "every": 1}
