@@ -181,7 +181,7 @@ def candidates_table(results: Results[Judgement]) -> str:
         ("s (median)", lambda key: statistics.median(row.seconds for row in groups[key].values()), "{:.1f}"),
     ]
     heading = "{machine}; {objects} objects; other views at the dataset's size, with 95 % intervals over views."
-    return _text(heading.format(**results.about), markdown_table(columns, groups))
+    return _text(heading.format(**results.common), markdown_table(columns, groups))
 
 
 def _mean_view(rows: Iterable[Judgement], kind: str) -> ViewScore:

@@ -199,9 +199,9 @@ def summarise(scores: Sequence[ObjectScore]) -> EvaluationSummary:
 
 
 def _summary(scores: Sequence[ObjectScore]) -> EvaluationSummary:
-    means = (mean_of([getattr(score, name) for score in scores]) for name in ("psnr", "ssim", "seconds"))
+    psnr, ssim, seconds = (mean_of([getattr(score, name) for score in scores]) for name in ("psnr", "ssim", "seconds"))
     posed = [score for score in scores if score.poses]
-    return EvaluationSummary(len(scores), *means, _pose_summary(posed) if posed else None)
+    return EvaluationSummary(len(scores), psnr, ssim, seconds, _pose_summary(posed) if posed else None)
 
 
 def _pose_summary(scores: Sequence[ObjectScore]) -> PoseSummary:
