@@ -160,7 +160,7 @@ class Autosave:
     def _write(self, project: Project, path: Path) -> bool:
         return self._tell(lambda: project.save(path, self._session.models))
 
-    def _tell(self, save: Callable[[], None]) -> bool:
+    def _tell(self, save: Callable[[], object]) -> bool:
         """Call ``save``; report an error; return whether a file was written."""
         try:
             save()
