@@ -127,7 +127,7 @@ class Autosave:
         The files are moved first, so that a session that ends the program is not loaded again.
         """
         try:
-            *_, moved = [path.replace(self._archive_path(path.stat().st_mtime)) for path in left]
+            *_, moved = map(self._keep_as_earlier, left)
             if left[-1].name.startswith(_AGAIN):
                 text = "The program ended twice in the last session, so it was not opened: see File, Recent"
                 self._session.messages.notify(text, MessageKind.NOTE)
@@ -140,13 +140,18 @@ class Autosave:
             self._session.messages.report("Cannot go on with the last session", error)
 
     def _archive(self, project: Project) -> None:
-        """Keep a replaced project among the earlier ones."""
+        """Keep a replaced project among the earlier ones; its last save if it cannot be written."""
         self.finish()
-        if self._write(project, self._archive_path(time.time())):
+        if self._tell(lambda: project.save(self._archive_path(time.time()), self._session.models)):
             self._own_file.unlink(missing_ok=True)
-            self._when = -math.inf  # the photos that wait are in no file now
+        elif self._own_file.exists():
+            self._tell(lambda: self._keep_as_earlier(self._own_file))
+        self._when = -math.inf  # the photos that wait are in no file now
         for path in self.earlier[EARLIER:]:
             path.unlink(missing_ok=True)
+
+    def _keep_as_earlier(self, path: Path) -> Path:
+        return path.replace(self._archive_path(path.stat().st_mtime))
 
     def _archive_path(self, when: float) -> Path:
         self._earlier.mkdir(parents=True, exist_ok=True)
@@ -155,7 +160,7 @@ class Autosave:
     def _write(self, project: Project, path: Path) -> bool:
         return self._tell(lambda: project.save(path, self._session.models))
 
-    def _tell(self, save: Callable[[], None]) -> bool:
+    def _tell(self, save: Callable[[], object]) -> bool:
         """Call ``save``; report an error; return whether a file was written."""
         try:
             save()

@@ -25,6 +25,7 @@ from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.history import History
+from viewer.values.objects import EditableObject
 from viewer.values.project import Project
 
 Launch = Callable[..., tuple[Session, Autosave]]
@@ -442,3 +443,33 @@ def test_a_save_that_failed_is_repeated_when_closing(
     assert len(session.messages.errors) == 1
     session, _ = launch()
     assert session.editor.state.mix.a.shape == "object 3"
+
+
+def test_the_last_save_of_a_project_that_cannot_be_archived_is_kept(
+    session: Session, editor: Editor, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    autosave = Autosave(session, tmp_path, clock)
+    editor.show_object("object 3")
+    clock.now += 10
+    autosave.tick()
+    autosave.finish()
+
+    def fails(project: Project, path: Path, models: OpenModels) -> None:
+        raise OSError("the disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Project, "save", fails)
+        session.new()
+    assert "the disk is full" in session.messages.errors[0]
+    session.editor.show_object("object 4")
+    autosave.close()
+    (kept,) = autosave.earlier
+    assert Project.load(kept, session.models).history.now.mix.a.shape == "object 3"
+
+
+def test_an_object_that_was_never_shown_is_archived(session: Session, tmp_path: Path, clock: Clock) -> None:
+    autosave = Autosave(session, tmp_path, clock)
+    session.editor.objects.add(EditableObject("my chair", session.editor.model[3], fitted=True))
+    session.new()
+    (kept,) = autosave.earlier
+    assert [added.name for added in Project.load(kept, session.models).objects] == ["my chair"]

@@ -19,7 +19,7 @@ from PIL import Image
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Instance, Model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import detailed_fit
+from tests.viewer.stand_ins import detailed_fit, two_models
 from viewer import autosave
 from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
@@ -42,31 +42,58 @@ def varied_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 
 class Made:
-    """Originals of all objects, and codes of all states; those since the last save may be lost by a kill."""
+    """Originals of all objects, and codes of all states; those since the last save may be lost by a kill.
 
-    def __init__(self) -> None:
+    Trained objects are left out, as no file keeps the state that an empty project begins with.
+    """
+
+    def __init__(self, log: list[str], trained: set[Key]) -> None:
+        """Trace objects and states along the ``log`` of actions."""
         self.objects, self.shown = set[Key](), set[Key]()
+        self._log, self._trained = log, trained
         self._newest: tuple[set[Key], set[Key]] = set(), set()
+        self._there = dict[Key, str]()  # descriptions of what the window has
+        self._traces = dict[Key, list[str]]()
 
     def observe(self, window: Driver) -> None:
         """Take note of all objects and states; call after each action."""
         editor = window.session.editor
         if editor.history.gesture:
             return
-        self._newest[0].update(key(one.original) for one in editor.objects.ever_added)
-        self._newest[1].update(key(state.scene.instance) for state, _ in editor.history.steps)
+        objects = {key(added.original): f"object {added.name}" for added in editor.objects.ever_added}
+        states = {key(state.scene.instance): f"state of {state.mix.a.words}" for state, _ in editor.history.steps}
+        self._follow(states | objects)
+        self._newest[0].update(objects.keys() - self._trained)
+        self._newest[1].update(states.keys() - self._trained)
         if window.context.autosave.is_up_to_date:
             self.keep()
 
     def keep(self) -> None:
         """All that was observed is saved."""
+        newest = (self._newest[0] - self.objects) | (self._newest[1] - self.shown)
+        self._trace(newest, "saved")
         self.objects |= self._newest[0]
         self.shown |= self._newest[1]
-        self.forget_newest()
+        self._newest = set(), set()
 
     def forget_newest(self) -> None:
         """Leave out what was observed since the last save: the window was killed."""
         self._newest = set(), set()
+
+    def story(self, keys: set[Key]) -> str:
+        """When each of these objects and states came and went, and all actions."""
+        traces = [f"{name[0]}: " + ", ".join(self._traces[name]) for name in keys]
+        return "\n".join((*traces, *(f"{number} {action}" for number, action in enumerate(self._log, 1))))
+
+    def _follow(self, there: dict[Key, str]) -> None:
+        for name in there.keys() - self._there.keys():
+            self._trace({name}, f"there as {there[name]}")
+        self._trace(self._there.keys() - there.keys(), "gone")
+        self._there = there
+
+    def _trace(self, keys: set[Key], event: str) -> None:
+        for name in keys:
+            self._traces.setdefault(name, []).append(f"{event} at {len(self._log)} {self._log[-1]}")
 
 
 def key(instance: Instance) -> Key:
@@ -257,12 +284,15 @@ def test_nothing_is_lost_and_no_error_is_logged(
     monkeypatch.setattr(autosave, "EVERY", 0.2)
     monkeypatch.setattr(autosave, "EARLIER", 10_000)  # nothing is dropped because it is old
     monkeypatch.setattr(history, "DEPTH", 10_000)
-    random, made, end = Random(seed), Made(), time.monotonic() + _SECONDS
+    random, end = Random(seed), time.monotonic() + _SECONDS
     backend, log = replace(both, fit=varied_fit), list[str]()
+    trained = {key(model[index]) for model in two_models().values() for index in model.codes.valid}
+    made = Made(log, trained)
     folders = [tmp_path / "run 0"]
 
     def run(window: Driver) -> None:
         person, killed = Person(window, random, tmp_path), random.random() < 0.5
+        log.append("launch")
         made.observe(window)
         for _ in range(random.randint(2, _ACTIONS)):
             log.append(person.act())
@@ -289,8 +319,9 @@ def test_nothing_is_lost_and_no_error_is_logged(
         projects = [Project.load(path, window.session.models) for path in window.context.autosave.earlier]
         kept = [one for project in projects for one in project.objects] + list(window.session.editor.objects.added)
         states = [state for project in projects for state, _ in project.history.steps]
-        assert made.objects <= {key(one.original) for one in kept}
-        assert made.shown <= {key(state.scene.instance) for state in states}
+        lost = made.objects - {key(one.original) for one in kept}
+        lost |= made.shown - {key(state.scene.instance) for state in states}
+        assert not lost, made.story(lost)
 
     while time.monotonic() < end:
         drive(run, backend, random.choice(((1280, 800), (900, 600))), folder=folders[-1])

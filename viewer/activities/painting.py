@@ -25,6 +25,7 @@ class Painting:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self._part = ""  # chosen part
         self._choice: PaintRequest | None = None  # its texture is not found yet
+        self._earlier: tuple[PaintRequest, ...] = ()  # of other parts of its object, likewise, painted before it
         self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._shown: tuple[CoarsePaint, Rgb] | None = None  # on screen
         self._measured: tuple[Instance, str, Rgb | None] | None = None  # object, part, and the part's colour if known
@@ -96,17 +97,17 @@ class Painting:
 
     @property
     def unfinished(self) -> tuple[PaintRequest, ...]:
-        """The paint that the object is about to take, if any."""
-        return (self._choice,) if self._choice and self._released else ()
+        """The paints that the object is about to take, in order."""
+        return (*self._earlier, self._choice) if self._choice and self._released else self._earlier
 
     def take_over(self, unfinished: tuple[PaintRequest, ...]) -> None:
-        """Continue with a paint of an earlier run, unless its object was undone."""
+        """Continue with paints of an earlier run, unless their object was undone."""
         states = (self._editor.state, *self._editor.history.past)
         instances = [state.scene.instance for state in states]
         for request in unfinished:
             if request.instance in instances:
                 kept = instances[instances.index(request.instance)]
-                self._choice, self._released = PaintRequest(kept, request.paint), False
+                self._choose(PaintRequest(kept, request.paint))
                 self.release()
 
     def restore(self) -> None:
@@ -115,34 +116,56 @@ class Painting:
 
     def paint(self, colour: Rgb) -> None:
         """Show the part in a colour, sRGB 0..1, coarsely; :meth:`release` gives it to the object."""
-        self._jobs.cancel("paint")
-        self._choice = PaintRequest(self._editor.scene.instance, Paint(colour, self.part))
-        self._released, self._shown = False, None
+        self._choose(PaintRequest(self._editor.scene.instance, Paint(colour, self.part)))
         self.tick()
 
+    def _choose(self, choice: PaintRequest) -> None:
+        """Choose a paint; released paints of other parts are found again before it."""
+        self._jobs.cancel("paint")
+        instance, part = choice.instance, choice.paint.part
+        self._earlier = tuple(
+            request if request.instance is instance else request._replace(instance=instance)
+            for request in self.unfinished
+            if request.paint.part != part and self._is_paintable(request.instance, instance)
+        )
+        self._choice, self._released, self._shown = choice, False, None
+
+    def _is_paintable(self, chosen: Instance, now: Instance) -> bool:
+        """Return whether a paint chosen for an object suits it now: it was not undone, and has the same texture."""
+        return self._is_reachable(chosen) and torch.equal(chosen.codes.texture, now.codes.texture)
+
+    def _is_reachable(self, instance: Instance) -> bool:
+        """Return whether an object is on screen or can be reached by undo."""
+        states = (self._editor.state, *self._editor.history.past)
+        return any(state.scene.instance is instance for state in states)
+
     def release(self) -> None:
-        """End a drag over colours: the object takes the last one, a step of undo."""
+        """End a drag over colours: the object takes the last one, a step of undo, after paints of other parts."""
         if self._released or self._choice is None:
             return
-        self._released, choice = True, self._choice
+        self._released = True
+        choice, requests = self._choice, self.unfinished
 
-        def stream() -> Iterator[Instance | None]:
-            yield (yield from self._jobs.backend.paint(choice.instance, choice.paint))
+        def stream() -> Iterator[list[Instance] | None]:
+            painted = [choice.instance]
+            for request in requests:
+                painted.append((yield from self._jobs.backend.paint(painted[-1], request.paint)))
+            yield painted[1:]
 
-        def keep(found: Instance) -> None:
-            states = (self._editor.state, *self._editor.history.past)
-            if not any(state.scene.instance is choice.instance for state in states):
+        def keep(painted: list[Instance]) -> None:
+            if not self._is_reachable(choice.instance):
                 return  # undone meanwhile
-            if not torch.equal(self._editor.code("texture"), choice.instance.codes.texture):
+            if not self._is_paintable(choice.instance, self._editor.scene.instance):
                 self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
                 return
-            self._editor.set_texture(found.codes.texture)
+            for instance in painted:
+                self._editor.set_texture(instance.codes.texture)
             self._jobs.cancel("paint colour")  # of the object before
             self._measured = self._editor.scene.instance, choice.paint.part, choice.paint.colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)
-            self._choice = None
+            self._choice, self._earlier = None, ()
             if self._editor.scene.instance is choice.instance:
                 self._viewport.repainted = None
 

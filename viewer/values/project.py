@@ -49,7 +49,7 @@ class Project:
     def is_empty(self) -> bool:
         """True if nothing was made, edited or begun."""
         made = len(self.history.steps) > 1 or self.fit.sources or self.pending
-        return not (made or self.originals or self.paints)
+        return not (made or self.objects or self.originals or self.paints)
 
     def shared(self) -> "Project":
         """Return the project for other machines: paths are names, except those of photos not yet read."""

@@ -9,6 +9,7 @@ from core.models.model import Instance
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted
+from viewer.activities.painting import Painting
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values.direction import Direction
@@ -125,3 +126,30 @@ def test_a_painted_colour_stays_known_after_another_edit(painted: Session, edito
     finish(painted)
     editor.take("shape", "object 4")
     assert painting.colour == (0.9, 0.0, 0.0)
+
+
+def test_two_parts_painted_in_a_row_are_both_painted(
+    painted: Session, editor: Editor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Painting, "parts", ("seat", "legs"))
+
+    def paint(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
+        yield None
+        texture = instance.codes.texture.clone()
+        texture[0 if wanted.part == "seat" else 1] = wanted.colour[0]
+        return instance.changed(texture=texture)
+
+    painted.jobs.backend = replace(painted.jobs.backend, paint=paint)
+    painting, past = painted.painting, len(editor.history.past)
+    painting.part = "seat"
+    painting.paint((0.1, 0.0, 0.0))
+    painting.release()
+    painting.part = "legs"
+    for share in (0.3, 0.6):
+        painting.paint((share, 0.0, 0.0))
+    assert [request.paint.part for request in painting.unfinished] == ["seat"]  # saved if the program ends now
+    painting.release()
+    finish(painted)
+    assert editor.code("texture")[:2].tolist() == pytest.approx([0.1, 0.6])
+    assert len(editor.history.past) == past + 2
+    assert painting.unfinished == ()
