@@ -100,7 +100,7 @@ def _described(last: FitStep) -> str:
 
 
 def camera_of(instance: Instance, size: int | tuple[int, int] = SIZE) -> Camera:
-    """Return the camera of the object's photo, or else one from the side and above that shows all of the object.
+    """Return the camera of the object's photo; without photos, a usual one that shows all of it.
 
     Args:
         size: px of the image: its side, or width and height.

@@ -295,7 +295,7 @@ def _painted_maps(photos: Sequence[ComparedPhoto], textured: Instance) -> tuple[
 def _photo_maps(
     compared: ComparedPhoto, fine: Float[Tensor, "4 height width"], render: Float[Tensor, "3 h w"], device: torch.device
 ) -> PhotoMaps:
-    """Return the photo at all sizes, and what the mirrored side takes: the photo, or its low-passed difference.
+    """Return the photo at all sizes, and the images of the mirrored side: the photo, or its low-passed difference.
 
     Both have paint in place of lettering.
     """

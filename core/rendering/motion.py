@@ -33,7 +33,8 @@ _RIDGE = 1e-4  # of the velocity's coefficients
 _SUBSTEPS = 6  # along the velocity
 _SOLVES = 3  # Gauss-Newton steps
 _PRIOR = 0.2  # weight of the offsets' squares
-_FIRMER, _FIRM = 0.8, -0.3  # logits added where the object is solid, or nearly: thin parts must not come loose
+_FIRMER = 0.8  # logits added where the object is solid, or nearly: thin parts must not come loose
+_FIRM = -0.3  # logit from which a place counts as nearly solid
 _FIRM_WEIGHT = 3.0
 _SAME = 0.05, 1e-3  # greatest difference of equal offsets and of equal coordinates
 
@@ -169,7 +170,8 @@ def _edit(model: Model, origin: Latents, steps: tuple[float, ...]) -> tuple[Tens
         return origin.shape, origin.shape_offsets
     with torch.inference_mode(False), torch.no_grad():  # cached
         warp = _warp(model, origin, steps)
-        bias, std = model.biases(origin)[0], model.bias_std[0]
+        bias = model.biases(origin)[0]
+        std = model.bias_std[0]
         bias = bias + std * _solve(model, bias, warp, _moved_points(model, origin, steps))
         shape = origin.shape + torch.tensor(steps) @ model.codes.shape_space.basis[: len(steps)]
         offsets = (bias - model.field.shape_bias(shape)) / std
@@ -180,10 +182,11 @@ def _solve(
     model: Model, bias: Float[Tensor, "blocks width"], warp: Warp, points: Float[Tensor, "points 3"]
 ) -> Float[Tensor, "blocks width"]:
     """Return the change of biases, in standard deviations, that gives points the field of their origins."""
-    field, std = model.field, model.bias_std[0]
-    wanted = _logits(model, warp.origins(points), bias)
-    wanted = wanted + _FIRMER * torch.sigmoid(10 * (wanted - _FIRM))
-    weight = torch.where(wanted > _FIRM, _FIRM_WEIGHT, 1.0)[:, None]
+    field = model.field
+    std = model.bias_std[0]
+    target_logits = _logits(model, warp.origins(points), bias)
+    target_logits = target_logits + _FIRMER * torch.sigmoid(10 * (target_logits - _FIRM))
+    weight = torch.where(target_logits > _FIRM, _FIRM_WEIGHT, 1.0)[:, None]
     first = _first_layer(model, points)
     change = torch.zeros_like(bias)
     for _ in range(_SOLVES):
@@ -192,7 +195,7 @@ def _solve(
             solid = torch.tanh(field.logits_from_activations(first, biases)[0] / 2)
             (jacobian,) = torch.autograd.grad(solid.sum(), biases)
         jacobian = (jacobian * std).flatten(1)
-        residual = torch.tanh(wanted / 2) - solid.detach()
+        residual = torch.tanh(target_logits / 2) - solid.detach()
         prior = _PRIOR / jacobian.shape[1]
         curvature = jacobian.T @ (weight * jacobian) / len(points) + prior * torch.eye(jacobian.shape[1])
         downhill = jacobian.T @ (weight[:, 0] * residual) / len(points) - prior * change.flatten()
@@ -213,7 +216,8 @@ def _warp(model: Model, origin: Latents, steps: tuple[float, ...]) -> Warp:
 
 
 def _moved_points(model: Model, origin: Latents, steps: tuple[float, ...]) -> Float[Tensor, "points 3"]:
-    place, extent = motion(model, origin), model.extent_tensor
+    place = motion(model, origin)
+    extent = model.extent_tensor
     velocity = torch.einsum("d,dtc->tc", torch.tensor(steps), place.velocities)
     points = _points(place)
     for _ in range(_SUBSTEPS):
@@ -234,7 +238,8 @@ def motion(model: Model, origin: Latents) -> Motion:
     with torch.inference_mode(False), torch.no_grad():  # cached
         surface, normals = _surface(model, origin)
         bias = model.biases(origin)[0]
-        offsets, space = bias - model.field.shape_bias(origin.shape), model.codes.shape_space
+        offsets = bias - model.field.shape_bias(origin.shape)
+        space = model.codes.shape_space
         rows = (normals[:, :, None] * _monomials(surface, model.extent_tensor)[:, None]).flatten(1)
         slope = _slopes(model, surface, bias).norm(dim=-1).clamp_min(1e-3)
         velocities = []
@@ -259,7 +264,8 @@ def _velocity(rows: Float[Tensor, "points numbers"], speed: Float[Tensor, "point
 def _surface(model: Model, origin: Latents) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
     """Return random points on an object's surface, and its outward normals there."""
     generator = torch.Generator().manual_seed(0)
-    extent, bias = model.extent_tensor, model.biases(origin)[0]
+    extent = model.extent_tensor
+    bias = model.biases(origin)[0]
     points = (2 * torch.rand(_CANDIDATES, 3, generator=generator) - 1) * extent
     if model.occupied_cells is not None:
         cells = model.occupied_cells.nonzero()

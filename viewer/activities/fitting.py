@@ -30,7 +30,7 @@ _NONE: Confirmed = {}
 
 
 class Unfinished(NamedTuple):
-    """What a new project takes over from the one before: photos that wait, with their cut-outs."""
+    """Fits that a new project takes over from the former one: waiting photos with their cut-outs."""
 
     queue: tuple[FitRequest, ...]
     questions: tuple[Question, ...]

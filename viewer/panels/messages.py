@@ -29,7 +29,7 @@ class MessageColumn:
         self._hovered = False  # the mouse was over the column in the last frame
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the column; while the mouse is over it, what has faded stays, and what was dismissed leaves a gap."""
+        """Draw the column; under the mouse faded messages stay, and dismissed ones leave a gap."""
         self._update(context)
         if not self._rows:
             return

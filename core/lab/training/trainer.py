@@ -153,7 +153,7 @@ class Trainer:
         return self.step / self.planned_steps
 
     def reschedule(self, steps: int) -> None:
-        """Change the number of steps of a run that is under way, and with it the learning rates from now on.
+        """Change the number of steps of a run, and with it the learning rates from now on.
 
         The settings stay, as the compiled loss depends on them.
         """
