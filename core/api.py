@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.export import mesh, page, video
 from core.export.framing import filling_frame
 from core.export.keyframes import TURN, View, turntable

@@ -14,13 +14,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.detail.maps import UNPAINTED, compared_photos
+from core.detail.progressive import Frame
 from core.detail.repaint import lightness, lit_paint, replaced_share
 from core.geometry.camera import Camera, camera_directions
 from core.models.latents import Latents
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import shown_share
-from core.rendering.progressive import Frame
 from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 

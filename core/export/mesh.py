@@ -18,6 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
+from core.detail.lookup import DetailMaps
 from core.detail.maps import detail_maps
 from core.export.glb import place_camera
 from core.export.mesh_formats import FORMATS, TEXTURED, Mesh
@@ -28,7 +29,6 @@ from core.export.texture import TRIANGLES, TexturedMesh, textured
 from core.geometry.camera import WORLD_FROM_GLTF, Camera
 from core.models.model import Instance, Model
 from core.rendering.compositing import compositing_weights
-from core.rendering.detail_maps import DetailMaps
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, shape_occupancy
 from core.runtime.files import atomic_file

@@ -13,10 +13,10 @@ import torch
 from jaxtyping import Float32
 from torch.nn import functional
 
+from core.detail.lookup import MIN_OPACITY
 from core.geometry.camera import Camera, project
-from core.rendering.baked_field import LOGITS, MIN_LIGHT, BakedField
-from core.rendering.detail_maps import MIN_OPACITY
-from core.rendering.detail_shader import GLSL, DetailTextures, uniforms
+from core.gl.baked_field import LOGITS, MIN_LIGHT, BakedField
+from core.gl.detail_shader import GLSL, DetailTextures, uniforms
 from core.rendering.occupancy import CELLS, splat
 
 VERTEX = """

@@ -13,10 +13,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.directions.words import AXES
 from core.geometry.camera import Camera
 from core.geometry.rays import rays_at_pixels
 from core.models.model import Instance
-from core.rendering.direction_words import AXES
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
 _SIDE_RAYS = 9  # rays along each side of a square around the pixel
@@ -87,7 +87,7 @@ def dragged_pull(
 
     Args:
         pulls: from :func:`pulls_at`, not empty.
-        words: of the shape directions (:func:`core.rendering.direction_words.direction_words`).
+        words: of the shape directions (:func:`core.directions.words.direction_words`).
         point: px, where the drag began. Sizes grow when it moves away from the object's middle.
         drag: px, right and down.
     """

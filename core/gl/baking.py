@@ -19,11 +19,12 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
+from core.detail.maps import detail_maps
 from core.geometry.camera import Camera
+from core.gl.baked_field import LOGITS, BakedField, cell_distances, colour_texels, logit_texels
 from core.models.cells import corners_of, divide, unravelled
 from core.models.density import density_to_logits
 from core.models.model import Instance, Model
-from core.rendering.baked_field import LOGITS, BakedField, cell_distances, colour_texels, logit_texels
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS, Occupancy, shape_occupancy
 from core.rendering.outline import outline
@@ -186,11 +187,15 @@ def _seen_colours(
 
 
 def bake(instance: Instance) -> Iterator[BakedField | None]:
-    """Bake an object with mean colours over four cameras: 64 cells per axis, then 128; None many times between."""
+    """Bake an object with its photo detail and mean colours over four cameras: 64 cells per axis, then 128.
+
+    Yields None many times between.
+    """
+    maps = yield from detail_maps(instance)
     cameras = [instance.model.camera(azimuth, _ELEVATION) for azimuth in _AROUND]
     for divisions in _DIVISIONS:
         views = yield from bake_views(instance, cameras, CELLS * divisions)
-        yield views.mean()
+        yield replace(views.mean(), detail=maps)
 
 
 def _world(

@@ -1,7 +1,7 @@
-"""An object's field as a 3D texture, drawn by OpenGL (:mod:`core.rendering.baked_shader`).
+"""An object's field as a 3D texture, drawn by OpenGL (:mod:`core.gl.baked_shader`).
 
 The texture stores logits (before softplus and contrast). Interpolating logits linearly is 3 to 6 dB better than
-interpolating density, and edges stay crisp on coarse grids. :mod:`core.rendering.baking` fills the texture.
+interpolating density, and edges stay crisp on coarse grids. :mod:`core.gl.baking` fills the texture.
 """
 
 import math
@@ -13,12 +13,12 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
+from core.detail.lookup import DetailMaps
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, ray_points
 from core.models.density import logits_to_density
 from core.models.field_config import FieldConfig
 from core.rendering.compositing import composite_on_white, compositing_weights
-from core.rendering.detail_maps import DetailMaps
 from core.rendering.ground_shadow import GroundShadow
 from core.rendering.occupancy import CELLS
 from core.rendering.reference import Rendered
@@ -78,7 +78,7 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
 
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """Render a baked field like :mod:`core.rendering.baked_shader`, but on the processor, on white, without shadow."""
+    """Render a baked field like :mod:`core.gl.baked_shader`, but on the processor, on white, without shadow."""
     extent = torch.tensor(baked.extent)
     rays = camera_rays(camera, extent, baked.pixel_offset)
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255
