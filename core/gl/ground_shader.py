@@ -15,9 +15,9 @@ out vec2 place;
 void main() {
     place = vec2(gl_VertexID & 1, gl_VertexID >> 1);
     vec3 away = vec3((2.0 * place - 1.0) * reach, height) - origin;
-    vec2 seen = vec2(dot(right, away), -dot(up, away)) * focal;
+    vec2 offset = vec2(dot(right, away), -dot(up, away)) * focal;
     float before = -dot(backward, away);
-    gl_Position = vec4(2.0 * (seen + middle * before) / size - before, 0.0, before);
+    gl_Position = vec4(2.0 * (offset + middle * before) / size - before, 0.0, before);
 }
 """
 FRAGMENT = """
@@ -55,9 +55,12 @@ class GroundShader:
         # The columns of a pose are right, down and forward.
         for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
             self._program[name] = tuple(sign * pose[:3, column])
-        self._program["origin"], self._program["focal"], self._program["size"] = tuple(pose[:3, 3]), camera.focal, size
+        self._program["origin"] = tuple(pose[:3, 3])
+        self._program["focal"] = camera.focal
+        self._program["size"] = size
         self._program["middle"] = camera.width / 2 - corner[0], camera.height / 2 - corner[1]
-        self._program["reach"], self._program["height"] = shadow.reach, shadow.height
+        self._program["reach"] = shadow.reach
+        self._program["height"] = shadow.height
         assert self._map is not None
         self._map.use(0)
         self._context.enable_only(moderngl.BLEND)
@@ -79,6 +82,6 @@ class GroundShader:
 
     def release(self) -> None:
         """Release the GL objects."""
-        for part in (self._map, self._plane, self._program):
-            if part is not None:
-                part.release()
+        for resource in (self._map, self._plane, self._program):
+            if resource is not None:
+                resource.release()
