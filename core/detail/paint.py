@@ -20,7 +20,7 @@ from core.geometry.camera import Camera, camera_directions
 from core.models.latents import Latents
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
-from core.rendering.outline import shown_share
+from core.rendering.outline import effective_strength
 from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
@@ -173,7 +173,7 @@ def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
         colours = surface.coloured(instance.codes).clamp(0, 1)
         share = _part_share(instance, points, colours, part)
         surface = replace(surface, colours=colours, share=share, fitted=_mean(colours, share))
-    if not shown_share(instance):
+    if not effective_strength(instance):
         return surface
     assert instance.detail is not None
     photos = yield from compared_photos(instance)

@@ -85,8 +85,7 @@ def render_baked(baked: BakedField, camera: Camera) -> Rendered:
     lines = max(1, _CHUNK_RAYS // camera.width)
     bands = [rays[first : first + lines] for first in range(0, camera.height, lines)]
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255
-    images = [_march(band, baked, texels) for band in bands]
-    rendered = Rendered(*(torch.cat(channel) for channel in zip(*images, strict=True)))
+    rendered = Rendered.joined(_march(band, baked, texels) for band in bands)
     return baked.detail.added(rendered, camera)[0] if baked.detail else rendered
 
 

@@ -20,7 +20,7 @@ from core.models.model import Instance, Model
 from core.models.motion import LIMIT, moved_along
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering.fast import clear_cache
-from core.rendering.outline import FADED, shown_share
+from core.rendering.outline import FADED, effective_strength
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end
 from tests.conftest import no_opengl
@@ -140,7 +140,7 @@ def test_edits_of_the_shape_fade_it(tiny: Model, instance: Instance) -> None:
     """It moves with the surface along directions, so only moves beyond the limit count."""
     step = tiny.codes.shape_space.basis[0]
     shares = [
-        shown_share(instance.moved("shape", (LIMIT + 2**0.5 * distance) * step))
+        effective_strength(instance.moved("shape", (LIMIT + 2**0.5 * distance) * step))
         for distance in (0.0, FADED / 2, FADED, 2 * FADED)
     ]
     assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)

@@ -53,7 +53,7 @@ def test_a_point_keeps_its_density_by_its_image_s_distance_from_the_mask(tiny: M
     rows, columns = np.nonzero(view.pixels()[..., 3] > 127)
     mask = torch.from_numpy(np.stack((columns, rows), -1) + 0.5).float()
     away = torch.cdist(view.camera.project(points), mask).amin(1) / view.camera.focal
-    share = bound(tiny, instance).silhouettes[0].share(points)
+    share = bound(tiny, instance).silhouettes[0].weight(points)
     assert share.shape == (400,)
     assert (share[away < 0.4 * MARGIN] == 1).all() and (share[away > 1.2 * MARGIN] == 0).all()
     assert 50 < int((share == 0).sum()) < 350
