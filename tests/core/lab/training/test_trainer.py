@@ -4,8 +4,9 @@ import pytest
 import torch
 
 from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.training.held_out import held_out_psnr, hold_out
 from core.lab.training.recipes import RECIPES, TrainSettings
-from core.lab.training.trainer import Trainer, TrainStep, held_out_psnr, hold_out, prepare_rays
+from core.lab.training.trainer import Trainer, TrainStep, prepare_rays
 from core.models.field_config import FieldConfig
 from tests.conftest import unchecked_shapes
 from tests.core.lab.training.test_visual_hull import ball
