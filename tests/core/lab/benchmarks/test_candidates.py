@@ -61,9 +61,9 @@ def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Pat
         assert (row.confidence is None) == row.posed == (row.rotation < 1e-3)
     assert measure(tmp_path, {"plain": SETTINGS}, {row.key for row in rows}) == []
     assert (tmp_path / "plain.safetensors").stat().st_mtime_ns == written
-    found = Results({"machine": "a machine", "objects": "1"}, tuple(rows))
-    table = write(tmp_path, "candidates", found)
-    assert read_results(tmp_path / "candidates.csv", Judgement) == found
+    results = Results({"machine": "a machine", "objects": "1"}, tuple(rows))
+    table = write(tmp_path, "candidates", results)
+    assert read_results(tmp_path / "candidates.csv", Judgement) == results
     assert "| plain | unknown | 1 |" in table
 
 
