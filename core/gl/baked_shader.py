@@ -16,6 +16,7 @@ from torch.nn import functional
 from core.detail.lookup import MIN_OPACITY
 from core.geometry.camera import Camera, project
 from core.gl.baked_field import LOGITS, MIN_LIGHT, BakedField
+from core.gl.camera_uniforms import camera_uniforms
 from core.gl.detail_shader import GLSL, DetailTextures, uniforms
 from core.rendering.occupancy import CELLS, splat
 
@@ -148,15 +149,8 @@ class BakedShader:
         if not len(tiles):
             return
         program = self._program(baked.detail is not None)
-        pose = camera.pose().numpy()
-        # The columns of a pose are right, down and forward.
-        for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
-            program[name] = tuple(sign * pose[:3, column])
-        program["origin"] = tuple(pose[:3, 3])
-        program["tiles"] = grid
-        program["middle"] = middle
-        program["focal"] = camera.focal
-        for name, value in field_uniforms(baked).items():
+        image = {"tiles": grid, "middle": middle, "focal": camera.focal}
+        for name, value in (camera_uniforms(camera) | image | field_uniforms(baked)).items():
             program[name] = value
         self._texels.use(0)
         self._distance.use(1)

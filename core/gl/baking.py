@@ -95,19 +95,9 @@ def _bake_shape(
         cells: of the grid, along each axis of the scene's box; a multiple of :data:`~core.rendering.occupancy.CELLS`.
     """
     box = box_of(occupancy.cells, cells)
-
-    @torch.inference_mode()
-    def evaluate(corners: Int[Tensor, "corners 3"]) -> Float[Tensor, "corners"]:
-        return folded.density(_world(model.extent, cells, box, corners).to(folded.device))[0].cpu()
-
-    density = torch.zeros(box.sides)
     config = model.field.config
     cell = 2 * max(model.extent) / cells
-    occupied = corners_of(divide(occupancy.cells, cells // CELLS)).flatten().nonzero()[:, 0].cpu()
-    blocks = (unravelled(occupied, cells + 1) - torch.tensor(box.first)).split(_BLOCK)
-    for block, values in zip(blocks, map_pieces(evaluate, blocks), strict=True):
-        density[block.unbind(-1)] = values
-        yield
+    density = yield from _bake_density(model, folded, occupancy, cells, box)
     visible = _surface(density, density * cell)
     logits = density_to_logits(density, config)
     corners = visible.nonzero()
@@ -127,6 +117,24 @@ def _bake_shape(
     )
     points, features = (torch.cat(blocks) for blocks in zip(*surface, strict=True))
     return BakedShape(field, corners, points, features)
+
+
+def _bake_density(
+    model: Model, folded: FoldedField, occupancy: Occupancy, cells: int, box: Box
+) -> Generator[None, None, Float[Tensor, "x y z"]]:
+    """Evaluate densities at the corners of occupied cells, block by block; 0 at other corners of the box."""
+    occupied = corners_of(divide(occupancy.cells, cells // CELLS)).flatten().nonzero()[:, 0].cpu()
+    blocks = (unravelled(occupied, cells + 1) - torch.tensor(box.first)).split(_BLOCK)
+
+    @torch.inference_mode()
+    def evaluate(corners: Int[Tensor, "corners 3"]) -> Float[Tensor, "corners"]:
+        return folded.density(_world(model.extent, cells, box, corners).to(folded.device))[0].cpu()
+
+    density = torch.zeros(box.sides)
+    for block, values in zip(blocks, map_pieces(evaluate, blocks), strict=True):
+        density[block.unbind(-1)] = values
+        yield
+    return density
 
 
 @dataclass(frozen=True, eq=False)

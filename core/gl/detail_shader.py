@@ -20,6 +20,7 @@ from core.detail.lookup import (
     PhotoMaps,
 )
 from core.geometry.camera import Camera
+from core.gl.camera_uniforms import camera_uniforms
 from core.models.motion import TERMS
 from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
 
@@ -150,11 +151,9 @@ def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
     levels: list[float] = []
     for index in range(MAX_PHOTOS):  # arrays must be written whole
         photo = maps.photos[min(index, len(maps.photos) - 1)]
-        pose = photo.camera.pose().numpy()
-        # The columns of a pose are right, down and forward.
-        rows = np.stack((pose[:3, 0], -pose[:3, 1], -pose[:3, 2]))
-        origins.append(tuple(pose[:3, 3]))
-        axes.append(tuple(rows.T.ravel()))
+        view = camera_uniforms(photo.camera)
+        origins.append(view["origin"])
+        axes.append(tuple(np.stack((view["right"], view["up"], view["backward"]), -1).ravel()))
         focals.append((photo.camera.focal / photo.camera.width, photo.camera.focal / photo.camera.height))
         levels.append(float(photo.level(camera)))
     return {

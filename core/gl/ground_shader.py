@@ -4,6 +4,7 @@ import moderngl
 import numpy as np
 
 from core.geometry.camera import Camera
+from core.gl.camera_uniforms import camera_uniforms
 from core.rendering.ground_shadow import GroundShadow
 
 VERTEX = """
@@ -48,19 +49,14 @@ class GroundShader:
             size: width and height of the framebuffer, px.
             corner: left and top of the framebuffer in the camera's image, px.
         """
-        pose = camera.pose().numpy()
-        if pose[2, 3] <= shadow.height:
+        view = camera_uniforms(camera)
+        if view["origin"][2] <= shadow.height:
             return
         self._upload(shadow)
-        # The columns of a pose are right, down and forward.
-        for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
-            self._program[name] = tuple(sign * pose[:3, column])
-        self._program["origin"] = tuple(pose[:3, 3])
-        self._program["focal"] = camera.focal
-        self._program["size"] = size
-        self._program["middle"] = camera.width / 2 - corner[0], camera.height / 2 - corner[1]
-        self._program["reach"] = shadow.reach
-        self._program["height"] = shadow.height
+        middle = camera.width / 2 - corner[0], camera.height / 2 - corner[1]
+        image = {"focal": camera.focal, "size": size, "middle": middle}
+        for name, value in (view | image | {"reach": shadow.reach, "height": shadow.height}).items():
+            self._program[name] = value
         assert self._map is not None
         self._map.use(0)
         self._context.enable_only(moderngl.BLEND)
