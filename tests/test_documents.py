@@ -60,7 +60,7 @@ def _one_of(line: str) -> str:
     return re.sub(r" [NST]\b", " 1", re.sub(r"\[[^]]*\]|\|\S+", "", options))
 
 
-def test_the_guide_to_core_names_what_is_there() -> None:
+def test_the_guide_to_core_names_existing_modules_and_functions() -> None:
     text = (ROOT / "core/README.md").read_text()
     for path in re.findall(r"`([\w/]+/(?:\w+\.(?:py|json))?)`", text):
         assert (ROOT / "core" / path).exists() or (ROOT / path).exists(), path

@@ -89,7 +89,7 @@ def test_the_focal_length_of_exif_is_kept(tmp_path: Path, tiny: Model, times: in
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "1", "I;16", "I", "F"])
-def test_grey_images_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
+def test_grey_images_of_any_depth_are_read(tmp_path: Path, tiny: Model, mode: str):
     grey = np.asarray(drawing().convert("L"))
     if mode in ("I;16", "I"):
         image = Image.fromarray(grey.astype(np.uint16) * 257 if mode == "I;16" else grey.astype(np.int32) * 257)
