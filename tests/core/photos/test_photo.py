@@ -170,7 +170,7 @@ def test_large_or_broken_metadata_is_ignored(tmp_path: Path, tiny: Model):
 
 @pytest.mark.parametrize("kind", ["EPS", "DDS", "ICO", "PDF"])
 def test_only_formats_of_photographs_are_opened(tmp_path: Path, tiny: Model, kind: str):
-    """Also under another name: an EPS would run PostScript."""
+    """The suffix does not matter: an EPS file of any name would run PostScript."""
     path = tmp_path / "a.jpg"
     drawing().save(path, kind)
     assert "not an image (PNG" in refused(path, tiny)
