@@ -137,6 +137,6 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
                 noun = instance.model.noun
                 say(f"{name}={amount:g}: ends at {limit:.2g}, beyond which this {noun} would fall to pieces")
             instance = moved(instance, words, name, amount)
-    for name, colour in chosen.paint:
-        instance = run_to_end(paint(instance, Paint(colour, name)))
+    for part, colour in chosen.paint:
+        instance = run_to_end(paint(instance, Paint(colour, part)))
     return instance
