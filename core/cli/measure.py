@@ -20,14 +20,11 @@ from core.lab.benchmarks import (
     ablations,
     candidates,
     charts,
-    detail_gains,
     drawing,
     fits,
     gate,
     photos,
-    rendering,
     robustness,
-    videos,
 )
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
@@ -94,23 +91,6 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
             yield views
 
 
-def bench_render(chosen: argparse.Namespace) -> None:
-    """Run ``bench render``: speed and accuracy of the renderer; resumes an earlier run."""
-    model = load_model(chosen.model, chosen.device)
-    conditions = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
-    measure = partial(rendering.measure_rendering, model, chosen.views)
-    _bench(chosen, "render", rendering.RenderTiming, conditions, measure)
-
-
-def bench_videos(chosen: argparse.Namespace) -> None:
-    """Run ``bench videos``: speed and accuracy of videos, exact and baked."""
-    model = load_model(chosen.model, chosen.device)
-    conditions = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
-    conditions |= {"frames": str(videos.FRAMES), "size": str(videos.SIZE), "image": str(videos.IMAGE_SIZE)}
-    conditions |= {"model": model.fingerprint}
-    _bench(chosen, "videos", videos.VideoTiming, conditions, partial(videos.measure_videos, model, chosen.objects))
-
-
 def bench_gate(chosen: argparse.Namespace) -> None:
     """Run ``bench gate``: exit with status 1 if anything takes twice as long as the baseline."""
     path = chosen.out / "gate.csv"
@@ -149,18 +129,6 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
         robustness.measure_robustness, model, views, chosen.stressors, chosen.presets, chosen.part, chosen.seed
     )
     _bench(chosen, "robustness", robustness.RobustnessTrial, conditions, measure)
-
-
-def bench_detail(chosen: argparse.Namespace) -> None:
-    """Run ``bench detail``: effect of photo detail on other views."""
-    model = load_model(chosen.model, chosen.device)
-    wait_for_view_bank(model)
-    entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
-    conditions = {"machine": describe_machine(model.device)}
-    measure = partial(
-        detail_gains.measure_detail, model, entries, chosen.renderer, chosen.input_view, chosen.view_stride
-    )
-    _bench(chosen, "photo_detail", detail_gains.DetailView, conditions, measure)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
