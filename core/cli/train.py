@@ -14,7 +14,7 @@ from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress, wait_for_view_bank
 from core.directions.words import direction_words
 from core.lab.datasets.categories import Split
-from core.lab.datasets.glb_objects import mesh_tasks, pair_tasks
+from core.lab.datasets.glb_objects import mesh_tasks
 from core.lab.datasets.packs import SUFFIX
 from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import Dataset, index_objects, pack_datasets, read_dataset
@@ -44,11 +44,6 @@ _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 def dataset_meshes(chosen: argparse.Namespace) -> None:
     """Run ``dataset meshes``: render GLB files into SRN folders."""
     _render(chosen, mesh_tasks(chosen.folder, chosen.category, chosen.split, chosen.variants), chosen.split)
-
-
-def dataset_pairs(chosen: argparse.Namespace) -> None:
-    """Run ``dataset pairs``: render trained and untrained pairs for ``evaluate --disentanglement``."""
-    _render(chosen, pair_tasks(chosen.folder, chosen.category, chosen.variants, chosen.meshes), "test")
 
 
 def dataset_pack(chosen: argparse.Namespace) -> None:

@@ -217,8 +217,6 @@ def test_evaluate_prints_the_table_and_writes_a_report(capsys: pytest.CaptureFix
     assert evaluated("r.json") == ["stool0"]
     assert json.loads(Path("r.json").read_text())["summary"]["psnr"][0] > 20
     assert "stool0: 3 views" in refused(capsys, f"{words} --input-views 7")
-    assert "no held-out pair" in refused(capsys, f"{words} --disentanglement")
-    assert "no --input-views" in refused(capsys, f"{words} --input-views 0,1 --objects 1 --disentanglement")
     write_manifest(Path("d"), "boats", {})
     assert "boats" in refused(capsys, f"{words} --input-views 0,1")
 
