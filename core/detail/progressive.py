@@ -25,7 +25,7 @@ class RenderSettings:
     """The trade-off of a render between speed and accuracy. Raises ``ValueError`` for unusable values."""
 
     samples: int = SAMPLES  # intervals along the longest side of the scene's box in the last stage
-    divisors: tuple[int, ...] = (8, 4, 2, 1)  # of the image size, stage by stage
+    divisors: tuple[int, ...] = (8, 4, 2, 1)  # of the image's width and height, stage by stage
     preview_samples: int = 64  # intervals in the stages before the last
 
     def __post_init__(self) -> None:

@@ -39,7 +39,7 @@ class BakedField:
     distance: UInt8[np.ndarray, "cells cells cells"]
     """for each occupancy cell, the distance from :func:`cell_distances`; 0: the cell is occupied"""
     extent: tuple[float, float, float]  # half the size of the scene's box, scene units
-    config: FieldConfig  # of the field: how density follows from logits
+    config: FieldConfig  # the field's: how density follows from logits
     pixel_offset: float  # px, shift of rays to the left and up of pixel centres
     cells: int  # cells of the texel grid along each axis of the box; the outermost corners lie on the box's faces
     first: tuple[int, int, int] = (0, 0, 0)  # grid corner of the first texel

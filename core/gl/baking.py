@@ -1,7 +1,7 @@
 """Baking of an object into a 3D texture: density once, colours for several cameras around the object.
 
-A texture holds colours for one view: those of the cameras, mixed (:meth:`BakedViews.seen_from`). Their mean serves all
-views (:func:`bake`).
+A texture holds the colours of one view, interpolated between the baked cameras (:meth:`BakedViews.seen_from`). Their
+mean serves all views (:func:`bake`).
 
 Density is prefiltered, since linear interpolation of exact values is biased where it curves: 2 to 6 dB
 (:func:`prefilter`). Colours change within a cell of a crisp surface, which shows as rings like contour lines; so there
@@ -31,14 +31,14 @@ from core.rendering.outline import outline
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
 
-_DIVISIONS = (1, 2)  # of the edges of an occupied cell, from coarse to fine
+_DIVISIONS = (1, 2)  # texels along each edge of an occupied cell, from coarse to fine
 _BLOCK = 4096  # corners that a thread evaluates at a time: the longest wait of a newer job
 _AROUND = tuple(math.pi / 4 + side * math.pi / 2 for side in range(4))  # azimuths of cameras averaged for colours
 _ELEVATION = math.radians(20)
 _MIN_DENSITY = 0.1
 """per scene unit: a cell with less at all corners absorbs under 0.2 % of the light and counts as empty"""
 _BELOW = 12.0  # optical depth along every axis beyond which no camera sees a point
-_CRISP = 9.0  # logits per cell from which a corner moves the whole step; soft surfaces have colours in depth
+_CRISP = 9.0  # logit slope per cell above which a corner moves to the surface; below it, colour varies with depth
 _MOVES = 1.5, 0.5  # cells by which a corner moves at most in each Newton step towards the surface
 MAX_TURN = math.radians(16)  # largest angle around the object from a camera to the nearest baked one
 _REACH = 0.5  # rad, standard deviation of the kernel between cameras; 0.3 to 0.8 are as good

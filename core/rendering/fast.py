@@ -81,7 +81,7 @@ def render(instance: Instance, camera: Camera, samples: int, complete: bool = Tr
 class Chunk:
     """A shape as seen by some rays: depth, opacity and the intervals to colour."""
 
-    pixel: Int[Tensor, "rays"]  # of the image, row by row
+    pixel: Int[Tensor, "rays"]  # index of each ray's pixel, row by row
     directions: Float[Tensor, "rays 3"]
     depth: Float[Tensor, "rays"]
     opacity: Float[Tensor, "rays"]
@@ -89,7 +89,7 @@ class Chunk:
     ray: Int[Tensor, "visible"]
     weight: Float[Tensor, "visible"]  # fraction of its ray's light
     features: Float[Tensor, "visible width"]  # input of the texture part
-    fraction: float  # of the view's rays, including empty ones
+    fraction: float  # the chunk's fraction of the view's rays, including empty ones
 
     @property
     def size(self) -> int:

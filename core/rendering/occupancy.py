@@ -27,8 +27,8 @@ from core.runtime.layers import pad_rows
 from core.runtime.pool import map_pieces
 
 CELLS = 64  # along each axis of the box
-_MIN_OPACITY = 0.001  # of a cell with a corner's density, below which the corner is empty
-_SOLID = 0.7  # optical depth of such a cell (absorbs half of the light) above which the corner is inside the object
+_MIN_OPACITY = 0.001  # a corner is empty if a cell of its density absorbs a smaller fraction of the light
+_SOLID = 0.7  # optical depth of one cell, ln 2: a denser corner is inside the object
 _FINE_TOLERANCE = 0.002  # fraction of a ray's light that may be neglected with _FINE_SAMPLES intervals
 _FINE_SAMPLES = 192
 _MAX_TOLERANCE = 0.03  # fraction of the light, with few intervals
@@ -234,7 +234,7 @@ class _Corners(NamedTuple):
     """The corners of a model's grid in the order of evaluation: likely ones, every second one elsewhere, the rest."""
 
     corner: Int[Tensor, "all"]  # index in the grid, row by row
-    activations: Float[Tensor, "all width"]  # of the first layer, in the order of evaluation
+    activations: Float[Tensor, "all width"]  # outputs of the first layer, in the order of evaluation
     likely: int  # number of corners in the cells of training objects
     always: int  # number of corners evaluated for every shape: likely ones, and every second one elsewhere
     sparse: Bool[Tensor, "all"]  # row by row: corners evaluated for every preview of a changing shape
