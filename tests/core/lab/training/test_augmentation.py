@@ -31,7 +31,7 @@ def test_augmented_photos_stay_in_range_and_show_the_object(seed: int):
     assert float(augmented.max()) <= 1 + 1e-4
     assert float(augmented[:, 3].mean((1, 2)).min()) > 0.02
     off = augmented[:, 3:].expand(-1, 3, -1, -1) == 0
-    torch.testing.assert_close(found[:, :3][off], torch.ones(int(off.sum())), atol=1e-4, rtol=0)
+    torch.testing.assert_close(augmented[:, :3][off], torch.ones(int(off.sum())), atol=1e-4, rtol=0)
 
 
 def test_an_object_in_a_corner_fills_its_crop_and_empty_images_stay_unchanged():
