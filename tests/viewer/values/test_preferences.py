@@ -8,8 +8,8 @@ from viewer.values.share_settings import ShareSettings
 
 
 def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
-    share = ShareSettings("picture", size=1024, background="colour", colour=(3, 255, 255))
-    chosen = replace(Preferences(), dark=False, text=1.25, newcomer=False, share=share)
+    settings = ShareSettings("picture", size=1024, background="colour", colour=(3, 255, 255))
+    chosen = replace(Preferences(), dark=False, text=1.25, newcomer=False, share=settings)
     chosen = chosen.with_recent(tmp_path / "a.png")
     chosen.save(tmp_path / "deep" / "folder")
     assert Preferences.load(tmp_path / "deep" / "folder") == chosen
