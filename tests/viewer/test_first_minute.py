@@ -25,7 +25,8 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(
     drive: Drive, shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("CODENERF_THREADS")  # it computes on every core, as the program does
-    film, waits = tmp_path / "police.mp4", dict[str, float]()
+    film = tmp_path / "police.mp4"
+    waits = dict[str, float]()
 
     def act(window: Driver) -> None:
         def wait(what: str, until: Callable[[], bool]) -> None:
@@ -36,7 +37,8 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(
                 assert time.monotonic() - began < 600, f"waited in vain for {what}"
             waits[what] = time.monotonic() - began
 
-        context, session = window.context, window.session
+        context = window.context
+        session = window.session
         window.drag("View/orbit", 60)  # 1
         assert window.exists("View/**/sample cushion")  # to turn makes nothing: the samples stay
         context.drop([str(shared / "photos" / "police.jpg")])  # 2

@@ -71,7 +71,7 @@ def test_a_second_start_hands_its_photo_to_the_window(drive: Drive, backend: Bac
             assert not glfw.get_window_attrib(glfw_utils.glfw_window_hello_imgui(), glfw.ICONIFIED)
             window.wait()
         assert window.session.messages.errors == []
-        assert [one.name for one in window.session.editor.objects.added] == ["block"]
+        assert [added.name for added in window.session.editor.objects.added] == ["block"]
 
     with closing(instance):
         drive(act, folder=folder, instance=instance)

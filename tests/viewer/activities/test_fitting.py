@@ -157,9 +157,9 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, phot
 
 def block(photo: Path, name: str) -> Path:
     """Another photo."""
-    other = photo.with_name(f"block {name}.png")
-    other.write_bytes(photo.read_bytes())
-    return other
+    copy = photo.with_name(f"block {name}.png")
+    copy.write_bytes(photo.read_bytes())
+    return copy
 
 
 def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]):
@@ -168,7 +168,7 @@ def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, phot
         fitting.start(path)
     assert [request.history.name for request in fitting.queue] == ["block b", "text", "block c"]
     finish(session, lambda: not fitting.running)
-    assert {one.name for one in editor.objects.added} == {"block", "block b", "block c"}
+    assert {added.name for added in editor.objects.added} == {"block", "block b", "block c"}
     assert len(session.messages.errors) == 1
     assert [(request.history.name, bool(request.problem)) for request in fitting.pending] == [("text", True)]
     assert editor.state.mix.a.shape == "block"  # what is being edited stays
@@ -249,9 +249,9 @@ def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Sessi
     assert question.words.startswith("Which one?")
     assert question.preview.boxes == ((0.0, 0.2, 0.5, 0.8), (0.5, 0.2, 1.0, 0.8))
 
-    def noted(path: Path, wanted: Hints | None) -> CutOut:
-        hints.append(wanted)
-        return crowded(path, wanted)
+    def noted(path: Path, photo_hints: Hints | None) -> CutOut:
+        hints.append(photo_hints)
+        return crowded(path, photo_hints)
 
     session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
     fitting.choose(question.request.history.sources, 0, 1)
@@ -385,7 +385,7 @@ def test_the_first_result_can_be_used_while_it_is_checked(session: Session, edit
     assert editor.objects["block"].instance == model[4]
     assert editor.scene.instance == model[4]  # nobody has edited it
     assert editor.scene.camera.azimuth == pytest.approx(1.0 + np.pi, abs=0.02)
-    assert [one.name for one in editor.objects.added] == ["block"]
+    assert [added.name for added in editor.objects.added] == ["block"]
     assert "a better viewpoint was found" in session.messages.all[-1].text
     editor.undo()
     assert editor.scene.instance == model[3]
@@ -423,17 +423,17 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
 
 
 def test_a_photo_of_something_else_among_several_is_asked_about(session: Session, photo: Path) -> None:
-    other = photo.with_name("block other.png")
+    second = photo.with_name("block other.png")
     beside = photo.with_name("block.mov")
-    shutil.copy(photo, other)
+    shutil.copy(photo, second)
     beside.write_bytes(b"moving")
     guesses = iter(({"chairs": 0.9, "boats": 0.1}, {"chairs": 0.1, "boats": 0.9}))
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
-    session.fitting.start(photo, beside, other)
+    session.fitting.start(photo, beside, second)
     finish(session, lambda: not session.fitting.running)
     assert [message.text for message in session.messages.shown] == ["Left out block.mov: no image"]
     (question,) = session.fitting.questions
-    assert question.source.path == other
+    assert question.source.path == second
     assert question.words.startswith("This looks like a boat, the first image like a chair")
     session.fitting.leave(question)
     finish(session, lambda: not session.fitting.running)

@@ -10,11 +10,11 @@ from viewer.activities.frame_budget import FrameBudget
 def settled(cost: float, fixed: float = 0.0, frames: int = 400) -> list[int]:
     """Divisors of first images on a machine that takes ``fixed`` s and ``cost`` s for all pixels."""
     pace = FrameBudget()
-    found = []
+    divisors = []
     for _ in range(frames):
-        found.append(pace.divisor)
+        divisors.append(pace.divisor)
         pace.observe(pace.divisor, fixed + cost / pace.divisor**2)
-    return found
+    return divisors
 
 
 @given(st.floats(1e-4, 50), st.floats(0, 0.03))
@@ -39,8 +39,8 @@ def test_one_slow_image_makes_the_next_coarser_and_some_quick_ones_finer(
     divisor: int, seconds: list[float], next_divisor: int
 ) -> None:
     pace = FrameBudget(divisor=divisor)
-    for each in seconds:
-        pace.observe(divisor, each)
+    for frame_seconds in seconds:
+        pace.observe(divisor, frame_seconds)
     assert pace.divisor == next_divisor
 
 

@@ -89,11 +89,11 @@ def test_the_view_shows_the_scene_at_the_playhead(session: Session, player: Play
 def test_any_edit_stops_it(editor: Editor, player: Player, clock: Clock) -> None:
     player.play()
     editor.show_object("object 1")
-    shown = editor.scene
+    edited = editor.scene
     clock.now += 0.5
     player.tick()
     assert not player.playing
-    assert editor.scene == shown
+    assert editor.scene == edited
 
 
 def test_a_project_begun_meanwhile_has_an_empty_timeline(session: Session, player: Player) -> None:

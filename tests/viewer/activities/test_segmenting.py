@@ -32,8 +32,8 @@ def test_a_photo_that_is_cut_out_is_fitted_at_once(worker: Worker, tmp_path: Pat
     Image.fromarray(noise).save(tmp_path / "street.png")
     mask = np.zeros((160, 240), np.float32)
     mask[40:120, 60:120] = 1.0
-    seen = candidates.Candidate("network", mask)
-    monkeypatch.setattr(candidates, "network_candidate", lambda *_: seen)
+    candidate = candidates.Candidate("network", mask)
+    monkeypatch.setattr(candidates, "network_candidate", lambda *_: candidate)
     tiny = tiny_model()
     backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)

@@ -22,8 +22,8 @@ def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, model: M
     camera = model.camera(0.1, 0.2).resized(16, 16)
     assert session.thumbnails.get(model[1], camera) is None
     finish(session)
-    found = session.thumbnails.get(model[1].mixed(model[2], 0.0, 0.0), camera)
-    assert found.resolution == (16, 16)
+    thumbnail = session.thumbnails.get(model[1].mixed(model[2], 0.0, 0.0), camera)
+    assert thumbnail.resolution == (16, 16)
     assert session.thumbnails.get(model[2], camera) is None
     finish(session)
     assert len(rendered) == 2
@@ -85,8 +85,8 @@ def test_thumbnails_are_there_at_once_the_next_time(session: Session, model: Mod
         first.tick()
         finish(session)
     again = Thumbnails(session.jobs, first.newest)
-    for one, other in zip(before, shown(again), strict=True):
-        assert one and other
-        np.testing.assert_array_equal(one.image, other.image)
-        np.testing.assert_allclose(one.opacity, other.opacity, atol=1 / 255)
+    for kept, restored in zip(before, shown(again), strict=True):
+        assert kept and restored
+        np.testing.assert_array_equal(kept.image, restored.image)
+        np.testing.assert_allclose(kept.opacity, restored.opacity, atol=1 / 255)
     assert Thumbnails(session.jobs, again.newest).newest.keys() == first.newest.keys()  # what is not shown stays, too

@@ -39,8 +39,8 @@ def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyP
         monkeypatch.setattr(clipboard.copykitten, "copy_image", lambda *image: copied.append(image))
         window.press(imgui.Key.mod_ctrl, imgui.Key.c)
         ((pixels, width, height),) = copied
-        shown = window.session.viewport.frame.image
-        assert np.array_equal(np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[..., :3], shown)
+        image = window.session.viewport.frame.image
+        assert np.array_equal(np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[..., :3], image)
 
         def refused(*image: object) -> None:
             raise clipboard.copykitten.CopykittenError("no display")

@@ -13,7 +13,7 @@ def test_errors_stay_and_are_reported_once(session: Session) -> None:
         session.messages.notify(f"wrong {number}", MessageKind.PROBLEM)
         session.messages.notify(f"news {number}")
     assert session.messages.errors == [f"wrong {number}" for number in range(1, 7)]
-    assert [one.text for one in session.messages.all if one.kind is MessageKind.DONE] == [
+    assert [message.text for message in session.messages.all if message.kind is MessageKind.DONE] == [
         f"news {n}" for n in (3, 4, 5, 6)
     ]
 
@@ -53,7 +53,8 @@ def test_of_passing_offers_the_newest_is_shown() -> None:
 
 
 def test_offers_outlast_time_and_news_while_they_are_relevant() -> None:
-    messages, relevant = Messages(), dict.fromkeys(range(6), True)
+    messages = Messages()
+    relevant = dict.fromkeys(range(6), True)
     for number in relevant:
         show = Button("Show", lambda: None)
         messages.notify(f"offer {number}", buttons=(show,), relevant=partial(relevant.__getitem__, number))

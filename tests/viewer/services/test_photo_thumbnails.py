@@ -8,7 +8,8 @@ from viewer.session import Session
 
 
 def test_a_photo_is_shown_small_upright_and_whole(session: Session, tmp_path: Path) -> None:
-    exif, path = Image.Exif(), tmp_path / "red.jpg"
+    exif = Image.Exif()
+    path = tmp_path / "red.jpg"
     exif[ExifTags.Base.Orientation] = 6  # it lies on its side
     Image.new("RGB", (400, 200), "red").save(path, exif=exif)
     assert session.photo_thumbnails.get(path) is None

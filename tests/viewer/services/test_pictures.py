@@ -10,9 +10,9 @@ def test_what_is_kept_is_there_again_and_what_is_broken_is_not(tmp_path: Path) -
     file = tmp_path / "new" / "pictures"
     assert read_pictures(file) == {}
     write_pictures(file, pictures)
-    found = read_pictures(file)
-    assert found.keys() == pictures.keys()
-    np.testing.assert_array_equal(found["b"], pictures["b"])
+    restored = read_pictures(file)
+    assert restored.keys() == pictures.keys()
+    np.testing.assert_array_equal(restored["b"], pictures["b"])
     file.write_bytes(b"no tensors")
     assert read_pictures(file) == {}
     write_pictures(file / "in a file", pictures)  # that cannot be
