@@ -152,7 +152,7 @@ def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, 
     drive(second, both, folder=folder)
 
 
-def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_panel_of_the_readme_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     manual = (Path(app.__file__).parent / "README.md").read_text()
     code = textwrap.dedent(manual.split("```python\n")[1].split("```")[0])
     names: dict[str, type] = {}

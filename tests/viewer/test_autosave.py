@@ -72,7 +72,7 @@ def kill(tmp_path: Path, clock: Clock) -> Kill:
     return end
 
 
-def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
+def test_the_session_is_saved_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
     autosave = Autosave(session, tmp_path, clock)
     clock.now = 10.0
     autosave.tick()
@@ -236,7 +236,7 @@ def test_of_two_windows_neither_session_is_lost(launch: Launch, tmp_path: Path) 
     assert len(list(tmp_path.glob("session-*.codenerf"))) == 2
 
 
-def test_new_begins_afresh_and_keeps_what_there_was(launch: Launch, photo: Path) -> None:
+def test_new_archives_the_session_and_keeps_fitted_objects(launch: Launch, photo: Path) -> None:
     session, autosave = launch()
     edit(session, photo)
     history = session.editor.history
@@ -256,7 +256,7 @@ def test_new_begins_afresh_and_keeps_what_there_was(launch: Launch, photo: Path)
     assert not session.editor.history.past
 
 
-def test_what_was_made_with_a_model_that_is_another_now_waits_for_it(launch: Launch, backend: Backend) -> None:
+def test_states_of_a_replaced_model_wait_for_it(launch: Launch, backend: Backend) -> None:
     session, autosave = launch()
     session.editor.show_object("object 2")
     made = session.editor.history
@@ -296,7 +296,7 @@ def test_of_several_sessions_the_newest_goes_on_unless_it_runs(launch: Launch, t
 
 
 @pytest.mark.parametrize("harm", ["{", "no tensors"])
-def test_what_cannot_be_read_changes_nothing(session: Session, editor: Editor, tmp_path: Path, harm: str) -> None:
+def test_an_unreadable_session_changes_nothing(session: Session, editor: Editor, tmp_path: Path, harm: str) -> None:
     editor.show_object("object 3")
     path = tmp_path / "running-999999999.codenerf"
     session.project().save(path, session.models)

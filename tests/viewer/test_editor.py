@@ -108,7 +108,7 @@ def test_shape_and_texture_are_taken_from_different_objects(editor: Editor) -> N
     assert (editor.state.mix.shape, editor.state.mix.texture) == (0.0, 0.0)
 
 
-def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
+def test_locked_codes_stay_for_every_choice(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.5, 0.5)
     editor.lock("shape", True)
@@ -132,7 +132,7 @@ def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
     assert editor.scene.instance == editor.objects["object 2"].instance
 
 
-def test_another_b_takes_over_what_is_mixed_in(editor: Editor) -> None:
+def test_another_b_replaces_the_mixed_codes(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.0, 1.0)
     editor.set_b("object 3")

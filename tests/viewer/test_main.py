@@ -109,7 +109,7 @@ def test_a_user_without_name_and_home_has_a_window(tmp_path: Path, file: Path, o
     assert (tmp_path / "w.png").is_file()
 
 
-def test_what_goes_wrong_is_on_the_screenshot_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
+def test_errors_are_on_the_screenshot_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
     (tmp_path / "text.png").write_text("no image")
     done = call(*("--model", file, "--image", tmp_path / "text.png"), *("--screenshot", tmp_path / "w.png"))
     assert done.returncode == 1

@@ -67,7 +67,7 @@ _REFUSED = {
 
 
 @pytest.mark.parametrize(("kind", "names"), _REFUSED.items())
-def test_what_cannot_be_written_is_reported(session: Session, tmp_path: Path, kind: str, names: str) -> None:
+def test_an_unwritable_export_is_reported(session: Session, tmp_path: Path, kind: str, names: str) -> None:
     for name in names.split():
         session.messages.all.clear()
         session.exporting.share(tmp_path / name, ShareSettings(kind, cells=16, size=16))

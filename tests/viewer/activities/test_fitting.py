@@ -43,7 +43,7 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, editor: E
     assert "block" in editor.objects.own
 
 
-def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, editor: Editor, photo: Path) -> None:
+def test_a_stopped_fit_keeps_its_newest_step(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     session.fitting.start(photo)
     finish_when = lambda: len(session.fitting.history.steps) > 4  # noqa: E731
@@ -110,7 +110,7 @@ def test_a_fit_is_begun_again_and_resumed(session: Session, photo: Path) -> None
     assert fitting.history.last.cameras == kept[-1].cameras
 
 
-def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, photo: Path) -> None:
+def test_a_failed_resume_keeps_the_former_fit(session: Session, photo: Path) -> None:
     session.fitting.start(photo)
     finish(session)
     history = session.fitting.history
@@ -280,7 +280,7 @@ def test_a_question_is_saved_and_asked_again(session: Session, photo: Path, tmp_
     assert session.editor.objects.own == ["block"]
 
 
-def test_a_failed_fit_is_saved_and_not_repeated_until_it_is_told_to(session: Session, photo: Path, tmp_path: Path):
+def test_a_failed_fit_is_saved_and_repeated_on_request_alone(session: Session, photo: Path, tmp_path: Path):
     working = session.jobs.backend
     session.jobs.backend = replace(working, fit=broken_fit)
     session.fitting.start(photo)
@@ -355,7 +355,7 @@ def test_the_fit_of_the_object_in_the_view_is_shown_beside_another_that_runs(ses
     assert fitting.shown.sources[0].path == second
 
 
-def test_a_result_does_not_take_over_what_is_edited(session: Session, editor: Editor, photo: Path) -> None:
+def test_a_result_does_not_replace_an_object_being_edited(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     session.fitting.start(photo)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
@@ -422,7 +422,7 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
 
 
-def test_a_photo_of_something_else_among_several_is_asked_about(session: Session, photo: Path) -> None:
+def test_a_photo_of_another_category_among_several_is_a_question(session: Session, photo: Path) -> None:
     second = photo.with_name("block other.png")
     beside = photo.with_name("block.mov")
     shutil.copy(photo, second)
@@ -441,7 +441,7 @@ def test_a_photo_of_something_else_among_several_is_asked_about(session: Session
     assert [fitted.source.path for fitted in session.fitting.shown.photos] == [photo]
 
 
-def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
+def test_a_message_names_the_fitted_image_of_a_file_with_several(session: Session, photo: Path) -> None:
     def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
         return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
 

@@ -15,7 +15,7 @@ from viewer.session import Session
 from viewer.values.fit_history import PhotoSource
 
 
-def test_a_image_that_is_segmented_by_hand_must_be_one(session: Session, editor: Editor, bad_files: dict[str, Path]):
+def test_a_damaged_image_is_reported_and_not_segmented(session: Session, editor: Editor, bad_files: dict[str, Path]):
     before = editor.history
     for path in bad_files.values():
         session.messages.all.clear()

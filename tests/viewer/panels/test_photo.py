@@ -171,7 +171,9 @@ def test_a_new_photo_is_not_shown_as_the_object_on_screen(
     drive(act, replace(backend, cut_out=slow))
 
 
-def test_the_panel_is_about_the_object_in_the_view(drive: Drive, backend: Backend, model: Model, photo: Path) -> None:
+def test_the_panel_shows_the_fit_of_the_object_in_the_view(
+    drive: Drive, backend: Backend, model: Model, photo: Path
+) -> None:
     second = photo.with_name("block two.png")
     second.write_bytes(photo.read_bytes())
 

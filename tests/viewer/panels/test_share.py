@@ -156,7 +156,7 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
     drive(act, replace(real_backend, load_model=lambda name: block))
 
 
-def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Path) -> None:
+def test_share_settings_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
     def first(window: Driver) -> None:
         window.context.share("mesh")
         window.click("Share/###more")
@@ -226,7 +226,7 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
 
 
 @pytest.mark.parametrize("closed", [False, True])
-def test_what_is_cancelled_leaves_nothing(drive: Drive, tmp_path: Path, backend: Backend, closed: bool) -> None:
+def test_a_cancelled_export_leaves_no_file(drive: Drive, tmp_path: Path, backend: Backend, closed: bool) -> None:
     def slow(*_: object) -> Iterator[float]:
         with atomic_file(tmp_path / "chair.glb"):
             for number in range(1000):

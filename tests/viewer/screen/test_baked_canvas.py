@@ -39,7 +39,7 @@ def drawn(gl: moderngl.Context, baked: BakedField, crop: PanelCrop, palette: Pal
 
 @pytest.mark.parametrize("pan", [(0.0, 0.0), (0.2, -0.1)])
 @pytest.mark.parametrize("perspective", [True, False])
-def test_it_draws_what_the_reference_renders_where_the_exact_picture_is(
+def test_the_baked_image_matches_the_reference_and_the_exact_one(
     gl: moderngl.Context, stool: Model, baked: tuple[BakedField, ...], pan: tuple[float, float], perspective: bool
 ) -> None:
     camera = stool.camera(0.7, 0.4)

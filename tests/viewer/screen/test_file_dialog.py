@@ -83,5 +83,5 @@ def test_a_click_on_a_folder_and_on_its_file_completes_the_path(window: Driver, 
     assert chosen == [tmp_path / "deep" / "chair.png"]
 
 
-def test_a_file_that_is_no_name_is_not_there() -> None:
+def test_a_path_with_invalid_characters_does_not_exist() -> None:
     assert not is_there(Path("a\0b"))

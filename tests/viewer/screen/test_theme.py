@@ -14,7 +14,7 @@ _GROUNDS = (
 
 
 @pytest.mark.parametrize("palette", [DARK, LIGHT])
-def test_every_text_can_be_read_on_whatever_it_is_on(palette: Palette) -> None:
+def test_every_text_has_contrast_to_its_background(palette: Palette) -> None:
     by_name = colours(palette)
     worst = {name: contrast(by_name["text"], by_name[name]) for name in _GROUNDS}
     worst |= {

@@ -31,7 +31,7 @@ def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert len(list(folder.iterdir())) == 50
 
 
-def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_image_of_the_view_is_copied(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     copied: list[tuple[bytes, int, int]] = []
 
     def act(window: Driver) -> None:

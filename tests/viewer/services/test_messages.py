@@ -37,7 +37,7 @@ def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
         ({"buttons": (Button("Undo", lambda: None),), "passing": True}, 10),
     ],
 )
-def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
+def test_a_message_fades_with_time(more: dict, seconds: float) -> None:
     messages = Messages()
     messages.notify("news", **more)
     (message,) = messages.shown
@@ -45,7 +45,7 @@ def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     assert replace(message, born=message.born - seconds - 1).faded
 
 
-def test_of_passing_offers_the_newest_is_shown() -> None:
+def test_only_the_newest_passing_offer_is_shown() -> None:
     messages = Messages()
     for number in range(3):
         messages.notify(f"removed {number}", buttons=(Button("Undo", lambda: None),), passing=True)

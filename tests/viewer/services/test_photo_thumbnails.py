@@ -22,7 +22,7 @@ def test_a_photo_is_shown_small_upright_and_whole(session: Session, tmp_path: Pa
     assert session.photo_thumbnails.get(path) is pixels
 
 
-def test_what_is_no_photo_has_no_thumbnail(session: Session, bad_files: dict[str, Path]) -> None:
+def test_a_file_that_is_no_photo_has_no_thumbnail(session: Session, bad_files: dict[str, Path]) -> None:
     for path in bad_files.values():
         session.photo_thumbnails.get(path)
     finish(session)

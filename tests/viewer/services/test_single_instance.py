@@ -68,7 +68,7 @@ def test_a_start_waits_for_a_window_that_ends(window: SingleInstance, tmp_path: 
 
 
 @pytest.mark.parametrize("left", ["", "{", "[]", '{"image": "a.png", "colour": 1}'])
-def test_what_another_program_left_stops_no_start(window: SingleInstance, tmp_path: Path, left: str) -> None:
+def test_a_damaged_file_of_a_start_is_ignored(window: SingleInstance, tmp_path: Path, left: str) -> None:
     (place,) = (tmp_path / "home").iterdir()
     (place / "0.json").write_text(left)
     assert handed_over(window, tmp_path / "home", Start("a.png")) == [Start("a.png")]
@@ -91,7 +91,7 @@ print("".join(sorted(taken)))
 """
 
 
-def test_of_starts_at_once_one_is_the_window(tmp_path: Path) -> None:
+def test_one_of_simultaneous_starts_is_the_window(tmp_path: Path) -> None:
     home = tmp_path / "home"
     go = tmp_path / "go"
     words = [sys.executable, "-c", _START, home, go]

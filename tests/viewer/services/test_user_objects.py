@@ -79,7 +79,7 @@ def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitte
     assert next(tmp_path.iterdir()).stat().st_mtime_ns == written
 
 
-def test_only_what_it_has_seen_is_changed_in_a_folder(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+def test_files_that_were_not_read_stay_unchanged(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     (tmp_path / "torn.json").write_text('{"model": ')
     user_objects = UserObjects(tmp_path)
     user_objects.open(model)

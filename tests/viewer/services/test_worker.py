@@ -115,7 +115,7 @@ def test_a_render_at_rest_does_not_keep_a_drag_waiting(worker: Worker) -> None:
     assert values == ["coarse"]
 
 
-def test_the_last_step_of_what_was_replaced_lets_no_two_renders_run_beside_each_other(worker: Worker) -> None:
+def test_a_replaced_render_ends_before_the_next_begins(worker: Worker) -> None:
     values: list[tuple[int, str]] = []
     stepping = threading.Event()
     go_on = threading.Event()
@@ -174,7 +174,7 @@ def test_time_is_shared_fairly_between_long_and_short_steps(clock: Clock) -> Non
     assert len(short) > 3 * len(long)
 
 
-def test_nothing_of_a_cancelled_job_is_delivered(worker: Worker) -> None:
+def test_callbacks_of_a_cancelled_job_are_dropped(worker: Worker) -> None:
     values: list[object] = []
     closed: list[str] = []
     made = threading.Event()
@@ -189,7 +189,7 @@ def test_nothing_of_a_cancelled_job_is_delivered(worker: Worker) -> None:
     assert not worker.busy()
 
 
-def test_closing_ends_what_runs_and_cleans_up() -> None:
+def test_closing_ends_jobs_and_closes_their_streams() -> None:
     worker = Worker()
     closed = list[str]()
     names = set[str]()
@@ -217,7 +217,7 @@ def test_deliveries_wake_the_window_and_work_ends_with_a_rest() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have a priority of their own on Linux only")
-def test_the_worker_steps_back_behind_the_window(worker: Worker) -> None:
+def test_the_worker_has_a_lower_priority_than_the_window(worker: Worker) -> None:
     priorities: list[int] = []
     nice = lambda: iter([os.getpriority(os.PRIO_PROCESS, threading.get_native_id())])  # noqa: E731
     worker.submit(Job("nice", nice, priorities.append))

@@ -7,7 +7,7 @@ from viewer.values.direction import Direction
 
 
 @pytest.mark.parametrize("kind", CODE_KINDS)
-def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, kind: CodeKind) -> None:
+def test_a_principal_direction_sets_one_coordinate_of_one_code(model: Model, kind: CodeKind) -> None:
     book = model.codes
     instance = model[2]
     direction = Direction.principal(book, kind, 1)

@@ -9,7 +9,7 @@ from viewer.values import fit_history
 from viewer.values.fit_history import FitHistory, PhotoSource, photo_sources
 
 
-def test_what_lies_beside_photos_is_left_out(tmp_path: Path) -> None:
+def test_files_beside_photos_are_left_out(tmp_path: Path) -> None:
     names = ("photo.heic", "photo.mov", "photo.AAE", "license.txt", "Thumbs.db", "scan", "gone.png")
     paths = {name: tmp_path / name for name in names}
     for path in [*paths.values()][:-1]:

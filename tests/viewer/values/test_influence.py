@@ -17,7 +17,7 @@ def frame() -> Frame:
     return Frame(image, opacity, opacity, 0, 1, 8, 0.1)
 
 
-def test_it_is_found_where_colours_change_and_nowhere_else(frame: Frame) -> None:
+def test_influence_is_at_pixels_that_change_alone(frame: Frame) -> None:
     image = frame.image.copy()
     image[2:4, 2:6, 0] = 160
     influence = CodeInfluence.between(frame, replace(frame, image=image))

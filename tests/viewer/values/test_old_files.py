@@ -13,14 +13,14 @@ _COMMITS = sorted(path.name for path in _FOLDER.iterdir() if path.is_dir())
 
 
 @pytest.mark.parametrize("commit", _COMMITS)
-def test_preferences_of_before_are_kept(commit: str) -> None:
+def test_preferences_of_earlier_versions_are_kept(commit: str) -> None:
     preferences = Preferences.load(_FOLDER / commit)
     assert not preferences.dark
     assert preferences.recent == ("/photos/chair.png",)
 
 
 @pytest.mark.parametrize("commit", _COMMITS)
-def test_models_of_before_open(commit: str) -> None:
+def test_models_of_earlier_versions_open(commit: str) -> None:
     old = Model.load(_FOLDER / commit / "model.safetensors")
     now = random_model()
     assert (old.category, old.image_size, old.focal, old.extent) == (

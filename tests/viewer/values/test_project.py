@@ -58,7 +58,9 @@ def saved(session: Session, editor: Editor, photo: Path) -> Project:
     return replace(project, pending=(FitRequest(FitHistory((source,))),))
 
 
-def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session: Session, tmp_path: Path) -> None:
+def test_a_saved_project_is_loaded_completely(
+    models: OpenModels, saved: Project, session: Session, tmp_path: Path
+) -> None:
     saved.save(tmp_path / "a.codenerf", models)
     loaded = Project.load(tmp_path / "a.codenerf", models)
     assert loaded.history == saved.history
@@ -85,7 +87,7 @@ def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session:
     assert all(map(session.editor.can_show, loaded.history.states))
 
 
-def test_states_share_what_they_have_in_common(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
+def test_loaded_states_share_timelines_and_codes(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
     history = saved.history
     for step in range(400):  # the camera moves, codes and timeline stay
         camera = replace(history.now.scene.camera, azimuth=0.01 * step)
@@ -100,7 +102,9 @@ def test_states_share_what_they_have_in_common(models: OpenModels, saved: Projec
     assert first.scene.instance.codes.shape.data_ptr() == last.scene.instance.codes.shape.data_ptr()
 
 
-def test_a_photo_keeps_what_no_image_can_hold(models: OpenModels, model: Model, saved: Project, tmp_path: Path) -> None:
+def test_a_photo_keeps_the_fields_beside_its_pixels(
+    models: OpenModels, model: Model, saved: Project, tmp_path: Path
+) -> None:
     mask = torch.zeros(8, 8, dtype=torch.bool)
     mask[2:5] = True
     photo = Photo(torch.rand(8, 8, 3), mask, model.camera(0.1, 0.2).resized(8, 8), True, ~mask)
@@ -130,7 +134,7 @@ def rewrite(path: Path, change: Callable[[dict, dict[str, bytes]], None]) -> Non
 
 
 @pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "format"])
-def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, harm: str):
+def test_a_broken_project_is_reported_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, harm: str):
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
 
@@ -279,7 +283,7 @@ def test_states_that_are_no_tree_are_consecutive(
     assert [state.scene for state in project.history.states] == (scenes[:1] if "steps" in harm else scenes)
 
 
-def test_what_belongs_to_a_missing_model_is_saved_as_it_was(models: OpenModels, saved: Project, tmp_path: Path) -> None:
+def test_objects_of_a_missing_model_are_saved_unchanged(models: OpenModels, saved: Project, tmp_path: Path) -> None:
     def foreign(record: dict, members: dict[str, bytes]) -> None:
         record["project"]["objects"][0]["codes"]["model"] = "0" * 16
         record["project"]["history"]["steps"][1]["state"]["scene"]["codes"]["model"] = "0" * 16
@@ -305,7 +309,7 @@ def test_what_belongs_to_a_missing_model_is_saved_as_it_was(models: OpenModels, 
     assert again.model_files["0" * 16] == "/gone/stools.safetensors"
 
 
-def test_a_project_that_is_not_there_or_of_no_open_model(models: OpenModels, tmp_path: Path, saved: Project) -> None:
+def test_a_project_that_is_missing_or_of_no_open_model(models: OpenModels, tmp_path: Path, saved: Project) -> None:
     with pytest.raises(ValueError, match=r"no such project: .*a\.codenerf"):
         Project.load(tmp_path / "a.codenerf", models)
     saved.save(tmp_path / "a.codenerf", models)
@@ -328,7 +332,7 @@ def test_states_that_mix_objects_that_nobody_has_are_not_shown(session: Session,
 
 
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
-def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, commit: str) -> None:
+def test_projects_and_scenes_of_earlier_versions_open(worker: Worker, backend: Backend, commit: str) -> None:
     """Chairs had a session of their own, and cars, which were open at the end; models of both may be former ones."""
     folder = Path("tests/files") / commit
     (chairs, cars) = _MODELS
@@ -405,7 +409,7 @@ def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backen
         assert editor.scene.instance == mixed
 
 
-def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -> None:
+def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:
     """Scenes that were opened had a photo of null."""
     with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:
         members = {name: file.read(name) for name in file.namelist()}
@@ -422,7 +426,7 @@ def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
-def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
+def test_stored_objects_of_earlier_versions_open(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
     shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
     session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
     assert len(session.editor.objects.added) == 2
@@ -477,7 +481,9 @@ def test_a_project_that_is_too_large_is_not_saved(session: Session, tmp_path: Pa
 
 
 @pytest.mark.parametrize("kind", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_a_project_damaged_anywhere_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, kind: int):
+def test_a_project_damaged_anywhere_is_reported_in_one_line(
+    models: OpenModels, saved: Project, tmp_path: Path, kind: int
+):
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
     with zipfile.ZipFile(path) as file:
@@ -497,7 +503,9 @@ def test_a_project_damaged_anywhere_is_said_in_one_line(models: OpenModels, save
             Project.load(path, models)
 
 
-def test_what_cannot_be_read_back_leaves_the_old_file(models: OpenModels, saved: Project, tmp_path: Path) -> None:
+def test_a_project_that_cannot_be_read_back_leaves_the_old_file(
+    models: OpenModels, saved: Project, tmp_path: Path
+) -> None:
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
     before = path.read_bytes()

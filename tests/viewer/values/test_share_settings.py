@@ -29,12 +29,12 @@ def scene(model: Model) -> Scene:
         {"cells": 4},
     ],
 )
-def test_a_choice_that_there_is_not_is_refused(wrong: dict[str, object]) -> None:
+def test_an_unknown_choice_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValueError):
         ShareSettings(**wrong)  # type: ignore[arg-type]
 
 
-def test_only_what_can_be_transparent_is_and_views_stand_in_for_themselves() -> None:
+def test_background_and_shadow_follow_the_format() -> None:
     clear = ShareSettings("turntable", background="transparent")
     assert clear.behind == (255, 255, 255)
     assert replace(clear, video=".webp").behind is None
@@ -64,7 +64,7 @@ def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Mod
     assert settings.shows_shadow and settings.suffix == ".html"
 
 
-def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
+def test_a_turntable_turns_once_at_the_chosen_size(model: Model, scene: Scene) -> None:
     views = ShareSettings("turntable", size=40, fill=False).views(scene, Timeline())
     assert len(views) == TURN
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
@@ -101,7 +101,7 @@ def photographed(model: Model, scene: Scene) -> Scene:
 
 @pytest.mark.parametrize(("kind", "frames"), [("swing", SWING), ("turntable", TURN), ("morph", TURN), ("page", 1)])
 @pytest.mark.parametrize("fill", [True, False])
-def test_what_moves_starts_at_the_photos_camera(
+def test_films_start_at_the_photos_camera(
     model: Model, photographed: Scene, kind: str, frames: int, fill: bool
 ) -> None:
     views = ShareSettings(kind, size=40, fill=fill).views(photographed, Timeline(), model[1])

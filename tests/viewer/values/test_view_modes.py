@@ -66,7 +66,7 @@ def test_a_source_has_its_tint(ball: Frame) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_an_image_of_nothing_is_no_trouble(mode: str) -> None:
+def test_every_mode_shows_an_empty_frame(mode: str) -> None:
     empty = np.zeros((2, 3), np.float32)
     nothing = Frame(np.full((2, 3, 3), 255, np.uint8), empty, empty, 0, 1, 8, 0.1)
     changed = in_mode(nothing, CAMERA, mode)

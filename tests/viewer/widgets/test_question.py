@@ -37,7 +37,7 @@ def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(
 
 
 @in_window(of="both", guess_category=lambda cut: {})
-def test_what_was_pointed_out_is_not_taken_for_the_category_on_screen(window: Driver, photo: Path) -> None:
+def test_a_pointed_out_object_is_asked_for_its_category(window: Driver, photo: Path) -> None:
     fitting = window.session.fitting
     window.click("Library/**/show car 1")
     fitting.fit(PhotoSource(photo, Hints(box=(0.1, 0.1, 0.9, 0.9))))
