@@ -47,12 +47,11 @@ class Made:
     Trained objects are left out, as no file keeps the state that an empty project begins with.
     """
 
-    def __init__(self, log: list[str], trained: set[Key]) -> None:
-        """Trace objects and states along the ``log`` of actions."""
+    def __init__(self) -> None:
+        self.log = list[str]()  # actions
         self.objects = set[Key]()
         self.shown = set[Key]()
-        self._log = log
-        self._trained = trained
+        self._trained = {key(model[index]) for model in two_models().values() for index in model.codes.valid}
         self._newest: tuple[set[Key], set[Key]] = set(), set()
         self._there = dict[Key, str]()  # descriptions of what the window has
         self._traces = dict[Key, list[str]]()
@@ -78,6 +77,25 @@ class Made:
         self.shown |= self._newest[1]
         self._newest = set(), set()
 
+    def keep_all(self, window: Driver) -> None:
+        """Observe the last edit before the window saves it when closing."""
+        window.wait()
+        window.session.editor.end_gesture()
+        self.observe(window)
+        self.keep()
+
+    def assert_all_kept(self, window: Driver) -> None:
+        """Fail if a saved object or state is neither in an earlier session nor in the library."""
+        window.wait(lambda: not window.session.fitting.pending)
+        window.session.new()  # all history is in files of earlier sessions
+        assert _errors(window) == []
+        projects = [Project.load(path, window.session.models) for path in window.context.autosave.earlier]
+        kept = [item for project in projects for item in project.objects] + list(window.session.editor.objects.added)
+        states = [state for project in projects for state, _ in project.history.steps]
+        lost = self.objects - {key(item.original) for item in kept}
+        lost |= self.shown - {key(state.scene.instance) for state in states}
+        assert not lost, self.story(lost)
+
     def forget_newest(self) -> None:
         """Leave out what was observed since the last save: the window was killed."""
         self._newest = set(), set()
@@ -85,7 +103,7 @@ class Made:
     def story(self, keys: set[Key]) -> str:
         """When each of these objects and states came and went, and all actions."""
         traces = [f"{name[0]}: " + ", ".join(self._traces[name]) for name in keys]
-        return "\n".join((*traces, *(f"{number} {action}" for number, action in enumerate(self._log, 1))))
+        return "\n".join((*traces, *(f"{number} {action}" for number, action in enumerate(self.log, 1))))
 
     def _follow(self, descriptions: dict[Key, str]) -> None:
         for name in descriptions.keys() - self._there.keys():
@@ -95,7 +113,7 @@ class Made:
 
     def _trace(self, keys: set[Key], event: str) -> None:
         for name in keys:
-            self._traces.setdefault(name, []).append(f"{event} at {len(self._log)} {self._log[-1]}")
+            self._traces.setdefault(name, []).append(f"{event} at {len(self.log)} {self.log[-1]}")
 
 
 def key(instance: Instance) -> Key:
@@ -292,48 +310,31 @@ def test_nothing_is_lost_and_no_error_is_logged(
     random = Random(seed)
     end = time.monotonic() + _SECONDS
     backend = replace(both, fit=varied_fit)
-    log = list[str]()
-    trained = {key(model[index]) for model in two_models().values() for index in model.codes.valid}
-    made = Made(log, trained)
+    made = Made()
     folders = [tmp_path / "run 0"]
 
     def run(window: Driver) -> None:
         person = Person(window, random, tmp_path)
         killed = random.random() < 0.5
-        log.append("launch")
+        made.log.append("launch")
         made.observe(window)
         for _ in range(random.randint(2, _ACTIONS)):
-            log.append(person.act())
+            made.log.append(person.act())
             made.observe(window)
-            assert _errors(window) == [], log[-10:]
+            assert _errors(window) == [], made.log[-10:]
             if time.monotonic() > end:
                 break
+        made.log.append("kill" if killed else "close")
         if killed:
-            log.append("kill")
             folders.append(tmp_path / f"run {len(folders)}")
             shutil.copytree(folders[-2], folders[-1], ignore=shutil.ignore_patterns(".*"))
             made.forget_newest()
         else:
-            log.append("close")
-            window.wait()
-            window.session.editor.end_gesture()
-            made.observe(window)
-            made.keep()
-
-    def look(window: Driver) -> None:
-        window.wait(lambda: not window.session.fitting.pending)
-        window.session.new()  # all history is in files of earlier sessions
-        assert _errors(window) == []
-        projects = [Project.load(path, window.session.models) for path in window.context.autosave.earlier]
-        kept = [item for project in projects for item in project.objects] + list(window.session.editor.objects.added)
-        states = [state for project in projects for state, _ in project.history.steps]
-        lost = made.objects - {key(item.original) for item in kept}
-        lost |= made.shown - {key(state.scene.instance) for state in states}
-        assert not lost, made.story(lost)
+            made.keep_all(window)
 
     while time.monotonic() < end:
         drive(run, backend, random.choice(((1280, 800), (900, 600))), folder=folders[-1])
-    drive(look, backend, folder=folders[-1])
+    drive(made.assert_all_kept, backend, folder=folders[-1])
     assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
 
 

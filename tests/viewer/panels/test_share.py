@@ -117,8 +117,13 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
     block = filled(model, 100.0)
 
     def act(window: Driver) -> None:
+        def saved(name: str) -> Image.Image:
+            window.click("Share/###save")
+            window.type(str(tmp_path / name))
+            window.wait(lambda: (tmp_path / name).exists() and not window.session.exporting.running)
+            return Image.open(tmp_path / name)
+
         editor = window.session.editor
-        exporting = window.session.exporting
         editor.set_camera(replace(editor.scene.camera, distance=0.6 * editor.scene.camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
         window.click("Share/###picture")
@@ -126,27 +131,18 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
         choose(window, "##background", "Colour")
         window.context.set_preference(share=replace(window.context.preferences.share, colour=(200, 10, 20)))
         window.click("Share/###small")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "red.png"))
-        window.wait(lambda: (tmp_path / "red.png").exists() and not exporting.running)
-        with Image.open(tmp_path / "red.png") as image:
+        with saved("red.png") as image:
             assert image.getpixel((0, 0)) == (200, 10, 20)
             assert image.size == (256, 256)
             pixels = np.asarray(image).astype(int)
         rows = np.flatnonzero((np.abs(pixels - (200, 10, 20)).sum(-1) > 60).any(1))
         assert 240 <= rows[-1] < 255  # down to the frame's edge, and no further
         choose(window, "##background", "Transparent")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "clear.png"))
-        window.wait(lambda: (tmp_path / "clear.png").exists() and not exporting.running)
-        with Image.open(tmp_path / "clear.png") as image:
+        with saved("clear.png") as image:
             assert image.mode == "RGBA"
             assert image.getpixel((0, 0))[3] == 0
         choose(window, "##background", "As in the view")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "view.png"))
-        window.wait(lambda: (tmp_path / "view.png").exists() and not exporting.running)
-        with Image.open(tmp_path / "view.png") as image:
+        with saved("view.png") as image:
             for row, colour in ((0, window.context.palette.background[0]), (255, window.context.palette.background[1])):
                 assert np.abs(np.array(image.getpixel((0, row))) / 255 - colour).max() < 0.02
         choose(window, "##picture", ".jpg")
