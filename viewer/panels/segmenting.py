@@ -89,12 +89,8 @@ class SegmentingDialog:
         draw.add_image(context.images.texture(image, context.palette), origin, origin + extent)
         if segmenting.hints.box:
             left, top, right, bottom = segmenting.hints.box
-            draw.add_rect(
-                origin + extent * ImVec2(left, top),
-                origin + extent * ImVec2(right, bottom),
-                packed(WARM),
-                thickness=2.0,
-            )
+            low = origin + extent * ImVec2(left, top)
+            draw.add_rect(low, origin + extent * ImVec2(right, bottom), packed(WARM), thickness=2.0)
         for point in segmenting.hints.points:
             draw.add_circle(origin + extent * ImVec2(*point), 5.0, packed(WARM), thickness=2.0)
         if imgui.is_item_hovered() and self._tool != "Box":

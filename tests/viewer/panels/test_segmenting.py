@@ -56,7 +56,7 @@ class _Canvas:
     def covered(self, x: float, y: float) -> bool:
         """Whether the object was found at this place."""
         result = self.window.session.segmenting.result
-        mask = result.found.mask
+        mask = result.cut.mask
         return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
 
 
