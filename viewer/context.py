@@ -130,8 +130,7 @@ class PanelContext:
         """Fit the images in the clipboard."""
         jobs = self.session.jobs
         images = partial(self.clipboard.images, imgui.get_clipboard_text())
-        ended = jobs.reporting("Cannot paste")
-        jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), ended))
+        jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), jobs.reporting("Cannot paste")))
 
     def open_file(self) -> None:
         """Ask for a file and open it as if it were dropped."""

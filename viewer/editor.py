@@ -109,11 +109,10 @@ class Editor:
     def film_partner(self) -> Instance | None:
         """B, with locked codes; None if B cannot be mixed with the object on screen or looks like it."""
         name = self.state.mix.b
-        instance = self.scene.instance
         if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
             return None
         partner = self._keeping_locked(self.objects[name].instance)
-        looks_alike = partner.with_detail(None) == instance.with_detail(None)
+        looks_alike = partner.with_detail(None) == self.scene.instance.with_detail(None)
         return None if looks_alike else partner
 
     def _keeping_locked(self, instance: Instance) -> Instance:

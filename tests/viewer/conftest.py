@@ -66,7 +66,7 @@ def backend(model: Model) -> Backend:
         guess_category=no_guess,
         paint=quick_paint,
         paint_colour=quick_colour,
-        distance=lambda instance, camera, share: camera.distance,
+        distance=lambda instance, camera, fraction: camera.distance,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
 

@@ -54,11 +54,8 @@ class Exporting:
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
         elif settings.kind in FILMS and (settings.kind != "video" or self._editor.playable.keys):
-            timeline = self._editor.playable
-            partner = self._editor.film_partner
-            self._begin(
-                settings.kind, path, lambda scene: self._film(settings.views(scene, timeline, partner), path, settings)
-            )
+            inputs = self._editor.playable, self._editor.film_partner
+            self._begin(settings.kind, path, lambda scene: self._film(settings.views(scene, *inputs), path, settings))
 
     def cancel(self) -> None:
         """Cancel the export; no partial file stays."""
@@ -83,8 +80,7 @@ class Exporting:
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(scene, self._editor.playable)[0]
-        images = self._jobs.backend.pictures([view], settings.behind, settings.exact, settings.shows_shadow)
-        for image in images:
+        for image in self._jobs.backend.pictures([view], settings.behind, settings.exact, settings.shows_shadow):
             if image is not None:
                 save_image(image, path, scene)
             yield float(image is not None)

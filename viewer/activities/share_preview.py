@@ -30,8 +30,7 @@ class SharePreview:
         partner = self._editor.film_partner
         looks = settings.kind, settings.fill, settings.wide, settings.size, settings.exact, settings.shows_shadow
         inputs = scene, timeline, partner, *looks
-        is_empty = settings.kind == "video" and not timeline.keys
-        if is_empty or inputs == self._inputs or self._editor.history.gesture:
+        if inputs == self._inputs or self._editor.history.gesture or (settings.kind == "video" and not timeline.keys):
             return
         self._inputs = inputs
         self.seconds = None

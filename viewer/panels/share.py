@@ -64,15 +64,14 @@ class ShareDialog:
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog while it is open."""
-        preview = context.session.exporting.preview
-        films = context.session.exporting.films
+        exporting = context.session.exporting
         if not context.share_open:
-            preview.close()
-            films.close()
+            exporting.preview.close()
+            exporting.films.close()
             return
         visible, context.share_open = begin_dialog("Share")
         if visible:
-            preview.update(_as_in_view(context, context.preferences.share))
+            exporting.preview.update(_as_in_view(context, context.preferences.share))
             self._draw_content(context)
         imgui.end()
 
@@ -219,9 +218,8 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
     if settings.kind == "picture":
         settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
     else:
-        formats = {name: video.label for name, video in VIDEOS.items()}
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
-        settings = _row(settings, "video", "Format", formats, text)
+        settings = _row(settings, "video", "Format", {name: video.label for name, video in VIDEOS.items()}, text)
     _label("Exact")
     _, exact = imgui.checkbox("##exact", settings.exact)
     tooltip("Every pixel by the network, for videos in minutes; else faster, and hardly to be told from it")
@@ -283,9 +281,8 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         accent = context.palette.accent
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
             save = partial(exporting.share, settings=_as_in_view(context, settings))
-            title = f"Save the {settings.kind} as"
             name = f"{context.file_name}-{settings.kind}{settings.suffix}"
-            context.files.ask(FileRequest(title, save, (settings.suffix,), True, name))
+            context.files.ask(FileRequest(f"Save the {settings.kind} as", save, (settings.suffix,), True, name))
         if ready and (seconds := exporting.preview.seconds) is not None:
             imgui.same_line()
             imgui.align_text_to_frame_padding()

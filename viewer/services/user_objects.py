@@ -55,16 +55,11 @@ class UserObjects:
         return self._read_again(unchanged, lambda instance: models.find(instance.fingerprint) is None)
 
     def _read_again(
-        self, adopt: Callable[[Instance], Instance], is_read: Callable[[Instance], bool]
+        self, adopt: Callable[[Instance], Instance], is_reread: Callable[[Instance], bool]
     ) -> tuple[EditableObject, ...]:
-        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses.
-
-        Args:
-            is_read: returns whether an object, if it was read before, is read again.
-        """
+        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses."""
         with self._lock:
-            stored = self._stored.items()
-            self._stored = {name: item for name, item in stored if not is_read(item.content.instance)}
+            self._stored = {name: item for name, item in self._stored.items() if not is_reread(item.content.instance)}
             objects = list[EditableObject]()
             files = self._folder.glob("*.json") if self._folder else ()
             for path in sorted(files, key=lambda path: path.stat().st_mtime):

@@ -78,8 +78,7 @@ def reopened(history: History, model: Model, objects: ObjectLibrary, models: Ope
 def _with_names_here(state: State, names: Mapping[str, str], objects: ObjectLibrary, models: OpenModels) -> State:
     """Return a state with the names of its objects here: by ``names``, or those of its model's objects."""
     instance = models.adopt(state.scene.instance)
-    trained = state.mix.names - names.keys()
-    own = {name: objects.name_here(name, instance.fingerprint) or name for name in trained}
+    own = {name: objects.name_here(name, instance.fingerprint) or name for name in state.mix.names}
     mix = state.mix.renamed({**own, **names})
     is_a = state.is_a
     if is_a is None and mix.a.shape in objects:  # of a former version
@@ -89,8 +88,8 @@ def _with_names_here(state: State, names: Mapping[str, str], objects: ObjectLibr
 
 def _as_left(here: EditableObject, objects: ObjectLibrary, camera: Camera) -> State:
     """Return a state that shows an object as left; from ``camera`` while the object's model is missing."""
-    pair = Pair(here.name, here.name)
-    if here.instance.is_missing:
-        return State(Scene(here.instance, camera), Mix(pair, here.name), is_a=True)
-    model = here.instance.model
-    return State(Scene(here.instance, orbit.home(model)), Mix(pair, first_mix(objects, model).b), is_a=True)
+    mix = Mix(Pair(here.name, here.name), here.name)
+    if not here.instance.is_missing:
+        camera = orbit.home(here.instance.model)
+        mix = replace(mix, b=first_mix(objects, here.instance.model).b)
+    return State(Scene(here.instance, camera), mix, is_a=True)

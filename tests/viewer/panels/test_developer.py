@@ -28,7 +28,8 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
                 yield step
 
     def act(window: Driver) -> None:
-        editor, fitting = window.session.editor, window.session.fitting
+        editor = window.session.editor
+        fitting = window.session.fitting
         window.fit(photo)
         window.context.drop([str(photo)])
         window.wait(lambda: fitting.running and bool(fitting.history.steps))
