@@ -65,8 +65,8 @@ def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Pat
 
 
 @pytest.mark.parametrize("budget", [TWO_STEPS, Budget(1e-6, 2)])  # a time ends after the pace is known
-def test_a_candidate_that_fails_stops_no_other_and_is_named(tmp_path: Path, budget: Budget):
-    """After so few steps the second shows nothing, so that it cannot be judged; but it is saved."""
+def test_a_failed_candidate_is_named_and_the_others_continue(tmp_path: Path, budget: Budget):
+    """After two steps the second candidate shows no object, so it cannot be judged; its model is saved."""
     lines = list[str]()
     chosen = {"wild": replace(SETTINGS, code_noise=(math.inf, 0.0)), "empty": SETTINGS}
     with pytest.raises(ValueError, match=r"wild: training diverged at step 1\b.*; empty: the model shows"):
