@@ -3,6 +3,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
 import pytest
 
 from core.lab.benchmarks.results import append_row, frame_of, keys_of, read_frame
@@ -37,7 +38,7 @@ def test_rows_are_read_as_written(tmp_path: Path) -> None:
     assert path.read_text().splitlines()[0] == columns
     frame = read_frame(path, ["name"], {"machine": "m", "objects": "3"})
     expected = frame_of(RECORDS, {"machine": "m", "objects": "3"}).astype({"objects": int})
-    assert frame.to_dict("list") == pytest.approx(expected.to_dict("list"), nan_ok=True, rel=0, abs=0)
+    pd.testing.assert_frame_equal(frame, expected, check_exact=True, check_dtype=False)
     assert keys_of(frame, ["name", "right"]) == {(record.name, record.right) for record in RECORDS}
 
 
