@@ -58,14 +58,6 @@ def view_numbers(text: str) -> tuple[int, ...]:
         raise argparse.ArgumentTypeError(f"views are whole numbers V,V from 0, not {text!r}") from None
 
 
-def part(text: str) -> tuple[int, int]:
-    """Parse part K of N, ``K/N``, with K from 1."""
-    number, _, total = text.partition("/")
-    if not (number.isdecimal() and total.isdecimal() and 1 <= int(number) <= int(total)):
-        raise argparse.ArgumentTypeError(f"a part is K/N, like 1/2, not {text!r}")
-    return int(number), int(total)
-
-
 def image_size(text: str) -> tuple[int, int]:
     """Parse a width and height in px, ``WxH``, or one number for a square."""
     width, _, height = text.lower().partition("x")

@@ -347,7 +347,7 @@ def _add_convert(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, score others")
+    command = add_command(commands, "evaluate", "evaluate.evaluate", "the paper's protocol: fit a view, score others")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders of objects to test on")
     add_model(command)
     command.add_argument("--input-views", type=view_numbers, default="64", metavar="V,V", help="the fitted views")

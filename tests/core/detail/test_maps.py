@@ -12,7 +12,6 @@ from core.detail.progressive import Frame, RenderJob, RenderSettings, render_fra
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
-from core.gl.baked_field import render_baked
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
@@ -24,6 +23,7 @@ from core.rendering.outline import FADED, effective_strength
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end
 from tests.conftest import no_opengl
+from tests.core.baked_reference import render_baked
 
 SIZE = 192
 SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"

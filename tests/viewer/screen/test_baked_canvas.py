@@ -5,12 +5,13 @@ import moderngl
 import numpy as np
 import pytest
 
-from core.gl.baked_field import BakedField, render_baked
+from core.gl.baked_field import BakedField
 from core.gl.baking import bake
 from core.metrics import psnr
 from core.models.model import Model
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
+from tests.core.baked_reference import render_baked
 from tests.core.tiny import tiny_model
 from viewer.screen.baked_canvas import BakedCanvas, is_fast
 from viewer.screen.theme import DARK, LIGHT, Palette
