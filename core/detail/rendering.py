@@ -30,7 +30,7 @@ def render_reference(instance: Instance, camera: Camera) -> Rendered:
     """Return the exact render with photo detail."""
     maps = run_to_end(detail_maps(instance))
     rendered = render_exact(instance, camera)
-    return rendered if maps is None else maps.added(rendered, camera)[0]
+    return rendered if maps is None else maps.added(rendered, instance.local_camera(camera))[0]
 
 
 def bake(instance: Instance) -> Iterator[BakedField | None]:

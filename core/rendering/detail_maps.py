@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera, camera_directions
+from core.geometry.camera import Camera
 from core.models.photo_detail import OtherSide
 from core.rendering.motion import Warp
 from core.rendering.reference import Rendered
@@ -127,11 +127,15 @@ class DetailMaps:
     warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
-        """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change."""
+        """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change.
+
+        Args:
+            camera: of the object's own space (:meth:`core.models.model.Instance.local_camera`).
+        """
         index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
-        (rotation, origin), size = camera.world_to_camera(index.device), (camera.width, camera.height)
+        _, origin = camera.world_to_camera(index.device)
         pixels = torch.stack((index % camera.width, index // camera.width), -1) + 0.5
-        directions = camera_directions(pixels, camera.focal, size) @ rotation
+        directions = camera.directions(pixels)
         points = origin + directions * rendered.depth.flatten().index_select(0, index)[:, None]
         opacity = rendered.opacity.flatten().index_select(0, index)
         left = (1 - opacity)[:, None]

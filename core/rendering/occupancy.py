@@ -145,7 +145,7 @@ class Occupancy:
         """
         local = camera.to_camera_axes(self._centres)
         points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
-        reach = float((self.cell * _COARSE_FACTOR).norm()) / 2
+        reach = camera.magnification * float((self.cell * _COARSE_FACTOR).norm()) / 2
         tiles = splat(local, points, reach, camera.focal, (camera.width, camera.height))
         rows, columns = (
             ((torch.arange(pixels, device=local.device) + 0.5) * (count / pixels)).long()
