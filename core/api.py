@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.export import mesh, page, video
 from core.export.framing import filling_frame
 from core.export.keyframes import TURN, View, turntable
@@ -25,6 +25,7 @@ from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.scene import Scene
 from core.photos.photo import Photo, load_photo
+from core.rendering.size import sized
 
 __all__ = [
     "Camera",
@@ -38,6 +39,7 @@ __all__ = [
     "load_model",
     "load_photo",
     "render",
+    "sized",
     "write_page",
     "write_video",
 ]

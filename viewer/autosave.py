@@ -11,7 +11,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from core.rendering.progressive import Frame
+from core.detail.progressive import Frame
 from viewer.services.messages import MessageKind
 from viewer.services.pictures import Pixels, write_pictures
 from viewer.session import PICTURES, Session

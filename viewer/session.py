@@ -7,14 +7,14 @@ from pathlib import Path
 
 import torch
 
+from core.detail.progressive import Frame
+from core.directions.words import Words
 from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
-from core.rendering.direction_words import Words
-from core.rendering.progressive import Frame
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting

@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress, wait_for_view_bank
+from core.directions.words import direction_words
 from core.lab.datasets.categories import Split
 from core.lab.datasets.glb_objects import mesh_tasks, pair_tasks
 from core.lab.datasets.packs import SUFFIX
@@ -28,7 +29,6 @@ from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
 from core.photos.view_bank import view_bank
-from core.rendering.direction_words import direction_words
 from core.runtime.files import require_writable
 
 _CHECKPOINT_EVERY = 5000  # steps between two checkpoints, each measured on held-out views

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.detail.filters import blurred, continued, enlarged, resized
-from core.rendering.detail_maps import smooth_step
+from core.detail.lookup import smooth_step
 
 _SIDE = 512  # px, longer side of the photo that is searched; lengths in px refer to it
 _STROKE = 7  # px, width of the widest thin stroke

@@ -1,4 +1,4 @@
-"""Compute photo detail (:class:`core.rendering.detail_maps.DetailMaps`) from a photo and the codes fitted to it.
+"""Compute photo detail (:class:`core.detail.lookup.DetailMaps`) from a photo and the codes fitted to it.
 
 The object is rendered once from the photo's camera. The photo's colours, in the paint of the current texture
 (:mod:`core.detail.repaint`), replace those of the surface. Their weight is 1 where photo and render both show a surface
@@ -19,15 +19,15 @@ from torch.nn import functional
 
 from core.detail.filters import blurred, continued, distance, enlarged, resized
 from core.detail.lettering import lettering, without_lettering
+from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays
 from core.models.model import Instance
+from core.models.motion import warp_to_fitted
 from core.models.photo_detail import PhotoView
-from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_steps
-from core.rendering.motion import warp_to_fitted
 from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
@@ -116,7 +116,7 @@ class ComparedPhoto:
     rough: Float[Tensor, "h w"]  # contrast of the photo's lightness, 0..1
     alike: Float[Tensor, "h w"]  # 0..1, similarity to the main paint
     lettering: Float[Tensor, "h w"]  # 1 where a mirror image would be unreadable, else 0
-    surface: Float[Tensor, "4 h w"]  # as :attr:`core.rendering.detail_maps.PhotoMaps.surface`
+    surface: Float[Tensor, "4 h w"]  # as :attr:`core.detail.lookup.PhotoMaps.surface`
     texels: "SurfaceTexels"
     match: ColourMatch  # from the render's colours to the photo's
 

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.rendering.detail_maps import ColourMatch, smooth_step
+from core.detail.lookup import ColourMatch, smooth_step
 
 _LIGHTNESS = 0.299, 0.587, 0.114
 _OTHER_HUE = 0.06, 0.16  # difference of chroma over lightness: paint up to the first, not paint from the second

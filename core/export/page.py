@@ -25,16 +25,17 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 from torch import Tensor
 
-from core.detail.rendering import bake, render_frame
+from core.detail.lookup import DetailMaps, PhotoMaps
+from core.detail.progressive import render_frame
 from core.export.framing import filling_frame
 from core.export.keyframes import turntable
 from core.export.video_frames import draw_still, over
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
+from core.gl import baked_shader, detail_shader, ground_shader
+from core.gl.baked_field import BakedField
+from core.gl.baking import bake
 from core.models.model import Instance
-from core.rendering import baked_shader, detail_shader, ground_shader
-from core.rendering.baked_field import BakedField
-from core.rendering.detail_maps import DetailMaps, PhotoMaps
 from core.rendering.ground_shadow import GroundShadow
 from core.runtime.files import atomic_file
 
@@ -127,6 +128,7 @@ def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
     }
     return {
         "camera": {**view, "focal": camera.focal / camera.height},
+        "stretch": baked.stretch or (1, 1, 1),
         "field": {
             "uniforms": baked_shader.field_uniforms(baked),
             "texels": _packed(np.moveaxis(baked.texels, -1, 0)),  # by channel, which compresses better

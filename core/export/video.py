@@ -17,7 +17,7 @@ from PIL.GifImagePlugin import getdata
 
 from core.export.keyframes import View
 from core.export.video_frames import render_frames
-from core.rendering.background import Background, Rgb
+from core.gl.background import Background, Rgb
 from core.runtime.files import atomic_file, atomic_folder
 
 WHITE: Rgb = (255, 255, 255)

@@ -12,14 +12,13 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.detail.maps import detail_maps
-from core.detail.rendering import render_progressively
+from core.detail.progressive import Frame, RenderJob, RenderSettings, render_progressively
 from core.export.keyframes import View
 from core.geometry.camera import Camera
-from core.rendering.background import Background, background_rows
-from core.rendering.baked_field import BakedField
-from core.rendering.baking import bake_views
-from core.rendering.offscreen import OffscreenRenderer
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from core.gl.background import Background, background_rows
+from core.gl.baked_field import BakedField
+from core.gl.baking import bake_views
+from core.gl.offscreen import OffscreenRenderer
 
 Image = UInt8[np.ndarray, "height width channels"]
 CELLS = 192  # of the grid along each axis of the scene's box

@@ -102,6 +102,14 @@ class Camera:
         matrix[:3, 3] = angles[2] * rotation[2]
         return matrix @ torch.from_numpy(OPENCV_FROM_OPENGL)
 
+    def lengths_to(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return the distances of points along the camera's rays, scene units."""
+        return self.to_camera_axes(points).norm(dim=-1)
+
+    def seen_lengths(self, lengths: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
+        """Return lengths along the rays of pixels as the camera sees them, scene units."""
+        return lengths
+
     @property
     def magnification(self) -> float:
         """Largest factor between lengths that the camera sees and lengths of its points."""
@@ -169,6 +177,16 @@ class StretchedCamera(Camera):
         rotation, _ = super().world_to_camera(pixels.device)
         along = camera_directions(pixels, self.focal, (self.width, self.height)) @ rotation
         return torch.nn.functional.normalize(along / along.new_tensor(self.stretch), dim=-1)
+
+    def lengths_to(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return the distances in the space before."""
+        _, place = self.world_to_camera(points.device)
+        return (points - place).norm(dim=-1)
+
+    def seen_lengths(self, lengths: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
+        """Return the lengths in the stretched space."""
+        directions = self.directions(pixel_centres(self.width, self.height, lengths.device))
+        return lengths * (directions * directions.new_tensor(self.stretch)).norm(dim=-1)
 
     def pose(self) -> Float[Tensor, "4 4"]:
         """Return the matrix from camera axes to the space before, no rigid motion."""

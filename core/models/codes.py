@@ -31,7 +31,7 @@ class Codes(Latents):
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
     stretch: Factors | None = None
-    """Sides of the object relative to its natural ones (:mod:`core.rendering.size`); None: natural. Goes with the shape."""
+    """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

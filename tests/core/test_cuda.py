@@ -9,13 +9,13 @@ import pytest
 import torch
 
 from core.fitting.fit import FitJob, FitSettings, fit
+from core.gl.baked_field import BakedField
+from core.gl.baking import bake
 from core.lab.datasets.srn import Dataset
 from core.lab.training.trainer import Trainer
 from core.metrics import psnr, rotation_error
 from core.models.library import load_model
 from core.models.model import Model
-from core.rendering.baked_field import BakedField
-from core.rendering.baking import bake
 from core.rendering.fast import render
 from core.rendering.reference import render_exact
 from core.runtime.precision import use_dtype

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
-from core.detail.rendering import render_progressively
+from core.detail.progressive import render_progressively
 from core.models.model import Model
 from core.photos.segmentation import CutOut
 from tests.conftest import no_opengl, random_model, unchecked_shapes

@@ -11,19 +11,19 @@ import numpy as np
 import torch
 
 from core.detail.paint import Paint, Rgb
+from core.detail.progressive import Frame, RenderJob, RenderSettings
 from core.export.keyframes import View
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.fitting.photo_views import with_photo_detail
+from core.gl.background import Background
+from core.gl.baked_field import BakedField
 from core.models.field_config import FieldConfig
 from core.models.model import Instance, Model
 from core.photos.detector import Detection
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from core.rendering.background import Background
-from core.rendering.baked_field import BakedField
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from tests.conftest import random_model
 from tests.core.tiny import tiny_bank
 from viewer.services.backend import frame_photo

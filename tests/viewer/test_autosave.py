@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
+from core.detail.progressive import Frame
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
-from core.rendering.progressive import Frame
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock, endless_fit

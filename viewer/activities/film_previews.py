@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from core.detail.progressive import Frame, RenderJob, RenderSettings
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_SHARE, Jobs
 from viewer.services.worker import Job

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from core.directions.grab import Pull, dragged_pull
 from core.geometry.camera import Camera
-from core.rendering.grab import Pull, dragged_pull
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from core.detail.paint import CoarsePaint, Paint, Rgb, paint_parts
+from core.detail.progressive import Frame
 from core.geometry.camera import Camera
 from core.models.model import Instance
-from core.rendering.progressive import Frame
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs

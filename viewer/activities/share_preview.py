@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from core.detail.progressive import RenderJob, RenderSettings
 from core.export.video_frames import FEW_PIXELS, FEW_SAMPLES, Image, over, rendered_pixels
-from core.rendering.progressive import RenderJob, RenderSettings
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32
 
+from core.detail.progressive import Frame, RenderJob, RenderSettings
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.model import Instance
 from core.models.photo_detail import PhotoDetail
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.services.jobs import TILES_SHARE, Jobs
 from viewer.services.pictures import Pixels
 from viewer.services.worker import Job

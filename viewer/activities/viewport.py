@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
+from core.detail.progressive import Frame, RenderJob, RenderSettings
 from core.export.keyframes import View
 from core.geometry.camera import Camera
+from core.gl.baked_field import BakedField
 from core.models.model import Instance
 from core.models.scene import Scene
-from core.rendering.baked_field import BakedField
-from core.rendering.frame_budget import FrameBudget
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.activities.frame_budget import FrameBudget
 from viewer.activities.framing import Framing
 from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor

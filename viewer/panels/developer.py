@@ -6,8 +6,8 @@ from typing import Any
 
 from imgui_bundle import hello_imgui, imgui
 
+from core.detail.progressive import Frame
 from core.fitting.hypotheses import Hypothesis
-from core.rendering.progressive import Frame
 from core.runtime.caches import CACHE
 from core.runtime.precision import matmul_dtype
 from viewer.context import Panel, PanelContext

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.rendering.progressive import Frame
+from core.detail.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import PanelContext
 from viewer.values.history import Branch, Edit, History, State

@@ -12,8 +12,8 @@ from core.export.mesh_formats import FORMATS as MESHES
 from core.export.mesh_formats import TEXTURED
 from core.export.video import FORMATS as VIDEOS
 from core.export.video_frames import Image
+from core.gl.background import Background, Rgb, background_rows
 from core.models.scene import IMAGE_FORMATS
-from core.rendering.background import Background, Rgb, background_rows
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed

@@ -2,11 +2,11 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.detail.progressive import Frame
+from core.directions.words import OPPOSITES
 from core.geometry.camera import Camera
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance
-from core.rendering.direction_words import OPPOSITES
-from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext
 from viewer.values import orbit

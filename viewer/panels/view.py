@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.rendering.progressive import Frame
+from core.detail.progressive import Frame
 from viewer.actions import ACTIONS, run_keys
 from viewer.activities.viewport import Viewport
 from viewer.context import Panel, PanelContext

@@ -1,4 +1,4 @@
-"""A baked object drawn by OpenGL (:mod:`core.rendering.baked_shader`) on the view's background."""
+"""A baked object drawn by OpenGL (:mod:`core.gl.baked_shader`) on the view's background."""
 
 import math
 import time
@@ -10,9 +10,9 @@ from imgui_bundle import imgui
 from jaxtyping import UInt8
 
 from core.geometry.camera import Camera
+from core.gl.baked_field import BakedField
+from core.gl.baked_shader import BakedShader
 from core.models.field_config import FieldConfig
-from core.rendering.baked_field import BakedField
-from core.rendering.baked_shader import BakedShader
 from core.rendering.occupancy import CELLS
 from viewer.screen.canvas import Backdrop, Target
 from viewer.screen.theme import DARK, Palette

@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
-from core.rendering.background import GLSL
-from core.rendering.ground_shader import GroundShader
+from core.detail.progressive import Frame
+from core.gl.background import GLSL
+from core.gl.ground_shader import GroundShader
 from core.rendering.ground_shadow import GroundShadow
-from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import pixels_of
 from viewer.screen.theme import Palette, mixed
 from viewer.values.orbit import PanelCrop

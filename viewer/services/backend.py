@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core.detail.paint import CoarsePaint, Paint, Rgb, coarse_paint, paint, paint_colour
-from core.detail.rendering import bake, render_progressively
+from core.detail.progressive import Frame, RenderJob, render_progressively
+from core.directions.grab import Pull, pulls_at
+from core.directions.words import Words, direction_words
 from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
@@ -14,15 +16,13 @@ from core.export.video import VideoSettings, write_video
 from core.export.video_frames import Image, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
 from core.geometry.camera import Camera
+from core.gl.baked_field import BakedField
+from core.gl.baking import bake
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
-from core.rendering.baked_field import BakedField
-from core.rendering.direction_words import Words, direction_words
-from core.rendering.grab import Pull, pulls_at
-from core.rendering.progressive import Frame, RenderJob
 from viewer.values.fit_history import PhotoSource
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from core.detail.progressive import Frame, RenderJob
 from core.models.open_models import OpenModels
-from core.rendering.progressive import Frame, RenderJob
 from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker

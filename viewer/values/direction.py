@@ -7,7 +7,7 @@ from torch import Tensor
 
 from core.models.codes import CodeBook, CodeKind
 from core.models.model import Instance
-from core.rendering.motion import moved_along, reach
+from core.models.motion import moved_along, reach
 
 _TEXTURE_REACH = 3.0  # standard deviations to either side of the mean; no texture breaks an object
 

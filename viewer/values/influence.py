@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import UInt8
 
-from core.rendering.progressive import Frame
+from core.detail.progressive import Frame
 from viewer.values.view_modes import colour_map
 
 _VISIBLE = 4 / 255  # least visible difference of colours, 0..1; smaller ones are not amplified

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
+from core.detail.progressive import Frame
 from core.geometry.camera import FRONT_AZIMUTH, Camera
 from core.models.model import Model
-from core.rendering.progressive import Frame
 
 HIGHEST = math.radians(89.0)  # largest elevation, rad: at the pole the image would spin
 _ZOOM_STEP = 1.06  # factor of the distance per wheel click

@@ -9,9 +9,9 @@ from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.page import SUFFIX, first_camera
 from core.export.video import WHITE, VideoSettings
+from core.gl.background import Background, Gradient, Rgb
 from core.models.model import Instance
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
-from core.rendering.background import Background, Gradient, Rgb
 
 FILMS = {"swing": "Swing", "turntable": "Turn", "morph": "With B", "video": "Timeline"}  # labels of the films
 KINDS = {"page": "Page", **dict.fromkeys(FILMS, "Film"), "picture": "Picture", "mesh": "Object"}  # labels

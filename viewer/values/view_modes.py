@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
+from core.detail.progressive import Frame
 from core.geometry.camera import Camera, camera_directions, camera_rotation, pixel_centres
 from core.geometry.pixels import to_bytes
-from core.rendering.progressive import Frame
 
 _OPAQUE = 0.5  # opacity from which a pixel counts as the object
 _COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.detail.progressive import Frame
 from core.models.codes import CodeKind
-from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on, packed
 from viewer.services.messages import Button, MessageKind

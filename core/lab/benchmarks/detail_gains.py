@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.detail.lookup import MIN_OPACITY, DetailMaps
 from core.detail.maps import detail_maps
 from core.fitting.fit import FitJob, fit
 from core.geometry.camera import Camera
@@ -23,7 +24,6 @@ from core.lab.evaluation.statistics import Mean, mean_of
 from core.metrics import psnr, rotation_error
 from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoView
-from core.rendering.detail_maps import MIN_OPACITY, DetailMaps
 from core.rendering.images import render_image
 from core.streams import run_to_end
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import torch
 
+from core.detail.progressive import RenderSettings
 from core.fitting.fit import PRESETS, FitJob
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings
@@ -26,7 +27,6 @@ from core.models.library import sample_images
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.rendering import fast
-from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 from core.runtime.precision import use_dtype
 

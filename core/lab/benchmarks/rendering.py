@@ -16,16 +16,16 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from core.detail.progressive import RenderSettings
 from core.export.keyframes import View
 from core.geometry.camera import Camera
+from core.gl.baked_field import BakedField, render_baked
+from core.gl.baking import bake
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.rendering import fast
-from core.rendering.baked_field import BakedField, render_baked
-from core.rendering.baking import bake
 from core.rendering.occupancy import Tolerances, tolerances
-from core.rendering.progressive import RenderSettings
 from core.rendering.reference import exact_rays, render_exact, render_rays
 from core.runtime.precision import matmul_dtype, use_dtype
 

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from core.detail.progressive import RenderSettings
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.drawing import draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.rendering import RenderTiming, median_turns
 from core.lab.benchmarks.videos import DEFAULT, VideoTiming
-from core.rendering.progressive import RenderSettings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,14 +12,13 @@ from functools import cache
 from statistics import mean, median
 from typing import NamedTuple
 
-from core.detail.rendering import render_progressively
+from core.detail.progressive import RenderJob, RenderSettings, render_progressively
 from core.export.framing import filling_frame
 from core.export.keyframes import View, morph, turntable
 from core.export.video_frames import CELLS, FEW_SAMPLES, Image, are_few, baked_frames
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
 from core.models.model import Model
-from core.rendering.progressive import RenderJob, RenderSettings
 
 FRAMES = 72
 COMPARED = 6, 30, 53  # compared frames

@@ -15,6 +15,7 @@ from PIL import ExifTags, Image
 
 from core.__main__ import main
 from core.cli import fit as fitting
+from core.directions.words import direction_words
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
 from core.lab.benchmarks import ablations, robustness
@@ -26,7 +27,6 @@ from core.models.scene import Scene
 from core.photos.detector import Detection
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
-from core.rendering.direction_words import direction_words
 from tests.core.lab.datasets.test_glb_objects import write_folder
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model

@@ -6,22 +6,21 @@ import numpy as np
 import pytest
 import torch
 
+from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.detail.maps import ComparedPhoto, SurfaceTexels, detail_maps, paint_weight, surface_normals
-from core.detail.rendering import bake, render_frame, render_progressively
+from core.detail.progressive import RenderJob, RenderSettings, render_frame, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
+from core.gl.baked_field import render_baked
+from core.gl.baking import bake
+from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
+from core.models.motion import LIMIT, moved_along
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
-from core.rendering import progressive
-from core.rendering.baked_field import render_baked
-from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
-from core.rendering.motion import LIMIT, moved_along
-from core.rendering.offscreen import OffscreenRenderer
 from core.rendering.outline import FADED, shown_share
-from core.rendering.progressive import RenderJob, RenderSettings
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end
 from tests.conftest import no_opengl
@@ -110,9 +109,9 @@ def test_paint_in_place_of_lettering_is_on_the_mirrored_side_only(
     assert maps is not None and maps.photos[0].mirrored is maps.photos[0].fine
     behind = tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)
     for view, least, most in ((camera, 0, 0.0005), (behind, 0.003, 1)):
-        jobs = [RenderJob(instance, view, RenderSettings(divisors=(1,)), detail) for detail in (maps, lettered(maps))]
-        plain, covered = (list(progressive.render_progressively(job))[-1].image / 255 for job in jobs)
-        assert least <= np.abs(plain - covered).mean() <= most
+        rendered = render_exact(instance, view)
+        plain, covered = (detail.added(rendered, view)[0].colour for detail in (maps, lettered(maps)))
+        assert least <= (plain - covered).abs().mean() <= most
 
 
 def test_frames_tell_where_colours_are_from(tiny: Model, instance: Instance, camera: Camera) -> None:
@@ -145,16 +144,6 @@ def test_edits_of_the_shape_fade_it(tiny: Model, instance: Instance) -> None:
         for distance in (0.0, FADED / 2, FADED, 2 * FADED)
     ]
     assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)
-
-
-def test_without_a_photo_every_frame_is_as_it_was(tiny: Model) -> None:
-    job = RenderJob(tiny[1], tiny.camera(0.2, 0.3), RenderSettings(divisors=(2, 1)))
-    frames = []
-    for stream in (render_progressively, progressive.render_progressively):
-        clear_cache()
-        frames.append(list(filter(None, stream(job))))
-    one, other = frames
-    assert all(np.array_equal(a.image, b.image) for a, b in zip(one, other, strict=True))
 
 
 def test_every_stage_shows_it(tiny: Model, instance: Instance, camera: Camera) -> None:

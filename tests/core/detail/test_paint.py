@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from core.detail.paint import Paint, coarse_paint, paint, paint_colour, paint_parts
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.streams import run_to_end

@@ -5,8 +5,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.detail.lookup import ColourMatch
 from core.detail.repaint import colour_match, light_share, lightness, moved_paint, repainted, replaced_share, same_hue
-from core.rendering.detail_maps import ColourMatch
 
 WHITE, RED, BLACK, GOLD = (0.85, 0.86, 0.88), (0.75, 0.19, 0.16), (0.05, 0.05, 0.06), (0.62, 0.45, 0.15)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.export.framing import MARGIN, filling_distance, filling_frame
 from core.export.keyframes import View, turntable
 from core.models.field import Field

@@ -12,7 +12,7 @@ import torch
 import trimesh
 from scipy.spatial import cKDTree
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.export import mesh as module
 from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh

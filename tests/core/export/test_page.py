@@ -12,14 +12,14 @@ import pytest
 from jaxtyping import Float, UInt8
 from PIL import Image
 
-from core.detail.rendering import bake
 from core.export.page import MAX_BYTES, write_page
 from core.export.page import page as page_text
 from core.geometry.camera import Camera
+from core.gl.baking import bake
+from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.photo_detail import OtherSide
-from core.rendering.offscreen import OffscreenRenderer
 from tests.conftest import no_opengl, unchecked_shapes
 from tests.core.detail.test_maps import lettered, striped
 from tests.core.export.chromium import Chromium

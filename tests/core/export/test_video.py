@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.export.video import FORMATS, VideoSettings, shown_views, write_video
 from core.export.video_frames import over

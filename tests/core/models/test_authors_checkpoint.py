@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.authors_checkpoint import load_authors

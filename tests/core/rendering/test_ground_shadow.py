@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 
+from core.detail.progressive import Frame, RenderJob, RenderSettings, render_progressively
 from core.export.keyframes import turntable
 from core.export.video_frames import baked_frames, exact_frames, over
 from core.geometry.camera import Camera
+from core.gl.ground_shader import GroundShader
 from core.metrics import psnr_from_mse
 from core.models.model import Model
-from core.rendering.ground_shader import GroundShader
 from core.rendering.ground_shadow import GroundShadow, cast_shadow
-from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model
 

@@ -3,11 +3,11 @@ from collections.abc import Callable
 import pytest
 import torch
 
+from core.detail.progressive import RenderSettings
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
 from core.rendering.fast import render
 from core.rendering.images import render_image
-from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
 from tests.core.models.test_architecture_variants import build

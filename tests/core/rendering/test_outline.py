@@ -10,11 +10,11 @@ import torch
 from core.export.mesh import extract_mesh
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
+from core.gl.baked_field import render_baked
+from core.gl.baking import bake
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoDetail, PhotoView
-from core.rendering.baked_field import render_baked
-from core.rendering.baking import bake
 from core.rendering.fast import clear_cache, render
 from core.rendering.outline import FADED, Outline, coherence, outline
 from core.rendering.reference import render_exact

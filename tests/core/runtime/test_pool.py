@@ -13,10 +13,10 @@ from torch import Tensor
 
 from core.export.mesh import extract_mesh
 from core.fitting.fit import FitJob, fit
+from core.gl.baking import bake
 from core.models.model import Model
 from core.photos.view_bank import view_bank
 from core.rendering import fast
-from core.rendering.baking import bake
 from core.rendering.reference import render_exact
 from core.runtime.pool import map_pieces
 from core.runtime.threads import VARIABLE

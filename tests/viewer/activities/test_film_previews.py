@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.detail.progressive import Frame
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.models.scene import Scene
-from core.rendering.progressive import Frame
 from tests.viewer.driver import finish
 from viewer.session import Session
 from viewer.values.share_settings import ShareSettings

@@ -2,10 +2,10 @@ from dataclasses import replace
 
 import pytest
 
+from core.directions.grab import Pull
 from core.geometry.camera import Camera
 from core.models.model import Instance
-from core.rendering.grab import Pull
-from core.rendering.motion import LIMIT
+from core.models.motion import LIMIT
 from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.session import Session

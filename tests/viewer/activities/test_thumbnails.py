@@ -3,8 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.detail.progressive import Frame, RenderJob
 from core.models.model import Model
-from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_frames
 from viewer.activities.thumbnails import Thumbnails

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
+from core.detail.progressive import Frame, RenderJob
 from core.models.model import Instance
-from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Bakery, quick_frames
 from viewer.editor import Editor

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import render_frame
 from core.export.framing import filling_distance
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver, in_window

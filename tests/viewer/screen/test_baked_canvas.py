@@ -5,10 +5,10 @@ import moderngl
 import numpy as np
 import pytest
 
+from core.gl.baked_field import BakedField, render_baked
+from core.gl.baking import bake
 from core.metrics import psnr
 from core.models.model import Model
-from core.rendering.baked_field import BakedField, render_baked
-from core.rendering.baking import bake
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model

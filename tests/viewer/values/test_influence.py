@@ -3,9 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.detail.rendering import render_frame
+from core.detail.progressive import Frame, render_frame
 from core.models.model import Model
-from core.rendering.progressive import Frame
 from viewer.values.influence import CodeInfluence
 
 

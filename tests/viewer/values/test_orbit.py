@@ -7,9 +7,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.detail.progressive import Frame
 from core.geometry.camera import Camera
 from core.models.model import Model
-from core.rendering.progressive import Frame
 from viewer.values import orbit
 
 CAMERA = Camera(0.4, 0.2, 2.0, 131.25, 128, 128)

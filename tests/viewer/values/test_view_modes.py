@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from core.detail.progressive import Frame, RenderJob, RenderSettings, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 from core.models.model import Model
-from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 from viewer.values.view_modes import MODES, in_mode, normals
 
 CAMERA = Camera(0.7, 0.4, 2.0, 131.25, 64, 64)

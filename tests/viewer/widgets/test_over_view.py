@@ -3,9 +3,9 @@ from dataclasses import replace
 import pytest
 from imgui_bundle import imgui
 
+from core.directions.grab import Pull
 from core.geometry.camera import Camera
 from core.models.model import Instance
-from core.rendering.grab import Pull
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
 from viewer.values.direction import Direction

@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.geometry.camera import Camera
-from core.rendering.background import GLSL, Background, edges
-from core.rendering.baked_field import BakedField
-from core.rendering.baked_shader import BakedShader
-from core.rendering.ground_shader import GroundShader
+from core.gl.background import GLSL, Background, edges
+from core.gl.baked_field import BakedField
+from core.gl.baked_shader import BakedShader
+from core.gl.ground_shader import GroundShader
 
 _VERTEX = """
 #version 330

@@ -18,8 +18,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.geometry.camera import Camera
+from core.models.motion import Warp
 from core.models.photo_detail import OtherSide
-from core.rendering.motion import Warp
 from core.rendering.reference import Rendered
 
 DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035

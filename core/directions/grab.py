@@ -13,10 +13,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.directions.words import AXES
 from core.geometry.camera import Camera
 from core.geometry.rays import rays_at_pixels
 from core.models.model import Instance
-from core.rendering.direction_words import AXES
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
 _SIDE_RAYS = 9  # rays along each side of a square around the pixel
@@ -62,7 +62,7 @@ def pulls_at(instance: Instance, camera: Camera, point: tuple[float, float], cou
     along = (torch.arange(_SIDE_RAYS, device=model.device) - (_SIDE_RAYS - 1) / 2) * step
     down, right = torch.meshgrid(along, along, indexing="ij")
     pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
-    rays = rays_at_pixels(pixels - model.pixel_offset, camera, model.extent_tensor)[None, None]
+    rays = rays_at_pixels(pixels - model.pixel_offset, instance.local_camera(camera), model.extent_tensor)[None, None]
     shape, texture = (code.to(model.device)[None] for code in (codes.shape, codes.texture))
     shape_bias, texture_bias = instance.biases
     dtype = model.field.density_layer.weight.dtype
@@ -87,7 +87,7 @@ def dragged_pull(
 
     Args:
         pulls: from :func:`pulls_at`, not empty.
-        words: of the shape directions (:func:`core.rendering.direction_words.direction_words`).
+        words: of the shape directions (:func:`core.directions.words.direction_words`).
         point: px, where the drag began. Sizes grow when it moves away from the object's middle.
         drag: px, right and down.
     """

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
+from core.directions.grab import Pull, dragged_pull, image_motion, pulls_at
 from core.geometry.camera import Camera
 from core.models.model import Model
-from core.rendering.grab import Pull, dragged_pull, image_motion, pulls_at
 from core.rendering.reference import render_exact
 
 

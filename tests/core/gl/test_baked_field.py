@@ -1,8 +1,8 @@
 import torch
 
+from core.gl.baked_field import cell_distances, logit_texels
 from core.models.density import density_to_logits
 from core.models.field_config import FieldConfig
-from core.rendering.baked_field import cell_distances, logit_texels
 
 
 def test_distances_and_texels_hold_what_they_should() -> None:

@@ -1,4 +1,4 @@
-"""A progressive stream of frames for a viewer: coarse at once, fine while nothing changes."""
+"""Frames with photo detail, as a stream for a viewer: coarse at once, fine while nothing changes."""
 
 import time
 from collections.abc import Iterator
@@ -9,13 +9,15 @@ import numpy as np
 import torch
 from jaxtyping import Float32, Int32, UInt8
 
+from core.detail.maps import detail_maps
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.model import Instance
-from core.rendering.detail_maps import DetailMaps
 from core.rendering.ground_shadow import GroundShadow
 from core.rendering.images import SAMPLES, is_cached, render_steps
 from core.rendering.occupancy import shape_occupancy
+from core.rendering.reference import Rendered, render_exact
+from core.streams import run_to_end
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,6 @@ class RenderJob:
     instance: Instance
     camera: Camera
     settings: RenderSettings = field(default_factory=RenderSettings)
-    detail: DetailMaps | None = None  # photo detail to add
     shadow: bool = False  # request :attr:`Frame.shadow`
 
 
@@ -84,22 +85,39 @@ def render_progressively(job: RenderJob) -> Iterator[Frame | None]:
     To stop, abandon the iterator: a newer job waits for one chunk at most.
     """
     began = time.perf_counter()
+    maps = yield from detail_maps(job.instance)
     stages = _stages(job)
     # A new texture begins with the finest stage whose shape is cached.
     cached = [at for at, stage in enumerate(stages) if is_cached(job.instance, *stage)]
     for at in range(max(cached, default=0), len(stages)):
         camera, samples, complete = stages[at]
+        local = job.instance.local_camera(camera)
         rendered = yield from render_steps(job.instance, camera, samples, complete)
         sources = None
-        if job.detail:
-            rendered, shares = job.detail.added(rendered, camera)
+        if maps:
+            rendered, shares = maps.added(rendered, local)
             sources = torch.stack(shares, -1).cpu().numpy()
         image = to_bytes(rendered.colour)
-        depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
+        depth, opacity = local.seen_lengths(rendered.depth.cpu()).numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
         shadow = shape_occupancy(job.instance, complete).shadow if job.shadow else None
+        shadow = shadow and shadow.stretched(job.instance.codes.proportions)
         yield Frame(image, depth, opacity, at, len(stages), samples, seconds, evaluations, sources, shadow)
+
+
+def render_frame(instance: Instance, camera: Camera) -> Frame:
+    """Return the finished frame, in one call."""
+    *_, last = render_progressively(RenderJob(instance, camera, RenderSettings(divisors=(1,))))
+    assert last is not None
+    return last
+
+
+def render_reference(instance: Instance, camera: Camera) -> Rendered:
+    """Return the exact render with photo detail."""
+    maps = run_to_end(detail_maps(instance))
+    rendered = render_exact(instance, camera)
+    return rendered if maps is None else maps.added(rendered, instance.local_camera(camera))[0]
 
 
 class _Stage(NamedTuple):

@@ -2,8 +2,8 @@ import pytest
 import torch
 
 from core.models.model import Instance, Model
+from core.models.motion import LIMIT, motion, moved_along, reach, warp_to_fitted
 from core.models.photo_detail import PhotoDetail, PhotoView
-from core.rendering.motion import LIMIT, motion, moved_along, reach, warp_to_fitted
 from core.rendering.surface import surface_points
 from tests.conftest import random_model
 

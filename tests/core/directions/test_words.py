@@ -1,10 +1,10 @@
 import pytest
 import torch
 
+from core.directions.words import Words, direction_words, most, moved, name_changes
 from core.models.library import load_model
 from core.models.model import Model
-from core.rendering.direction_words import Words, direction_words, most, moved, name_changes
-from core.rendering.motion import LIMIT
+from core.models.motion import LIMIT
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 
@@ -28,7 +28,7 @@ def test_what_a_word_says_is_seen(name: str) -> None:
 
 def lightness_rises(name: str, words: Words) -> bool | None:
     """Whether renders of more of *lighter* (or less of *darker*) are lighter; None without such a word."""
-    from core.detail.rendering import render_frame
+    from core.detail.progressive import render_frame
 
     model = load_model(name)
     signs = {"lighter": 1.0, "darker": -1.0}

@@ -1,4 +1,4 @@
-"""Photo detail (:class:`core.rendering.detail_maps.DetailMaps`) in GLSL, for one surface point per pixel."""
+"""Photo detail (:class:`core.detail.lookup.DetailMaps`) in GLSL, for one surface point per pixel."""
 
 from typing import Any
 
@@ -6,9 +6,7 @@ import moderngl
 import numpy as np
 import torch
 
-from core.geometry.camera import Camera
-from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
-from core.rendering.detail_maps import (
+from core.detail.lookup import (
     BESIDE,
     DEPTH_FAR,
     DEPTH_NEAR,
@@ -21,7 +19,9 @@ from core.rendering.detail_maps import (
     DetailMaps,
     PhotoMaps,
 )
-from core.rendering.motion import TERMS
+from core.geometry.camera import Camera
+from core.models.motion import TERMS
+from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
 
 _MAPS = "fine", "mirrored", "surface"
 _PHOTO = """
@@ -55,7 +55,7 @@ float smooth_step(float zero, float one, float value) {{
     float share = clamp((value - zero) / (one - zero), 0.0, 1.0);
     return share * share * (3.0 - 2.0 * share);
 }}
-// The place that a point of the edited object came from, as in core.rendering.motion.Warp.
+// The place that a point of the edited object came from, as in core.models.motion.Warp.
 vec3 warped(vec3 point) {{
     vec3 at = clamp(point / extent, -1.0, 1.0);
     vec4 x = vec4(1.0, at.x, at.x * at.x, at.x * at.x * at.x), y = vec4(1.0, at.y, at.y * at.y, at.y * at.y * at.y);

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from core.models.codes import CodeKind
 from core.models.model import Instance, Model, Words
-from core.rendering.motion import moved_along, reach
+from core.models.motion import moved_along, reach
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture

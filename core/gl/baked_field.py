@@ -1,11 +1,11 @@
-"""An object's field as a 3D texture, drawn by OpenGL (:mod:`core.rendering.baked_shader`).
+"""An object's field as a 3D texture, drawn by OpenGL (:mod:`core.gl.baked_shader`).
 
 The texture stores logits (before softplus and contrast). Interpolating logits linearly is 3 to 6 dB better than
-interpolating density, and edges stay crisp on coarse grids. :mod:`core.rendering.baking` fills the texture.
+interpolating density, and edges stay crisp on coarse grids. :mod:`core.gl.baking` fills the texture.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -13,12 +13,12 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera
+from core.detail.lookup import DetailMaps
+from core.geometry.camera import Camera, Factors
 from core.geometry.rays import camera_rays, ray_points
 from core.models.density import logits_to_density
 from core.models.field_config import FieldConfig
 from core.rendering.compositing import composite_on_white, compositing_weights
-from core.rendering.detail_maps import DetailMaps
 from core.rendering.ground_shadow import GroundShadow
 from core.rendering.occupancy import CELLS
 from core.rendering.reference import Rendered
@@ -45,6 +45,11 @@ class BakedField:
     first: tuple[int, int, int] = (0, 0, 0)  # grid corner of the first texel
     detail: DetailMaps | None = None  # photo detail, evaluated per pixel since it is far finer than texels
     shadow: GroundShadow | None = None  # the object's shadow on the ground, to be drawn over a background
+    stretch: Factors | None = None  # of space when it is drawn (:attr:`core.models.codes.Codes.proportions`)
+
+    def stretched(self, stretch: Factors | None) -> "BakedField":
+        """Return the field of a natural object stretched along the axes: the same texels."""
+        return replace(self, stretch=stretch, shadow=self.shadow and self.shadow.stretched(stretch))
 
     @property
     def step(self) -> float:
@@ -78,8 +83,9 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
 
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """Render a baked field like :mod:`core.rendering.baked_shader`, but on the processor, on white, without shadow."""
+    """Render a baked field like :mod:`core.gl.baked_shader`, but on the processor, on white, without shadow."""
     extent = torch.tensor(baked.extent)
+    camera = camera.stretched(baked.stretch)
     rays = camera_rays(camera, extent, baked.pixel_offset)
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255
     occupied = torch.from_numpy(baked.distance == 0)

@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from core.geometry.camera import Camera
+from core.gl.baked_field import BakedField, render_baked
+from core.gl.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
 from core.metrics import psnr
 from core.models.model import Model
-from core.rendering.baked_field import BakedField, render_baked
-from core.rendering.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
 from tests.conftest import random_model, with_contrast

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.rendering.frame_budget import FrameBudget
+from viewer.activities.frame_budget import FrameBudget
 
 
 def settled(cost: float, fixed: float = 0.0, frames: int = 400) -> list[int]:

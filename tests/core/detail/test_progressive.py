@@ -1,12 +1,12 @@
 import pytest
 from torch import Tensor
 
+from core.detail.progressive import RenderJob, RenderSettings, render_progressively
 from core.models.model import Model
 from core.rendering.fast import clear_cache
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import is_cached
 from core.rendering.occupancy import shape_occupancy
-from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
 from tests.conftest import random_model
 
 
