@@ -7,7 +7,7 @@ are (x, y) in px from the top left corner, x right, y down; pixel (0, 0) has its
 """
 
 import math
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -117,7 +117,9 @@ class Camera:
 
     def stretched(self, stretch: Factors | None) -> "Camera":
         """Return the camera as seen from a space that is stretched along the axes when the camera looks at it."""
-        return self if stretch is None else StretchedCamera(*astuple(self), stretch)
+        if stretch is None:
+            return self
+        return StretchedCamera(**vars(self), stretch=stretch)
 
     @classmethod
     def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":

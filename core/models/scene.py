@@ -57,7 +57,7 @@ class Scene:
             "texture": codes.texture.tolist(),
         } | codes.offsets_json()
         if codes.stretch:
-            content["stretch"] = codes.stretch
+            content["stretch"] = list(codes.stretch)
         if codes.detail:
             content["detail"] = codes.detail.to_json()
         return json.dumps(content, indent=1)

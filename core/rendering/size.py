@@ -49,7 +49,7 @@ def natural_size(instance: Instance) -> Size:
     return width, depth, height
 
 
-def sized(instance: Instance, size: Size | None) -> Instance:
+def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
     """Return an object stretched to a size; None: to its natural size.
 
     Args:
