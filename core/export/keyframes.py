@@ -209,13 +209,13 @@ class _Run:
         return nearest.with_codes(nearest.codes.with_latents(latents)).changed(stretch=self._stretch(seconds))
 
     def _stretch(self, seconds: float) -> Factors | None:
-        """Interpolate stretches linearly in logarithms: no limit is passed between two knots."""
+        """Interpolate stretches linearly, which passes no limit between two knots."""
         stretches = [instance.codes.stretch for _, instance in self.knots]
         if not any(stretches):
             return None
         times = [time for time, _ in self.knots]
-        logs = np.log([stretch or (1.0, 1.0, 1.0) for stretch in stretches])
-        x, y, z = (math.exp(np.interp(seconds, times, column)) for column in logs.T)
+        columns = np.array([stretch or (1.0, 1.0, 1.0) for stretch in stretches]).T
+        x, y, z = (float(np.interp(seconds, times, column)) for column in columns)
         return x, y, z
 
     @cached_property

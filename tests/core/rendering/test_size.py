@@ -114,7 +114,5 @@ def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
         return functional.grid_sample(image[None], place[None], align_corners=False)[0].movedim(0, -1)
 
     rows = slice(int(0.45 * SIZE), int(0.6 * SIZE))  # around the stripe
-    shown, plain = (
-        psnr(seen_as_natural(one)[rows], photo[rows]) for one in (stretched, stretched.with_detail(None))
-    )
+    shown, plain = (psnr(seen_as_natural(one)[rows], photo[rows]) for one in (stretched, stretched.with_detail(None)))
     assert shown > max(30, plain + 5)
