@@ -54,12 +54,16 @@ class Codes(Latents):
     __hash__ = Latents.__hash__
 
     @property
+    def scale(self) -> float:
+        """The part of the stretch that images do not show: its root mean square."""
+        return 1.0 if self.stretch is None else math.sqrt(sum(factor**2 for factor in self.stretch) / 3)
+
+    @property
     def proportions(self) -> Factors | None:
-        """The stretch in images, which show no scale: its root mean square is 1. None if no side changes."""
+        """The stretch in images: that without its scale. None if no side changes relative to the others."""
         if self.stretch is None or len(set(self.stretch)) == 1:
             return None
-        scale = math.sqrt(sum(factor**2 for factor in self.stretch) / 3)
-        x, y, z = (factor / scale for factor in self.stretch)
+        x, y, z = (factor / self.scale for factor in self.stretch)
         return x, y, z
 
     def with_latents(self, tensors: Mapping[str, Tensor]) -> "Codes":

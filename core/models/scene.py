@@ -50,7 +50,7 @@ class Scene:
         """Return the scene as JSON text."""
         codes = self.instance.codes
         camera = {name: getattr(self.camera, name) for name in Camera.__dataclass_fields__}
-        content = {
+        content: dict[str, object] = {
             "model": self.instance.fingerprint,
             "camera": camera,
             "shape": codes.shape.tolist(),

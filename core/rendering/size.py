@@ -33,6 +33,17 @@ class Bounds(NamedTuple):
     low: Factors
     high: Factors
 
+    def stretched(self, stretch: Factors) -> "Bounds":
+        """Return the box around the stretched surface."""
+        low, high = ((end[0] * stretch[0], end[1] * stretch[1], end[2] * stretch[2]) for end in self)
+        return Bounds(low, high)
+
+    def size(self, metres: float) -> Size:
+        """Return the sides in cm of a box whose longest side has a length in m."""
+        sides = [end - start for start, end in zip(self.low, self.high, strict=True)]
+        width, depth, height = (100 * metres * side / max(sides) for side in sides)
+        return width, depth, height
+
 
 def size_of(instance: Instance) -> Size:
     """Return the size of an object. Raises ``ValueError`` if it has no surface, and for M1 and M2."""
@@ -43,10 +54,7 @@ def size_of(instance: Instance) -> Size:
 
 def natural_size(instance: Instance) -> Size:
     """Return the size of an object that was not stretched; as :func:`size_of`."""
-    low, high = natural_bounds(instance)
-    sides = [end - start for start, end in zip(low, high, strict=True)]
-    width, depth, height = (100 * instance.model.metres * side / max(sides) for side in sides)
-    return width, depth, height
+    return natural_bounds(instance).size(instance.model.metres)
 
 
 def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
@@ -81,6 +89,20 @@ def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
     return instance.changed(stretch=(x, y, z))
 
 
+def with_side(stretch: Factors, axis: int, factor: float) -> Factors:
+    """Return a stretch with another factor along an axis, as near to that as limits allow.
+
+    Example:
+        >>> with_side((1.0, 1.0, 1.0), 2, 40.0)
+        (1.0, 1.0, 10.0)
+    """
+    others = [*stretch[:axis], *stretch[axis + 1 :]]
+    least = max(STRETCH[0], max(others) / MAX_DISTORTION)
+    most = min(STRETCH[1], min(others) * MAX_DISTORTION)
+    x, y, z = (*stretch[:axis], max(least, min(most, factor)), *stretch[axis + 1 :])
+    return x, y, z
+
+
 def described(size: tuple[float, ...]) -> str:
     """Return a size in words.
 
@@ -100,9 +122,8 @@ def natural_bounds(instance: Instance) -> Bounds:
 def _bounds(instance: Instance) -> Bounds:
     folded = FoldedField.of(instance)
     occupancy = shape_occupancy(instance)
-    ends = [[_end(folded, occupancy, axis, side) for axis in range(3)] for side in (-1, 1)]
-    low, high = ((x, y, z) for x, y, z in ends)
-    return Bounds(low, high)
+    low, high = ([_end(folded, occupancy, axis, side) for axis in range(3)] for side in (-1, 1))
+    return Bounds((low[0], low[1], low[2]), (high[0], high[1], high[2]))
 
 
 @torch.inference_mode()

@@ -46,8 +46,8 @@ class Exporting:
         """
         timeline, backend = self._editor.playable, self._jobs.backend
         if settings.kind == "mesh":
-            model, camera = self._editor.model, self._editor.scene.photo_camera
-            about = settings.mesh_settings(model.metres)
+            camera = self._editor.scene.photo_camera
+            about = settings.mesh_settings(self._editor.scene.instance)
             self._begin("mesh", path, lambda scene: backend.mesh(scene.instance, path, about, camera))
         elif settings.kind == "page":
             self._begin("page", path, lambda scene: self._page(scene, path, settings))
