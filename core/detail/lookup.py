@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.models.motion import Warp
 from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
@@ -89,6 +89,7 @@ class PhotoMaps:
         origins: Float[Tensor, "points 3"],
         directions: Float[Tensor, "points 3"],
         map: Float[Tensor, "4 _ _"],
+        stretch: Factors | None = None,
     ) -> tuple[Float[Tensor, "points 4"], Float[Tensor, "points"], Float[Tensor, "points"]]:
         """Sample a map where points' origins project; return its values and two weights, 0..1.
 
@@ -98,6 +99,7 @@ class PhotoMaps:
         Args:
             origins: the points on the fitted object, which differ on an edited one.
             directions: unit viewing directions.
+            stretch: of space, where the viewer is; the photo's camera stays where the photo was taken.
         """
         rotation, origin = self.camera.world_to_camera(points.device)
         away = origins - origin
@@ -109,6 +111,9 @@ class PhotoMaps:
         behind = (distance - surface[:, 3]).abs()
         facing = smooth_step(-(directions * surface[:, :3]).sum(-1), 0.0, FACING)
         steep = smooth_step(-(ray * surface[:, :3]).sum(-1), FLAT, STEEP)
+        if stretch is not None:
+            factors = points.new_tensor(stretch)
+            points, directions = points * factors, functional.normalize(directions * factors, dim=-1)
         along = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
         seen = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * torch.maximum(facing * steep, smooth_step(along, *BESIDE))
         near = smooth_step(along, *NEAR) * smooth_step(behind, *NEAR_DEPTHS)
@@ -125,6 +130,7 @@ class DetailMaps:
     other_side: OtherSide = "mirrored"
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
     warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
+    stretch: Factors | None = None  # of space (:attr:`core.models.codes.Codes.proportions`)
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
         """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change.
@@ -202,7 +208,7 @@ class DetailMaps:
         """
         colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
         for photo, map in zip(self.photos, maps, strict=True):
-            values, seen, near = photo.look_up(points, origins, directions, map)
+            values, seen, near = photo.look_up(points, origins, directions, map, self.stretch)
             weight, reach = (values[:, 3], values[:, 3]) if soft else unpacked(values[:, 3])
             share = torch.maximum(seen * weight, reach * near) if own else seen * weight
             colours.append(values[:, :3])

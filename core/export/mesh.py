@@ -99,7 +99,7 @@ def export_mesh(
         end = _MESH_FRACTION if settings.texture else 1.0
         most = settings.triangles or (TRIANGLES if settings.texture else 0)
         mesh = yield from subprogress(extract_mesh(instance, settings.resolution, most), 0.0, end)
-        detail = yield from subprogress(detail_maps(instance), end, end)
+        detail = yield from subprogress(detail_maps(instance.natural), end, end)
         placing = _Placing.of(instance, mesh.vertices, settings.metres)
         if settings.texture:
             image_mesh = yield from subprogress(_textured(instance, mesh, settings.texture, detail), end, 1.0)

@@ -49,7 +49,8 @@ class BakedField:
 
     def stretched(self, stretch: Factors | None) -> "BakedField":
         """Return the field of a natural object stretched along the axes: the same texels."""
-        return replace(self, stretch=stretch, shadow=self.shadow and self.shadow.stretched(stretch))
+        detail = self.detail and replace(self.detail, stretch=stretch)
+        return replace(self, stretch=stretch, detail=detail, shadow=self.shadow and self.shadow.stretched(stretch))
 
     @property
     def step(self) -> float:

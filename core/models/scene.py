@@ -55,9 +55,10 @@ class Scene:
             "camera": camera,
             "shape": codes.shape.tolist(),
             "texture": codes.texture.tolist(),
-        } | codes.offsets_json()
+            **codes.offsets_json(),
+        }
         if codes.stretch:
-            content["stretch"] = list(codes.stretch)
+            content["stretch"] = codes.stretch
         if codes.detail:
             content["detail"] = codes.detail.to_json()
         return json.dumps(content, indent=1)

@@ -96,11 +96,12 @@ def with_side(stretch: Factors, axis: int, factor: float) -> Factors:
         >>> with_side((1.0, 1.0, 1.0), 2, 40.0)
         (1.0, 1.0, 10.0)
     """
-    others = [*stretch[:axis], *stretch[axis + 1 :]]
-    least = max(STRETCH[0], max(others) / MAX_DISTORTION)
-    most = min(STRETCH[1], min(others) * MAX_DISTORTION)
-    x, y, z = (*stretch[:axis], max(least, min(most, factor)), *stretch[axis + 1 :])
-    return x, y, z
+    factors = list(stretch)
+    del factors[axis]
+    least = max(STRETCH[0], max(factors) / MAX_DISTORTION)
+    most = min(STRETCH[1], min(factors) * MAX_DISTORTION)
+    factors.insert(axis, max(least, min(most, factor)))
+    return factors[0], factors[1], factors[2]
 
 
 def described(size: tuple[float, ...]) -> str:

@@ -99,6 +99,14 @@ def test_a_network_that_paints_the_background_has_no_sizes() -> None:
         sized(random_model(white_from_network=True)[0], (60.0, 60.0, 60.0))
 
 
+@pytest.mark.parametrize("stretch", [(1.6, 1.0, 1.0), (1.0, 1.0, 1.5), (1.0, 1.5, 0.8)])
+def test_the_photos_camera_sees_its_photo_on_a_stretched_object_too(tiny: Model, stretch: Factors) -> None:
+    camera = tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
+    instance = striped(tiny, camera)
+    shares = [render_frame(one, camera).photo_shares[0] for one in (instance, instance.changed(stretch=stretch))]
+    assert shares[1] > 0.93 * shares[0] > 0.8
+
+
 def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
     far = tiny.camera(1.1, 0.0, 40.0)  # nearly no perspective: there an image is stretched like the object
     camera = Camera(1.1, 0.0, 40.0, 20 * far.focal * SIZE / far.height, SIZE, SIZE)
