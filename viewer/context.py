@@ -52,6 +52,7 @@ class PanelContext:
     dragged: str = ""  # name of the object that is dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px
     covered: float = 0.0  # px of the view's lower edge that the history covers
+    shows_size: bool = False  # draw a box around the object in the next frame
     overlay: np.ndarray | None = None  # square RGBA pixels to draw over the object in the next frame
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from core.export.keyframes import Timeline
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance, Model
 from core.models.open_models import OpenModels
@@ -134,6 +134,18 @@ class Editor:
         """Replace the object's photo detail."""
         instance = self.scene.instance.changed(detail=detail)
         self._edit(replace(self.scene, instance=instance), gesture=gesture)
+
+    def resize(self, stretch: Factors | None, gesture: str = "") -> None:
+        """Stretch the object (:mod:`core.rendering.size`); None: to its natural size.
+
+        The camera keeps the view's scale, so that sides that are not stretched stay where they are.
+        """
+        before, camera = self.scene.instance, self.scene.camera
+        instance = before.changed(stretch=stretch)
+        nearest, farthest = orbit.reach(camera, self.model)
+        distance = camera.distance * before.codes.scale / instance.codes.scale
+        camera = replace(camera, distance=max(nearest, min(farthest, distance)))
+        self._edit(Scene(instance, camera), gesture=gesture)
 
     def set_texture(self, texture: Tensor, gesture: str = "") -> None:
         """Give the object another texture code."""

@@ -23,6 +23,7 @@ from viewer.activities.idle_turn import IdleTurn
 from viewer.activities.painting import Painting
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting
+from viewer.activities.sizing import Sizing
 from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -103,6 +104,7 @@ class Session:
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting = Painting(jobs, self.editor, self.viewport)
         self.grabbing = Grabbing(jobs, self.editor, self.viewport)
+        self.sizing = Sizing(jobs, self.editor)
         self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
@@ -125,7 +127,7 @@ class Session:
         """Cancel all jobs of the activities."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
-        self.jobs.cancel("paint", "paint colour", "coarse paint", "pull")
+        self.jobs.cancel("paint", "paint colour", "coarse paint", "pull", "size")
         self.exporting.cancel()
 
     # Models and their objects

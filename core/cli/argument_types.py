@@ -67,6 +67,14 @@ def image_size(text: str) -> tuple[int, int]:
     return int(sides[0]), int(sides[1])
 
 
+def size_cm(text: str) -> tuple[float, float, float]:
+    """Parse width, depth and height in centimetres, ``WxDxH``."""
+    sides = tuple(map(_as_number, text.lower().split("x")))
+    if len(sides) != 3 or not all(0 < side < math.inf for side in sides):
+        raise argparse.ArgumentTypeError(f"a size is WxDxH in centimetres, like 60x58x92, not {text!r}")
+    return sides
+
+
 def box(text: str) -> tuple[float, ...]:
     """Parse left, top, right and bottom, ``X0,Y0,X1,Y1``."""
     numbers = tuple(map(_as_number, text.split(",")))

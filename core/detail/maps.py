@@ -85,7 +85,8 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
         with torch.inference_mode():
             known = _painted_maps(photos, instance)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
-    return DetailMaps(known[0], strength, detail.other_side, known[1], warp_to_fitted(instance))
+    warp = warp_to_fitted(instance)
+    return DetailMaps(known[0], strength, detail.other_side, known[1], warp, instance.codes.proportions)
 
 
 def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:

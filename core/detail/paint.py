@@ -16,7 +16,7 @@ from torch.nn import functional
 from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.progressive import Frame
 from core.detail.repaint import lightness, lit_paint, replaced_share
-from core.geometry.camera import Camera, camera_directions
+from core.geometry.camera import Camera
 from core.models.latents import Latents
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
@@ -112,11 +112,12 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     paint = torch.ones(3)
     if bool(opaque.any()):
         camera = camera.resized(*frame.resolution)
-        rotation, origin = camera.world_to_camera(torch.device("cpu"))
+        _, origin = camera.world_to_camera(torch.device("cpu"))
         pixels = opaque.nonzero().flip(-1) * step + 0.5
-        directions = camera_directions(pixels, camera.focal, frame.resolution) @ rotation
+        directions = camera.directions(pixels)
         depth = torch.from_numpy(frame.depth[::step, ::step].copy())[opaque]
-        points = (origin + directions * depth[:, None]).to(instance.model.device)
+        points = origin + directions * depth[:, None]
+        points = (points / torch.tensor(instance.codes.proportions or 1.0)).to(instance.model.device)
         colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
         membership = _membership(instance, points, colours, part)
         amount[opaque] = membership.cpu()

@@ -63,7 +63,7 @@ def pulls_at(instance: Instance, camera: Camera, point: tuple[float, float], cou
     along = (torch.arange(_SIDE_RAYS, device=model.device) - (_SIDE_RAYS - 1) / 2) * step
     down, right = torch.meshgrid(along, along, indexing="ij")
     pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
-    rays = rays_at_pixels(pixels - model.pixel_offset, camera, model.extent_tensor)[None, None]
+    rays = rays_at_pixels(pixels - model.pixel_offset, instance.local_camera(camera), model.extent_tensor)[None, None]
     shape = codes.shape.to(model.device)[None]
     texture = codes.texture.to(model.device)[None]
     shape_bias, texture_bias = instance.biases

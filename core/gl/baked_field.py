@@ -4,7 +4,7 @@ The texture stores logits (before softplus and contrast). Interpolating logits l
 interpolating density, and edges stay crisp on coarse grids. :mod:`core.gl.baking` fills the texture.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from core.detail.lookup import DetailMaps
+from core.geometry.camera import Factors
 from core.models.field_config import FieldConfig
 from core.rendering.ground_shadow import GroundShadow
 
@@ -36,6 +37,12 @@ class BakedField:
     first: tuple[int, int, int] = (0, 0, 0)  # grid corner of the first texel
     detail: DetailMaps | None = None  # photo detail, evaluated per pixel since it is far finer than texels
     shadow: GroundShadow | None = None  # the object's shadow on the ground, to be drawn over a background
+    stretch: Factors | None = None  # of space when it is drawn (:attr:`core.models.codes.Codes.proportions`)
+
+    def stretched(self, stretch: Factors | None) -> "BakedField":
+        """Return the field of a natural object stretched along the axes: the same texels."""
+        detail = self.detail and replace(self.detail, stretch=stretch)
+        return replace(self, stretch=stretch, detail=detail, shadow=self.shadow and self.shadow.stretched(stretch))
 
     @property
     def step(self) -> float:

@@ -102,7 +102,7 @@ class VisibilityKey(NamedTuple):
 
     model: Model
     shape: tuple[float, ...]  # :attr:`core.models.latents.Latents.shape_key`
-    camera: Camera
+    camera: Camera  # :meth:`core.models.model.Instance.local_camera`
     samples: int
     complete: bool
     outline: Outline | None
@@ -110,7 +110,8 @@ class VisibilityKey(NamedTuple):
     @classmethod
     def of(cls, instance: Instance, camera: Camera, samples: int, complete: bool) -> "VisibilityKey":
         """Return the key of an object seen from a camera."""
-        return cls(instance.model, instance.codes.shape_key, camera, samples, complete, outline(instance))
+        local = instance.local_camera(camera)
+        return cls(instance.model, instance.codes.shape_key, local, samples, complete, outline(instance))
 
 
 def is_cached(instance: Instance, camera: Camera, samples: int, complete: bool = True) -> bool:

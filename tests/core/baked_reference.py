@@ -21,8 +21,8 @@ _CHUNK_RAYS = 4096
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
     """Render a baked field as the shader draws it, on white, without shadow."""
-    extent = torch.tensor(baked.extent)
-    rays = camera_rays(camera, extent, baked.pixel_offset)
+    camera = camera.stretched(baked.stretch)
+    rays = camera_rays(camera, torch.tensor(baked.extent), baked.pixel_offset)
     lines = max(1, _CHUNK_RAYS // camera.width)
     bands = [rays[first : first + lines] for first in range(0, camera.height, lines)]
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255

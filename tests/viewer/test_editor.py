@@ -30,6 +30,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         lambda: editor.mix_both(0.2, 0.3),
         lambda: editor.take("texture", "object 3"),
         lambda: editor.move_along(Direction.principal(model.codes, "shape", 1), 2.0),
+        lambda: editor.resize((1.0, 1.5, 1.0)),
         lambda: editor.sample(),
         lambda: editor.reset(),
         lambda: session.viewport.reset_view(),
@@ -48,6 +49,23 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
     for state in states[1:]:
         editor.redo()
         assert editor.state == state
+
+
+def test_a_size_keeps_the_views_scale_and_is_reset(editor: Editor) -> None:
+    before = editor.state
+    for width in (1.1, 1.3, 1.6):
+        editor.resize((width, 1.0, 1.0), gesture="size")
+    editor.end_gesture()
+    scene = editor.scene
+    _, depth, height = scene.instance.codes.proportions
+    assert depth == height
+    assert depth / scene.camera.distance == pytest.approx(1 / before.scene.camera.distance)  # as large on screen
+    editor.undo()
+    assert editor.state == before
+    editor.redo()
+    editor.resize(None)
+    assert editor.scene.instance == before.scene.instance
+    assert editor.scene.camera.distance == pytest.approx(before.scene.camera.distance)
 
 
 def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:

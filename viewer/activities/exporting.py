@@ -65,7 +65,7 @@ class Exporting:
             self.path = None
 
     def _mesh(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
-        mesh_settings = settings.mesh_settings(scene.instance.model.metres)
+        mesh_settings = settings.mesh_settings(scene.instance)
         return self._jobs.backend.mesh(scene.instance, path, mesh_settings, scene.photo_camera)
 
     def _film(self, views: list[View], path: Path, settings: ShareSettings) -> Iterator[float]:

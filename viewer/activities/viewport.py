@@ -43,9 +43,10 @@ class Viewport:
         self.repainted: Frame | None = None  # :attr:`full_frame` in a paint whose texture is not found yet
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
-        self.baked: BakedField | None = None  # object that OpenGL can draw
+        self.baked: BakedField | None = None  # object that OpenGL can draw, as large as the shown one
         self.baked_frame: orbit.PanelCrop | None = None  # crop of :attr:`baked` on screen; None: the frame is on screen
-        self._baked_of: Instance | None = None  # object that is baked or being baked
+        self._natural: BakedField | None = None  # :attr:`baked` before its size stretched it
+        self._baked_of: Instance | None = None  # natural object that is baked or being baked
         self._last_orbit = 0.0  # s on the monotonic clock of the last change of :attr:`baked_frame`
         self._last_render: float | None = None  # s on the monotonic clock when a preview was finished
         self._live: View | None = None  # newest object of the fit, from the photo's camera at the model's size
@@ -129,7 +130,7 @@ class Viewport:
             self._show_baked(request)
             return
         self.baked_frame = None
-        if self._baked_of not in (None, request.instance):
+        if self._baked_of not in (None, request.instance.natural):
             self._jobs.cancel("bake")
             self.baked = self._baked_of = None
         self._submit(request, request.preview, self.budget.divisors(request.preview), urgent=True)
@@ -139,7 +140,7 @@ class Viewport:
         now, request = time.monotonic(), self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
-                self._bake(request.instance)
+                self._bake(request.instance.natural)
             if self.baked_frame and now - self._last_orbit >= _EXACT_DELAY:
                 # at full size, as OpenGL's image already is, unless a fit needs the time
                 self._submit(request, request.preview if self._jobs.busy("fit") else request.full)
@@ -152,7 +153,7 @@ class Viewport:
 
     def is_baked(self, instance: Instance) -> bool:
         """Return whether OpenGL can draw an object now."""
-        return self.settings.baked and self.baked is not None and instance == self._baked_of
+        return self.settings.baked and self.baked is not None and instance.natural == self._baked_of
 
     def show_turned(self, camera: Camera) -> None:
         """Let OpenGL draw the scene's object, which :meth:`is_baked`, from another camera."""
@@ -160,16 +161,25 @@ class Viewport:
 
     def _show_baked(self, request: ViewRequest) -> None:
         self.baked_frame, self.sharp = request.crop(request.full), False
+        self._stretch_baked()
         self._last_orbit = time.monotonic()
 
+    def _stretch_baked(self) -> None:
+        """Give the baked object the size of the shown one."""
+        stretch = self.request.instance.codes.proportions
+        if self.baked and self.baked.stretch != stretch:
+            assert self._natural is not None
+            self.baked = self._natural.stretched(stretch)
+
     def _bake(self, instance: Instance) -> None:
-        """Begin to bake an object, unless it is baked or being baked."""
+        """Begin to bake a natural object, unless it is baked or being baked."""
         if instance == self._baked_of:
             return
         self._baked_of = instance
 
         def baked(found: BakedField) -> None:
-            self.baked = found
+            self.baked = self._natural = found
+            self._stretch_baked()
 
         bake = self._jobs.backend.bake
         ended = self._jobs.reporting("Cannot bake the object")

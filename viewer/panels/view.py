@@ -11,6 +11,7 @@ from viewer.values import orbit
 from viewer.values.view_modes import USUAL_MODES, in_mode
 from viewer.widgets.controls import action_button, button, end_gesture, tooltip
 from viewer.widgets.over_view import OverView
+from viewer.widgets.size_box import SizeBox
 from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
@@ -38,7 +39,7 @@ class ViewPanel(Panel):
     bare = True
 
     def __init__(self) -> None:
-        self._welcome, self._over = Welcome(), OverView()
+        self._welcome, self._over, self._size_box = Welcome(), OverView(), SizeBox()
         self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
         self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
 
@@ -68,6 +69,7 @@ class ViewPanel(Panel):
         draw.channels_split(2)
         draw.channels_set_current(1)
         _draw_buttons(context, corner, size)
+        self._size_box.draw(context, corner, size)
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
         imgui.set_next_item_allow_overlap()

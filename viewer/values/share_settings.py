@@ -39,7 +39,7 @@ class ShareSettings:
     cells: int = 0  # cells of a mesh along the longest side; 0: as many as the detail needs
     texture: int = 1024  # px of a mesh's colour image; 0: colours per vertex
     triangles: int = 0  # limit of a mesh; 0: as many as the detail needs
-    metres: float = 0.0  # longest side of a mesh; 0: usual for the model
+    metres: float = 0.0  # longest side of a mesh of an object that was not sized; 0: usual for the model
 
     def __post_init__(self) -> None:
         choices = (
@@ -92,14 +92,14 @@ class ShareSettings:
         """The settings for writing a video."""
         return VideoSettings(RATE, background=self.behind, exact=self.exact, shadow=self.shows_shadow)
 
-    def mesh_settings(self, usual: float) -> MeshSettings:
-        """Return the settings for writing a mesh that stands on the ground, in metres.
+    def mesh_settings(self, instance: Instance) -> MeshSettings:
+        """Return the settings for writing an object as a mesh that stands on the ground, in metres.
 
-        Args:
-            usual: longest side in metres (:attr:`core.models.model.Model.metres`) if none is set.
+        Unless it was sized, its longest side is :attr:`metres`, or that usual for its model.
         """
+        metres = None if instance.codes.stretch else self.metres or instance.model.metres
         texture = self.texture if self.mesh in TEXTURED else 0
-        return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
+        return MeshSettings(self.cells or None, metres, texture, self.triangles)
 
     def film_of(self, scene: Scene, partner: Instance | None) -> "ShareSettings":
         """Return the settings with a film that the object can have: the first one if it cannot have the chosen one.

@@ -409,6 +409,20 @@ def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backen
         assert editor.scene.instance == mixed
 
 
+def test_a_project_and_a_scene_with_a_size_open(worker: Worker, backend: Backend) -> None:
+    folder, model = Path("tests/files/2de427aa"), load_model("tests/files/1bad02d/model.safetensors")
+    session = Session(worker, replace(backend, load_model=lambda name: model))
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
+    editor.undo()
+    assert editor.scene.instance.codes.stretch is None
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
+
+
 def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:
     """Scenes that were opened had a photo of null."""
     with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:
