@@ -9,7 +9,7 @@ from tests.conftest import random_model
 from viewer.values.preferences import Preferences
 
 _FOLDER = Path(__file__).parents[2] / "files"
-_COMMITS = sorted(path.name for path in _FOLDER.iterdir() if path.is_dir())
+_COMMITS = sorted(path.parent.name for path in _FOLDER.glob("*/model.safetensors"))
 
 
 @pytest.mark.parametrize("commit", _COMMITS)
