@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from core.geometry.rays import Rays
 from core.models.model import Model
@@ -61,22 +62,33 @@ def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_f
         )
         torch.testing.assert_close(found.origin[..., index, :], origin, rtol=1e-3, atol=1e-4)
         torch.testing.assert_close(found.direction[..., index, :], direction, rtol=1e-3, atol=1e-4)
-        ours = found.codes[..., index, :].sum((1, 2))
-        along = [
-            (slope.flatten(1)[..., None] * entry.flatten(1, 2)).sum(1)
-            for slope, entry in ((by_shape, enter.shape), (by_texture, enter.texture))
-        ]
-        torch.testing.assert_close(ours, torch.cat(along, -1), rtol=1e-3, atol=1e-3)
+        for ours, slope, entry in (
+            (found.shape, by_shape, enter.shape),
+            (pad(found.texture, (0, 0, 0, 1)), by_texture, enter.texture),
+        ):
+            along = (slope.flatten(1)[..., None] * entry.flatten(1, 2)).sum(1)
+            torch.testing.assert_close(ours[..., index, :].sum((1, 2)), along, rtol=1e-3, atol=1e-3)
+
+
+def test_numbers_of_their_own_are_those_of_a_diagonal_jacobian(model: Model):
+    rays = bundle(model, OBJECTS, RAYS)
+    scales = BiasJacobians(*(torch.rand_like(bias) for bias in biases(model)))
+    diagonal = BiasJacobians(*(torch.diag_embed(scale.flatten(1)).unflatten(1, scale.shape[1:]) for scale in scales))
+    direct, mapped = (
+        render_with_jacobian(model, rays, SAMPLES, 4, *biases(model), moves) for moves in (scales, diagonal)
+    )
+    for ours, expected in zip(direct, mapped, strict=True):
+        torch.testing.assert_close(ours, expected, rtol=1e-5, atol=1e-6)
 
 
 def test_few_samples_tell_most_and_chunks_do_not_matter(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     _, _, whole = traced(model)
     _, _, some = traced(model, 4)
-    for name in ("channels", "origin", "codes"):
+    for name in ("channels", "origin", "shape"):
         one, other = getattr(whole, name).flatten(), getattr(some, name).flatten()
         assert float(torch.cosine_similarity(one, other, dim=0)) > 0.95
     _, _, whole = traced(model)
-    monkeypatch.setattr(jacobians, "CHUNK_POINTS", 50)
+    monkeypatch.setattr(jacobians, "chunk_points", lambda _: 50)
     _, _, parts = traced(model)
     for one, other in zip(whole, parts, strict=True):
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
