@@ -41,6 +41,7 @@ _MAX_CODE_STEP = 3.0  # standard deviations
 _EFFECTIVE_PIXELS = 64
 """Assumed number of independent errors in a photo: the uncertainty of right cameras then matches their error."""
 _SAMPLES_PER_JACOBIAN = 11  # one sample in 11 is differentiated, on average
+_NO_PIXELS = RenderedPixels(torch.empty(0))  # for terms of parameters
 
 
 class NormalEquations(NamedTuple):
@@ -143,9 +144,14 @@ def normal_equations(
     halves = _halves(hypothesis_count, pixel_count)
     columns = zip(*map_pieces(evaluate, halves), strict=True)
     if hypothesis_count % 2 == 0:
-        return NormalEquations(*map(torch.cat, columns))
-    weights = [len(range(pixel_count)[chosen]) / pixel_count for _, chosen in halves]
-    return NormalEquations(*(sum(map(torch.mul, values, weights), torch.zeros(())) for values in columns))
+        equations = NormalEquations(*map(torch.cat, columns))
+    else:
+        weights = [len(range(pixel_count)[chosen]) / pixel_count for _, chosen in halves]
+        equations = NormalEquations(*(sum(map(torch.mul, values, weights), torch.zeros(())) for values in columns))
+    for term in (build(pixels, objective) for build in objective.terms):
+        if term.channels is None:
+            _add_prior(term, parameters, equations)
+    return equations
 
 
 def _halves(hypotheses: int, pixels: int) -> list[tuple[slice, slice]]:
@@ -167,12 +173,11 @@ def _equations_of_half(
     cells: Bool[Tensor, "hypotheses x y z"] | None,
     origin: Latents | None,
 ) -> NormalEquations:
-    """Return :func:`normal_equations` in this thread."""
+    """Return :func:`normal_equations` without priors, in this thread."""
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, origin)
-    terms = [term(pixels, objective) for term in objective.terms]
     value = torch.zeros(len(jacobian))
     slope, curvature = torch.zeros(2, *rendered.channels.shape)
-    for term in terms:
+    for term in (build(pixels, objective) for build in objective.terms):
         if term.channels is not None:
             residual = term.residual(parameters, rendered)
             weights = residual_weights(term, residual)
@@ -183,31 +188,22 @@ def _equations_of_half(
     gradient = (slope.flatten(1)[:, None] @ rows)[:, 0]
     rows *= curvature.sqrt_().flatten(1)[..., None]
     hessian = rows.mT @ rows
-    for term in terms:
-        if term.channels is None:
-            value += _add_prior(term, parameters, rendered, gradient, hessian)
     error = image_squared_error(rendered, pixels, objective.occluder_scale)
     return NormalEquations(value, error, gradient, hessian)
 
 
 @torch.enable_grad()
-def _add_prior(
-    term: Term,
-    parameters: Parameters,
-    rendered: RenderedPixels,
-    gradient: Float[Tensor, "hypotheses parameters"],
-    hessian: Float[Tensor, "hypotheses parameters parameters"],
-) -> Float[Tensor, "hypotheses"]:
-    """Add half of a term's gradient and Hessian, each item of which has its own parameter; return its value."""
+def _add_prior(term: Term, parameters: Parameters, equations: NormalEquations) -> None:
+    """Add a term of parameters to the equations, in place."""
     vector = to_vector(parameters).requires_grad_()
-    residual = term.residual(from_vector(vector, parameters), rendered)
+    residual = term.residual(from_vector(vector, parameters), _NO_PIXELS)
     value = residual.detach()
     weights = residual_weights(term, value)
     (slope,) = torch.autograd.grad((weights * value * residual).sum(), vector, retain_graph=True)
-    (moved,) = torch.autograd.grad((weights.sqrt() * residual).sum(), vector)
-    gradient += slope
-    hessian.diagonal(dim1=1, dim2=2).add_(moved.square())
-    return term_value(term, value)
+    (change,) = torch.autograd.grad((weights.sqrt() * residual).sum(), vector)
+    equations.objective.add_(term_value(term, value))
+    equations.gradient.add_(slope)
+    equations.hessian.diagonal(dim1=1, dim2=2).add_(change.square())
 
 
 def _render(
