@@ -190,7 +190,8 @@ def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     field: Field = model.field
     if model.is_ablation:
         raise ValueError(f"a model of architecture {field.config.architecture} needs --exact and cannot be fitted")
-    width, features = field.config.width, field.feature_layer
+    width = field.config.width
+    features = field.feature_layer
     entry = field.direction_layer
     from_features = entry.weight[:, :width]
 
@@ -200,7 +201,8 @@ def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     def layer(name: str) -> tuple[Tensor, Tensor]:
         return cast(field.get_parameter(f"{name}.weight")), cast(field.get_parameter(f"{name}.bias"))
 
-    sigma, point = field.density_layer, field.point_layer
+    sigma = field.density_layer
+    point = field.point_layer
     view = entry.weight[:, width:], from_features @ features.bias + entry.bias
     reach = _MARGIN * model.extent_tensor
     return FieldWeights(

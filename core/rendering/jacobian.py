@@ -170,22 +170,23 @@ def _composite(
         top: indices of the chosen samples into (views, rays, samples).
     """
     samples = sample_weights.shape[-1]
-    objects, count = len(transmittance), transmittance[0].numel()
+    objects = len(transmittance)
+    count = transmittance[0].numel()
     ray = top // samples
     weight = sample_weights.flatten(1).gather(1, top)[..., None]
     index = ray[..., None].expand(-1, -1, 4)
     light = torch.zeros(objects, count, 4, device=top.device)
     light = light.scatter_add_(1, index, torch.cat((weight * colours, weight), -1))
-    total, remaining = light[..., 3:].clamp_min(1e-6), transmittance.flatten(1)[..., None]
+    total = light[..., 3:].clamp_min(1e-6)
+    remaining = transmittance.flatten(1)[..., None]
     mean = torch.where(light[..., 3:] > 0, light[..., :3] / total, 1.0)
     colour = mean * (1 - remaining) + remaining
     # The light behind a sample is its ray's total less the light up to the sample.
     filled = mean[:, :, None].repeat(1, 1, samples, 1).flatten(1, 2)
     filled = filled.scatter_(1, top[..., None].expand(-1, -1, 3), colours).unflatten(1, (count, samples))
-    given = (filled * sample_weights.reshape(objects, count, samples, 1)).cumsum(2).flatten(1, 2)
+    light_so_far = (filled * sample_weights.reshape(objects, count, samples, 1)).cumsum(2).flatten(1, 2)
     passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)[..., None]
-    at = top[..., None].expand(-1, -1, 3)
-    behind = colour.gather(1, index[..., :3]) - given.gather(1, at)
+    behind = colour.gather(1, index[..., :3]) - light_so_far.gather(1, top[..., None].expand(-1, -1, 3))
     dimmed = remaining.gather(1, ray[..., None])
     by_thickness = torch.cat((passing * colours - behind, dimmed), -1)
     by_colour = (weight * ((1 - remaining) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
@@ -212,9 +213,11 @@ def _forward(
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
     """Return the activations and colours of some samples."""
-    config, weights = model.field.config, field_weights(model, matmul_dtype(model.device.type))
+    config = model.field.config
+    weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    position, direction = encode(points, config.position_frequencies), encode(directions, config.direction_frequencies)
+    position = encode(points, config.position_frequencies)
+    direction = encode(directions, config.direction_frequencies)
     y = linear_relu(position.to(dtype), *weights.position.layer)
     shape = [y]
     for weight, bias in zip(weights.shape_blocks, shape_bias.to(dtype).unbind(-2), strict=True):
@@ -232,10 +235,8 @@ def _forward(
     if config.bounded_colour:
         colour = colour.sigmoid()
         rgb_derivative = colour * (1 - colour)
-    position_derivative, direction_derivative = (
-        _encoding_derivative(position, config.position_frequencies),
-        _encoding_derivative(direction, config.direction_frequencies),
-    )
+    position_derivative = _encoding_derivative(position, config.position_frequencies)
+    direction_derivative = _encoding_derivative(direction, config.direction_frequencies)
     return _Activations(position_derivative, direction_derivative, tuple(shape), tuple(texture), rgb_derivative), colour
 
 
