@@ -75,7 +75,7 @@ def pulls_at(instance: Instance, camera: Camera, point: tuple[float, float], cou
     rendered = render_with_jacobian(model, rays, _SAMPLES, _KEPT, shape_bias[None], texture_bias[None], moves)
     if float(rendered.channels[..., 3].max()) < 0.5:
         return []
-    changes = rendered.codes[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS))
+    changes = rendered.shape[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS))
     effects = changes.square().mean((0, 1, 2)).sqrt().tolist()
     motions = image_motion(rendered.channels[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS)), changes, step).tolist()
     pulls = [Pull(index, effect, (x, y)) for index, (effect, (x, y)) in enumerate(zip(effects, motions, strict=True))]
