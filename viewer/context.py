@@ -108,7 +108,7 @@ class PanelContext:
     @property
     def file_name(self) -> str:
         """The name of object A for file names."""
-        return file_name(self.session.editor.state.mix.a.words)
+        return file_name(self.session.names.pair(self.session.editor.state.mix.a))
 
     def fit_image(self) -> None:
         """Ask for an image and fit it."""

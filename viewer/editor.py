@@ -144,7 +144,8 @@ class Editor:
         self._set_codes(self.scene.instance.changed(texture=texture), self.state.mix, gesture)
 
     def reset(self) -> None:
-        """Return to object A without its edits and without any of B, except locked parts."""
+        """Return to object A without its edits and without any of B, except locked parts; its edits are a version."""
+        self.objects.keep(self.state.version_of, self.scene.instance)
         self._set_codes(self.original, replace(self.state.mix, shape=0.0, texture=0.0), is_a=True)
 
     def sample(self) -> None:
@@ -183,25 +184,18 @@ class Editor:
         self._set_codes(instance, self._mix_from(pair), camera=camera, is_a=True)
         self.object_chosen.emit()
 
-    def show_unedited(self, name: str) -> None:
-        """Show an object as it was left, so that undo comes back to its edits, then as fitted or opened."""
-        self.show_object(name)
-        self.reset()
+    def last_version(self, name: str) -> str:
+        """Return the version of an object that was shown last; its first one if none was."""
+        versions = self.objects.versions(name)
+        return next((version for version in self.history.newest if version in versions), name)
 
-    def duplicate(self, name: str) -> str:
-        """Add a copy of an added object with its edits, show it, and return its name."""
-        self.end_gesture()
-        copy = self.objects.add(self.objects[name])
-        self.show_object(copy)
-        return copy
+    def remove(self, *names: str) -> None:
+        """Remove added objects from all lists, even if one is on screen."""
+        self._unlist(self.state.removed.union(names))
 
-    def remove(self, name: str) -> None:
-        """Remove an added object from all lists, even if it is on screen."""
-        self._unlist(self.state.removed | {name})
-
-    def put_back(self, name: str) -> None:
-        """List a removed object again."""
-        self._unlist(self.state.removed - {name})
+    def put_back(self, *names: str) -> None:
+        """List removed objects again."""
+        self._unlist(self.state.removed.difference(names))
 
     def _unlist(self, removed: frozenset[str]) -> None:
         self._go(self.history.changed(replace(self.state, removed=removed)))
@@ -276,8 +270,8 @@ class Editor:
     def restore(self, saved: Project) -> None:
         """Add a project's objects and take its undo history in place of this one.
 
-        Its edits of an object replace those made here, which become a branch of the history. The current state is the
-        nearest that can be shown; this one, after the others, if there is none.
+        Its edits of an object replace those made here, which become a version. The current state is the nearest that
+        can be shown; this one, after the others, if there is none.
         """
         names = self.objects.match(saved.objects)
 
@@ -288,8 +282,8 @@ class Editor:
         history = saved.history.everywhere(with_names_here)
         for one in saved.objects:
             here = self.objects[names[one.name]]
-            if here.unedited and here.instance != one.instance:
-                history = history.beside(self._as_left(here))
+            if here.instance != one.instance:
+                self.objects.keep(here.name, here.instance)
             if one.unedited:
                 self.objects.leave(here.name, one.instance)
         shown = next((number for number in history.nearest if self.can_show(history.steps[number].state)), None)
@@ -298,13 +292,6 @@ class Editor:
             self._go(History.of(now).after(history))
         else:
             self._go(history.at(shown))
-
-    def _as_left(self, one: EditableObject) -> State:
-        """Return a state that shows an object as left; it waits for the object's model if that is missing."""
-        model = None if one.instance.is_missing else one.instance.model
-        camera = orbit.home(model) if model else self.scene.camera
-        mix = Mix(Pair(one.name, one.name), self._first_mix(model).b if model else one.name)
-        return State(Scene(one.instance, camera), mix, is_a=True)
 
     # Models that are missing
 
@@ -318,7 +305,7 @@ class Editor:
 
     def is_missing(self, name: str) -> bool:
         """Return whether an object cannot be shown because its model is missing."""
-        return any(version.is_missing for version in self.objects[name].versions)
+        return any(instance.is_missing for instance in self.objects[name].ends)
 
     @property
     def playable(self) -> Timeline:
@@ -442,6 +429,8 @@ class Editor:
         shown = self.scene
         if self.history.gesture and not history.gesture:
             self.objects.leave(self.state.version_of, shown.instance)
+        for name, instance in self.history.left_by(history).items():
+            self.objects.keep(name, instance)
         self.history = history
         self.objects.unlist(history.now.removed)
         if not history.gesture:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from core.models.scene import Scene, save_image
 from viewer.activities.film_previews import FilmPreviews
+from viewer.activities.names import Names
 from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
@@ -16,8 +17,8 @@ from viewer.values.share_settings import FILMS, ShareSettings
 class Exporting:
     """Exports one file at a time."""
 
-    def __init__(self, jobs: Jobs, editor: Editor) -> None:
-        self._jobs, self._editor = jobs, editor
+    def __init__(self, jobs: Jobs, editor: Editor, names: Names) -> None:
+        self._jobs, self._editor, self._names = jobs, editor, names
         self.preview, self.films = SharePreview(jobs, editor), FilmPreviews(jobs, editor)
         self.path: Path | None = None  # the file being written
         self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`
@@ -50,7 +51,8 @@ class Exporting:
             about = settings.mesh_settings(model.metres)
             self._begin("mesh", path, lambda scene: backend.mesh(scene.instance, path, about, camera))
         elif settings.kind == "page":
-            self._begin("page", path, lambda scene: self._page(scene, path, settings))
+            title = self._names.pair(self._editor.state.mix.a)
+            self._begin("page", path, lambda scene: self._page(scene, path, settings, title))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
         elif settings.kind in FILMS and (settings.kind != "video" or timeline.keys):
@@ -70,10 +72,9 @@ class Exporting:
             self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
-    def _page(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
+    def _page(self, scene: Scene, path: Path, settings: ShareSettings, title: str) -> Iterator[float]:
         (instance, camera), *_ = settings.views(scene, self._editor.state.timeline)
-        name = self._editor.state.mix.a.words
-        for _ in self._jobs.backend.page(instance, camera, path, name):
+        for _ in self._jobs.backend.page(instance, camera, path, title):
             yield 0.0
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:

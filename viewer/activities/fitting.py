@@ -72,9 +72,14 @@ class Fitting:
         """The fit of the object in the view; empty if it was not made in this run."""
         if self.running and self._viewport.following:
             return self.history
-        name = self._editor.state.mix.a.shape
+        name = self._root
         newest = name == self._shown_fit and (not self.running or self.results.checking is not None)
         return self.history if newest else self._fits.get(name, FitHistory())
+
+    @property
+    def _root(self) -> str:
+        """Name of the object in the view, of which its versions have the fit."""
+        return self._editor.objects.root(self._editor.state.mix.a.shape)
 
     @property
     def question(self) -> Question | None:
@@ -131,7 +136,7 @@ class Fitting:
 
     def tick(self) -> None:
         """Show the fit of the object in the view, if it was made in this run; call once a frame."""
-        name = self._editor.state.mix.a.shape
+        name = self._root
         if name != self._name:
             self._name, self._chosen = name, None
         if self.running or name == self._shown_fit or name not in self._fits:
@@ -305,11 +310,6 @@ class Fitting:
         self.results.rename(name, to)
         self._fits = {to if one == name else one: fit for one, fit in self._fits.items()}
         self._shown_fit = to if self._shown_fit == name else self._shown_fit
-
-    def duplicate(self, name: str, copy: str) -> None:
-        """Give a copy of a result its fit."""
-        if name in self._fits:
-            self._fits[copy] = self._fits[name]
 
     def _keep_fit(self, name: str) -> None:
         self._fits[name], self._shown_fit = self.history, name

@@ -6,7 +6,6 @@ from core.models.model import Instance
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, WARM, packed
 from viewer.values.mixes import STEPS, mixes
-from viewer.values.variety import readable
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import end_gesture, tooltip
 from viewer.widgets.text import caption, heading
@@ -89,7 +88,8 @@ def _draw_b(context: PanelContext) -> None:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     side = min(object_tiles.THUMBNAIL * em, 0.4 * room)
     imgui.invisible_button("slot B", (side, side))
-    tooltip(f"B is {readable(name)}\nDrop another object here, or right click one in the library and make it B")
+    label = context.session.names.label(name)
+    tooltip(f"B is {label}\nDrop another object here, or right click one in the library and make it B")
     if dropped := object_tiles.dropped(context):
         context.session.editor.set_b(dropped)
     object_tiles.paint(context, name, corner, side)
@@ -97,7 +97,7 @@ def _draw_b(context: PanelContext) -> None:
     object_tiles.mark(corner, "B", WARM)
     imgui.same_line()
     imgui.begin_group()
-    heading(context, readable(name))
+    heading(context, label)
     caption(context, "Drop another object on it")
     imgui.end_group()
 

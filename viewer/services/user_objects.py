@@ -60,14 +60,16 @@ class UserObjects:
         """Return the objects of all files but unreadable ones and those that ``adopt`` refuses."""
         with self._lock:
             self._stored = {name: one for name, one in self._stored.items() if not is_wanted(one.about.instance)}
-            found = list[EditableObject]()
+            objects = list[EditableObject]()
+            names = dict[str, str]()  # by name in the file: another window may have used the same name
             files = self._folder.glob("*.json") if self._folder else ()
             for path in sorted(files, key=lambda path: path.stat().st_mtime):
-                if one := optional(partial(_read, path, adopt)):
-                    name = unique_name(one.name, self._stored)  # another window may have used the same name
-                    found.append(replace(one, name=name))
-                    self._stored[name] = _Stored(path, found[-1])
-            return tuple(found)
+                if stored := optional(partial(_read, path, adopt)):
+                    name = unique_name(stored.name, self._stored)
+                    names[stored.name] = name
+                    objects.append(replace(stored, name=name, of=names.get(stored.of, stored.of)))
+                    self._stored[name] = _Stored(path, objects[-1])
+            return tuple(objects)
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
         """Store new and changed objects of open models, and delete the files of other objects that were read.
@@ -100,7 +102,7 @@ class UserObjects:
         """Store an object unless its file has it, or its model is missing."""
         stored = self._stored.get(one.name)
         is_new = stored is None or not _is_same(stored.about, one)
-        if is_new and not any(version.is_missing for version in one.versions):
+        if is_new and not any(instance.is_missing for instance in one.ends):
             path = stored.path if stored else folder / _file_name(one.name)
             model = one.instance.model
             _write(path, one, model, models.files.get(model.fingerprint, ""))
@@ -109,7 +111,7 @@ class UserObjects:
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
     same = first.instance is second.instance and first.unedited is second.unedited
-    return same and first.confidence == second.confidence
+    return same and (first.confidence, first.of) == (second.confidence, second.of)
 
 
 def _file_name(name: str) -> str:
@@ -119,7 +121,7 @@ def _file_name(name: str) -> str:
 
 def _write(path: Path, one: EditableObject, model: Model, model_file: str) -> None:
     about = _scene(one.instance, model)
-    about |= {"name": one.name, "confidence": one.confidence, "model_file": model_file}
+    about |= {"name": one.name, "confidence": one.confidence, "model_file": model_file, "of": one.of}
     if one.unedited:
         about["unedited"] = _scene(one.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -141,6 +143,7 @@ class _About(NamedTuple):
     confidence: float | None = None
     unedited: dict | None = None  # scene of the object as fitted, if it was edited
     model_file: str = ""  # name or path of its model
+    of: str = ""  # name of the object that it is a version of
 
 
 def _model_file(path: Path) -> str:
@@ -156,4 +159,4 @@ def _read(path: Path, adopt: Callable[[Instance], Instance]) -> EditableObject:
         unedited = about.unedited and adopt(Scene.without_model(json.dumps(about.unedited)).instance)
         if unedited and unedited.detail == instance.detail:
             unedited = unedited.changed(detail=instance.detail)  # photos take memory
-        return EditableObject(about.name, instance, True, about.confidence, unedited)
+        return EditableObject(about.name, instance, True, about.confidence, unedited, about.of)

@@ -70,7 +70,10 @@ class Project:
         return replace(
             self,
             history=history.everywhere(lambda state: replace(state, removed=removed)),
-            objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
+            objects=(
+                *(replace(one, name=names[one.name], of=names.get(one.of, "")) for one in earlier.objects),
+                *self.objects,
+            ),
             fit=self.fit if self.fit.sources else earlier.fit,
             pending=(*self.pending, *earlier.pending),
             model_files=earlier.model_files | self.model_files,

@@ -235,7 +235,7 @@ def test_branches_stay_where_a_state_between_cannot_be_read(
     models: OpenModels, branched: Project, tmp_path: Path, lost: str
 ) -> None:
     history, path = branched.history, tmp_path / "a.codenerf"
-    (branch,) = history.branches
+    (branch,) = history.branches()
     own = [history.steps.index(step) for step in history.steps if step.state in history.states]
     numbers = {"first": [0], "fork": [1], "now": [history.current], "end of the other": [branch.last], "step": [1]}
     dropped = numbers.get(lost, own)
@@ -254,7 +254,7 @@ def test_branches_stay_where_a_state_between_cannot_be_read(
     assert len(project.originals) == 1
     left = [step.state for number, step in enumerate(history.steps) if number not in dropped]
     assert [step.state for step in project.history.steps] == left
-    assert len(project.history.branches) == (lost != "all but the other")
+    assert len(project.history.branches()) == (lost != "all but the other")
     if history.current not in dropped:
         assert project.history.now == history.now
 
@@ -370,7 +370,7 @@ def test_a_project_with_branches_and_an_edited_object_opens(worker: Worker, back
     one = editor.objects["block blue"]
     assert editor.scene.instance == one.instance and one.unedited is not None
     torch.testing.assert_close(one.instance.codes.texture, one.unedited.codes.texture - 0.25)
-    (branch,) = editor.history.branches
+    (branch,) = editor.history.branches()
     editor.go_to(branch.last)
     torch.testing.assert_close(editor.objects["block blue"].instance.codes.texture, one.unedited.codes.texture + 0.25)
     assert editor.objects.own == ["block blue"]

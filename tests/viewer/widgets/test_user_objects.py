@@ -86,29 +86,26 @@ def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start
         assert np.abs(tile(window) - white).max() > 30
         window.click("Library/**/show block")
         assert editor.scene.instance == red
-        window.choose("block", "###duplicate")
-        assert editor.objects.own == ["block (2)", "block"] and editor.scene.instance == red
-        assert window.session.fitting.shown.sources  # it can be tried again
+        window.choose("block", "###keep version")
+        assert editor.objects.own == ["block"] and editor.scene.instance == red
         blue = paint(window, (0.0, 0.0, 1.0))
-        window.choose("block", "###unedited")
-        assert editor.scene.instance == fitted and editor.objects["block"].unedited is None
+        window.click("Library/**/version 0 of block")
+        assert editor.scene.instance == fitted and editor.objects["block"].instance == blue
+        assert window.session.fitting.shown.sources  # it can be tried again
         window.undo()
-        assert editor.scene.instance == editor.objects["block"].instance == red
-        assert editor.objects["block (2)"].instance == blue
-        made.extend((fitted, red, blue))
+        assert editor.scene.instance == editor.objects["block"].instance == blue
+        made.extend((fitted, blue, red))
         left.append(kill(window))
 
     def second(window: Driver) -> None:
         editor = window.session.editor
-        assert [editor.objects[name].instance for name in ("block", "block (2)")] == made[1:]
+        assert editor.objects.states("block") == made
         window.menu("File/###new_project")
         editor = window.session.editor
-        assert editor.objects.own == ["block (2)", "block"]
-        window.click("Library/**/show block (2)")
-        assert editor.scene.instance == made[2]
-        window.choose("block (2)", "###unedited")
-        assert editor.scene.instance == made[0]
-        window.undo()
+        assert editor.objects.own == ["block"]
+        for number, instance in enumerate(made):
+            window.click(f"Library/**/version {number} of block")
+            assert editor.scene.instance == instance
 
     made, left = list[Instance](), list[Path]()
     drive(first, folder=tmp_path / "config")
