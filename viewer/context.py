@@ -44,7 +44,6 @@ class PanelContext:
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
     fast_opengl: bool = False  # OpenGL is fast enough for a baked object, measured at start
-    attended: bool = True  # False for an invisible window, where nothing moves by itself
     images: Images | None = None
     bold: imgui.ImFont | None = None  # for headings
     focus: str = "Mix"  # title of the panel to bring to the front; empty for none

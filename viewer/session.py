@@ -19,7 +19,6 @@ from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
 from viewer.activities.grabbing import Grabbing
-from viewer.activities.idle_turn import IdleTurn
 from viewer.activities.names import Names
 from viewer.activities.painting import Painting
 from viewer.activities.player import Player
@@ -99,7 +98,6 @@ class Session:
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
         self.names = Names(self.editor, self.thumbnails, self._words_of)
-        self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
         self.player = Player(jobs, self.editor)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)

@@ -79,8 +79,7 @@ class Exporting:
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(scene, self._editor.playable)[0]
-        about = settings.behind, settings.exact, settings.shows_shadow
-        for image in self._jobs.backend.pictures([view], *about):
+        for image in self._jobs.backend.pictures([view], settings.behind, shadow=settings.shows_shadow):
             if image is not None:
                 save_image(image, path, scene)
             yield float(image is not None)

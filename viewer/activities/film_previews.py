@@ -29,7 +29,7 @@ class FilmPreviews:
     def update(self, settings: ShareSettings) -> None:
         """Update the previews; call once a frame while they are visible."""
         scene, timeline, other = self._editor.scene, self._editor.playable, self._editor.film_partner
-        wanted = scene, timeline, other, settings.fill, settings.wide
+        wanted = scene, timeline, other, settings.wide
         if wanted == self._shown or self._editor.history.gesture:
             return
         self._shown = wanted

@@ -25,8 +25,8 @@ class SharePreview:
     def update(self, settings: ShareSettings) -> None:
         """Update the preview; call once a frame while it is visible. A video without keyframes has none."""
         scene, timeline = self._editor.scene, self._editor.playable
-        other, about = self._editor.film_partner, (settings.size, settings.exact, settings.shows_shadow)
-        wanted = scene, timeline, other, settings.kind, settings.fill, settings.wide, *about
+        other = self._editor.film_partner
+        wanted = scene, timeline, other, settings.kind, settings.wide, settings.size, settings.shows_shadow
         unwanted = settings.kind == "video" and not timeline.keys
         if unwanted or wanted == self._shown or self._editor.history.gesture:
             return
@@ -35,7 +35,7 @@ class SharePreview:
 
         def stream() -> Iterator[tuple[Image, float | None] | None]:
             views = settings.views(scene, timeline, other)
-            work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views, settings.exact))
+            work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))
             for frame in self._jobs.frames(RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)):

@@ -11,7 +11,7 @@ from viewer.widgets.controls import end_gesture, tooltip
 from viewer.widgets.text import caption, heading
 
 _LEAST, _MOST, _BELOW = 9.0, 30.0, 4.0  # em: least and largest side of the pad, and height below it
-_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.8  # px and intervals of previews; opacity of those outside the corners
+_PREVIEW, _SAMPLES = 48, 32  # px and intervals of previews
 
 
 class MixPanel(Panel):
@@ -70,8 +70,6 @@ class MixPanel(Panel):
             object_tiles.paint_frame(context, preview, place, cell)
             if (column, row) == over:
                 object_tiles.outline(place, cell, context.palette.accent)
-            elif not {column, row} <= {0, last}:
-                object_tiles.shade(place, cell, context.palette.panel, 1 - _FAINT)
         object_tiles.mark(corner + ImVec2(0, last) * cell, "A", context.palette.accent)
         object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
 

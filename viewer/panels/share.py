@@ -217,14 +217,7 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
         formats = {name: one.label for name, one in VIDEOS.items()}
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
         settings = _row(settings, "video", "Format", formats, text)
-    _label("Exact")
-    _, exact = imgui.checkbox("##exact", settings.exact)
-    tooltip("Every pixel by the network, for videos in minutes; else faster, and hardly to be told from it")
-    settings = _draw_background(replace(settings, exact=exact))
-    _label("")
-    _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
-    tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
-    return replace(settings, fill=fill)
+    return _draw_background(settings)
 
 
 def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:

@@ -1,7 +1,7 @@
 """Words for an object, measured in its image: the colour of its paint, and whether it is low or tall."""
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, UInt8
 
 Image = tuple[UInt8[np.ndarray, "height width 3"], Float[np.ndarray, "height width"]]  # with its opacity
 
@@ -19,34 +19,37 @@ _HEIGHTS = {"chairs": (1.1, 1.9), "cars": (0.69, 0.81)}
 
 def colour_word(image: UInt8[np.ndarray, "height width 3"], opacity: Float[np.ndarray, "height width"]) -> str:
     """Return the name of an object's most frequent colour; "" without an opaque pixel."""
-    pixels, kinds = _kinds(image, opacity)
-    shares = _shares(kinds)
-    return _named(np.median(pixels[kinds == shares.argmax()], axis=0)) if len(pixels) else ""
+    colours, shares = _palette(image, opacity)
+    return _named(colours[int(shares.argmax())]) if colours else ""
 
 
 def new_colour_word(before: Image, after: Image) -> str:
-    """Return the name of the colour that an object has more of than before; "" if no colour is new."""
-    pixels, kinds = _kinds(*after)
-    growth = _shares(kinds) - _shares(_kinds(*before)[1])
-    return _named(np.median(pixels[kinds == growth.argmax()], axis=0)) if growth.max() > _NEW else ""
+    """Return the name of the colour that an object has more of than before; "" if no colour is new.
+
+    A colour counts by its growth and by how unlike the former ones it is: paint of a part tints the others a little.
+    """
+    former, former_shares = _palette(*before)
+    colours, shares = _palette(*after)
+    growth = {kind: shares[kind] - former_shares[kind] for kind in colours}
+    noticed = {
+        kind: growth[kind] * min(float(np.linalg.norm(colour - old)) for old in former.values())
+        for kind, colour in colours.items()
+        if former and growth[kind] > _NEW
+    }
+    return _named(colours[max(noticed, key=lambda kind: noticed[kind])]) if noticed else ""
 
 
-def _kinds(
+def _palette(
     image: UInt8[np.ndarray, "height width 3"], opacity: Float[np.ndarray, "height width"]
-) -> tuple[Float[np.ndarray, "pixels 3"], Int[np.ndarray, "pixels"]]:
-    """Return the opaque pixels in Oklab, and the number of the grey or the hue of each."""
+) -> tuple[dict[int, Float[np.ndarray, "3"]], Float[np.ndarray, "kinds"]]:
+    """Return the object's colours in Oklab, a grey or a hue each, and the fraction of every kind; black counts less."""
     pixels = _oklab(image[opacity > _OPAQUE] / 255.0)
     greys = np.searchsorted([*_GREYS], pixels[:, 0])
     hues = np.searchsorted([*_HUES], _hue(pixels)) % len(_HUES)
-    coloured = len(_GREYS) + 1 + hues
-    return pixels, np.where(_chroma(pixels) < _GREY, greys, coloured)
-
-
-def _shares(kinds: Int[np.ndarray, "pixels"]) -> Float[np.ndarray, "kinds"]:
-    """Return the fraction of the pixels that each kind has; black counts less."""
+    kinds = np.where(_chroma(pixels) < _GREY, greys, len(_GREYS) + 1 + hues)
     shares = np.bincount(kinds, minlength=len(_GREYS) + 1 + len(_HUES)) / max(1, len(kinds))
     shares[0] *= _BLACK
-    return shares
+    return {int(kind): np.median(pixels[kinds == kind], axis=0) for kind in np.flatnonzero(shares)}, shares
 
 
 def _named(colour: Float[np.ndarray, "3"]) -> str:
@@ -62,7 +65,13 @@ def _named(colour: Float[np.ndarray, "3"]) -> str:
         return "pink"
     if word == "pink" and lightness < _DARK:
         return "dark red"
-    return f"dark {word}" if lightness < _DARK else f"light {word}" if lightness > _LIGHT else word
+    return (
+        f"dark {word}"
+        if lightness < _DARK
+        else f"light {word}"
+        if lightness > _LIGHT + 0.1 * (word == "yellow")
+        else word
+    )
 
 
 def height_word(opacity: Float[np.ndarray, "height width"], category: str) -> str:
