@@ -31,7 +31,8 @@ class Names:
         objects = self._editor.objects
         words, comma, variant = readable(name).partition(", ")
         if name in objects and objects.root(name) != name:
-            return f"{objects.root(name)}, {self.version(name, objects[name].instance)}"
+            words = self.version(name, objects[name].instance)
+            return words if words == name else f"{objects.root(name)}, {words}"
         look = self._look_of_nameless(name) if name in objects else ""
         return (f"{look} {words.lower()}" if look else words) + comma + variant
 
