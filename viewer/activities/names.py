@@ -44,7 +44,8 @@ class Names:
 
     def _look_of_nameless(self, name: str) -> str:
         """Return height and colour of a model's object whose name says only what it is; "" for any other."""
-        objects, instance = self._editor.objects, self._editor.objects[name].instance
+        objects = self._editor.objects
+        instance = objects[name].instance
         if objects.is_added(name) or instance.is_missing:
             return ""
         is_named = readable(name).partition(", ")[0].lower() != instance.model.noun
@@ -57,7 +58,7 @@ class Names:
     def version(self, name: str, instance: Instance) -> str:
         """Return the words for codes of an object's version: its own name, or what differs from the fit."""
         objects = self._editor.objects
-        chosen = (version for version in objects.named(name, instance) if objects[version].of)
+        chosen = (version for version in objects.named(name, instance) if objects[version].version_of)
         if own := next((version for version in chosen if not _NUMBERED.search(version)), ""):
             return own
         root = objects[objects.root(name)]
@@ -73,7 +74,8 @@ class Names:
         """Return the colour that a changed texture brings; "repainted" for a shade of one that was there."""
         if instance.codes.texture_key == original.codes.texture_key:
             return ""
-        before, after = (self._thumbnails.of_object(each) for each in (original, instance))
+        before = self._thumbnails.of_object(original)
+        after = self._thumbnails.of_object(instance)
         return _new_colour(before, after) if before and after else ""
 
     def _look(self, instance: Instance) -> tuple[str, ...]:

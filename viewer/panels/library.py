@@ -22,7 +22,7 @@ from viewer.widgets.welcome import Welcome
 class Version(NamedTuple):
     """One of the versions of an added object."""
 
-    of: str  # name of the object
+    root: str  # name of the object
     instance: Instance  # the version as left; the first one as fitted or opened
     number: int  # place among the versions, from 0
 
@@ -53,7 +53,8 @@ class LibraryPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """Draw the button, the filter and the tiles; thumbnails out of sight are not rendered."""
-        names, least = _headings(context.session.listed_models), _STRIP * hello_imgui.em_size()
+        names = _headings(context.session.listed_models)
+        least = _STRIP * hello_imgui.em_size()
         if strip := imgui.get_content_region_avail().y < least:
             imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
         if not Welcome.is_due(context):
@@ -86,7 +87,7 @@ class LibraryPanel(Panel):
         }
         if strip:
             listed = chain.from_iterable(groups.values())
-            tiles = [each for tile in listed for each in (tile, *_versions(context, tile))]
+            tiles = [*chain.from_iterable((tile, *_versions(context, tile)) for tile in listed)]
             self._draw_tiles(context, tiles, True)
             return
         for title, group in groups.items():
@@ -106,7 +107,7 @@ class LibraryPanel(Panel):
         if imgui.is_rect_visible(size):
             _draw_button(context, version, corner, size, self._user_menu)
             place = corner + ImVec2(size.y + 0.4 * em, (size.y - small_height()) / 2)
-            words = context.session.names.version(version.of, version.instance)
+            words = context.session.names.version(version.root, version.instance)
             paint_caption(context, words, place, size.x - size.y - 0.4 * em, across=0.0, quiet=False)
         else:
             imgui.dummy(size)
@@ -153,7 +154,7 @@ class LibraryPanel(Panel):
             return
         _draw_button(context, tile, corner, size, self._user_menu)
         names = context.session.names
-        words = names.version(tile.of, tile.instance) if isinstance(tile, Version) else names.caption(tile)
+        words = names.version(tile.root, tile.instance) if isinstance(tile, Version) else names.caption(tile)
         paint_caption(context, words, below, size.x)
         if isinstance(tile, Version):
             return
@@ -211,48 +212,60 @@ def _rows(context: PanelContext, tiles: Iterable[Tile]) -> Iterator[tuple[list[T
     yield row, []
 
 
+class _Face(NamedTuple):
+    """What an object's or a version's tile shows."""
+
+    button: str  # id
+    instance: Instance
+    names: Sequence[str]  # names of the objects that it shows
+    words: str  # for the tooltip
+
+
+def _face(context: PanelContext, tile: str | Version) -> _Face:
+    session, objects = context.session, context.session.editor.objects
+    if isinstance(tile, Version):
+        words = session.names.version(tile.root, tile.instance)
+        button = f"version {tile.number} of {tile.root}"
+        return _Face(button, tile.instance, objects.named(tile.root, tile.instance), words)
+    name = session.editor.last_version(tile)
+    words = f"{session.names.label(tile)}{user_objects.about(objects[tile])}"
+    return _Face(f"show {tile}", objects[name].instance, [name], words)
+
+
 def _draw_button(
     context: PanelContext, tile: str | Version, corner: ImVec2, size: ImVec2, menu: user_objects.UserObjectMenu
 ) -> None:
     """Draw an object or a version with its reactions: click, drag onto B, and menu."""
-    session, editor = context.session, context.session.editor
     side = min(size.x, size.y)
-    if isinstance(tile, Version):
-        name, button = tile.of, f"version {tile.number} of {tile.of}"
-        instance, names = tile.instance, editor.objects.named(tile.of, tile.instance)
-        words = session.names.version(tile.of, tile.instance)
-    else:
-        name, button = editor.last_version(tile), f"show {tile}"
-        instance, names = editor.objects[name].instance, [name]
-        words = f"{session.names.label(tile)}{user_objects.about(editor.objects[tile])}"
-    if object_tiles.tile_button(button, size):
-        editor.show_object(_name(context, tile))
+    face = _face(context, tile)
+    if object_tiles.tile_button(face.button, size):
+        context.session.editor.show_object(_name(context, tile))
     hovered = imgui.is_item_hovered()
-    tooltip(f"{words}\nClick to show it, drag it onto B, right click for more")
+    tooltip(f"{face.words}\nClick to show it, drag it onto B, right click for more")
     if imgui.begin_drag_drop_source():
         context.dragged = _name(context, tile)
         imgui.set_drag_drop_payload_py_id(object_tiles.DRAGGED, 0)
-        imgui.text(words)
+        imgui.text(face.words)
         imgui.end_drag_drop_source()
     if imgui.begin_popup_context_item():
         _draw_menu(context, _name(context, tile))
         _draw_user_menu(context, tile, menu)
         imgui.end_popup()
-    object_tiles.paint_instance(context, instance, corner, side)
-    for number, (label, colour) in enumerate(_marks(context, names)):
+    object_tiles.paint_instance(context, face.instance, corner, side)
+    for number, (label, colour) in enumerate(_marks(context, face.names)):
         object_tiles.outline(corner, side, colour, inset=2.0 * number)
         if isinstance(tile, str):
             object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
         object_tiles.shade(corner, side, (1, 1, 1), 0.12)
     if isinstance(tile, str):
-        user_objects.draw_dot(context, name, corner, side)
+        user_objects.draw_dot(context, tile, corner, side)
 
 
 def _name(context: PanelContext, tile: str | Version) -> str:
     """Return the name of a tile's object: the version shown last, or the tile's."""
     editor = context.session.editor
-    return editor.objects.version(tile.of, tile.instance) if isinstance(tile, Version) else editor.last_version(tile)
+    return editor.objects.version(tile.root, tile.instance) if isinstance(tile, Version) else editor.last_version(tile)
 
 
 def _draw_user_menu(context: PanelContext, tile: str | Version, menu: user_objects.UserObjectMenu) -> None:
@@ -288,14 +301,15 @@ def _headings(models: Iterable[Model]) -> dict[str, str]:
     names = dict[str, str]()
     for model in models:
         name = model.category.capitalize() or "Objects"
-        count = sum(known.split(" (")[0] == name for known in names.values())
+        count = sum(title.split(" (")[0] == name for title in names.values())
         names[model.fingerprint] = f"{name} ({count + 1})" if count else name
     return names
 
 
 def _marks(context: PanelContext, names: Sequence[str]) -> list[tuple[str, Colour]]:
     """Return letters or icons of the roles of a tile's objects, with colours: A, source of A's shape or texture, B."""
-    mix, accent = context.session.editor.state.mix, context.palette.accent
+    mix = context.session.editor.state.mix
+    accent = context.palette.accent
     kinds = [kind for kind in CODE_KINDS if getattr(mix.a, kind) in names]
     marks = [("A", accent)] if len(kinds) == 2 else [(object_tiles.ICONS[kind], accent) for kind in kinds]
     return [*marks, ("B", WARM)] if mix.b in names else marks

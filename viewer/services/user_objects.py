@@ -67,7 +67,9 @@ class UserObjects:
                 if stored := optional(partial(_read, path, adopt)):
                     name = unique_name(stored.name, self._stored)
                     names[stored.name] = name
-                    objects.append(replace(stored, name=name, of=names.get(stored.of, stored.of)))
+                    objects.append(
+                        replace(stored, name=name, version_of=names.get(stored.version_of, stored.version_of))
+                    )
                     self._stored[name] = _Stored(path, objects[-1])
             return tuple(objects)
 
@@ -111,7 +113,7 @@ class UserObjects:
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
     same = first.instance is second.instance and first.unedited is second.unedited
-    return same and (first.confidence, first.of) == (second.confidence, second.of)
+    return same and (first.confidence, first.version_of) == (second.confidence, second.version_of)
 
 
 def _file_name(name: str) -> str:
@@ -121,7 +123,7 @@ def _file_name(name: str) -> str:
 
 def _write(path: Path, one: EditableObject, model: Model, model_file: str) -> None:
     about = _scene(one.instance, model)
-    about |= {"name": one.name, "confidence": one.confidence, "model_file": model_file, "of": one.of}
+    about |= {"name": one.name, "confidence": one.confidence, "model_file": model_file, "version_of": one.version_of}
     if one.unedited:
         about["unedited"] = _scene(one.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -143,7 +145,7 @@ class _About(NamedTuple):
     confidence: float | None = None
     unedited: dict | None = None  # scene of the object as fitted, if it was edited
     model_file: str = ""  # name or path of its model
-    of: str = ""  # name of the object that it is a version of
+    version_of: str = ""  # name of the object that it is a version of
 
 
 def _model_file(path: Path) -> str:
@@ -159,4 +161,4 @@ def _read(path: Path, adopt: Callable[[Instance], Instance]) -> EditableObject:
         unedited = about.unedited and adopt(Scene.without_model(json.dumps(about.unedited)).instance)
         if unedited and unedited.detail == instance.detail:
             unedited = unedited.changed(detail=instance.detail)  # photos take memory
-        return EditableObject(about.name, instance, True, about.confidence, unedited, about.of)
+        return EditableObject(about.name, instance, True, about.confidence, unedited, about.version_of)

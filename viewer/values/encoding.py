@@ -22,12 +22,14 @@ from core.models.model import Instance
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView, decompressed
 from core.models.scene import Scene
+from core.photos.detector import Box
 from core.photos.photo import Photo
 from core.runtime.numbers import whole
 from core.runtime.reading import field_types, first_line, open_image, reading, typed
 from viewer.values.fit_history import FitRequest, FittedPhoto
 from viewer.values.objects import EditableObject
 from viewer.values.paints import PaintRequest
+from viewer.values.seen_cut_out import SeenCutOut
 
 
 class Original(NamedTuple):
@@ -87,7 +89,7 @@ def encode(value: Any, store: BlobStore) -> Any:
     if isinstance(value, Instance):
         return _encode_fields(value.codes, store) | {"model": value.fingerprint}
     if isinstance(value, FittedPhoto):
-        return {"source": encode(value.source, store), "photo": encode(value.photo, store)}
+        return {"source": encode(value.source, store), "photo": encode(value.photo, store)} | _encode_seen(value, store)
     if isinstance(value, Original):
         content = store.number(value.content, store.photos, lambda: value.content)
         return {"name": value.name, "reasons": value.reasons, "content": content}
@@ -103,6 +105,13 @@ def _encode_shared(value: Any, store: BlobStore) -> Any:
     if isinstance(value, PhotoView):
         about["image"] = store.number(value.image, store.photos, lambda: value.image)
     return about
+
+
+def _encode_seen(fitted: FittedPhoto, store: BlobStore) -> dict:
+    if (seen := fitted.seen) is None:
+        return {}
+    image = store.number(seen, store.photos, lambda: seen.compressed)
+    return {"seen": image, "boxes": encode(seen.boxes, store)}
 
 
 def decode(kind: Any, value: Any, store: BlobStore) -> Any:
@@ -184,7 +193,14 @@ def _decode_view(about: dict, store: BlobStore) -> PhotoView:
 
 def _decode_fitted_photo(about: Any, store: BlobStore) -> FittedPhoto:
     source = decode(field_types(FittedPhoto)["source"], about["source"], store)
-    return FittedPhoto.of(source, _decode_photo(about["photo"], store))
+    seen = readable(store, partial(_decode_seen, about, store)) if "seen" in about else None
+    return FittedPhoto.of(source, _decode_photo(about["photo"], store), seen)
+
+
+def _decode_seen(about: Any, store: BlobStore) -> SeenCutOut:
+    with open_image(io.BytesIO(_part(store.photos, about["seen"])), most=_MAX_PHOTO) as image:
+        pixels = np.array(image.convert("RGB"))
+    return SeenCutOut(pixels, decode(tuple[Box, ...], about.get("boxes", []), store))
 
 
 def _decode_original(about: Any, store: BlobStore) -> Original:

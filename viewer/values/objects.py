@@ -21,7 +21,7 @@ class EditableObject:
     fitted: bool = False  # to a photo
     confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
     unedited: Instance | None = None  # as fitted or opened; None: as left
-    of: str = ""  # name of the object that it is a version of
+    version_of: str = ""  # name of the object that it is a version of
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
@@ -43,7 +43,7 @@ class EditableObject:
 
     def refitted(self, better: "EditableObject") -> "EditableObject":
         """Return the object with the codes and the confidence of a better fit; its edits stay."""
-        left = replace(better, name=self.name, of=self.of)
+        left = replace(better, name=self.name, version_of=self.version_of)
         return left.left_as(self.instance) if self.unedited else left
 
 
@@ -95,8 +95,8 @@ class ObjectLibrary:
 
     def root(self, name: str) -> str:
         """Return the name of the object that has this one as a version; its own name if it is no version."""
-        of = self[name].of
-        return of if of in self._added else name
+        root = self[name].version_of
+        return root if root in self._added else name
 
     def versions(self, name: str) -> list[str]:
         """Return the names of an added object's versions that were not removed, the oldest first."""
@@ -129,7 +129,7 @@ class ObjectLibrary:
 
     def _add_version(self, name: str, instance: Instance) -> str:
         root = self.root(name)
-        return self.add(replace(self[name].left_as(instance), name=root, of=root))
+        return self.add(replace(self[name].left_as(instance), name=root, version_of=root))
 
     def name_here(self, name: str, model: str) -> str | None:
         """Return the name here of a model's object with this name in another session; None if there is none.
@@ -193,7 +193,9 @@ class ObjectLibrary:
         to = unique_name(to, self)
         names = {name: to}
         renamed = (
-            replace(added, name=names.get(added.name, added.name), of=names.get(added.of, added.of))
+            replace(
+                added, name=names.get(added.name, added.name), version_of=names.get(added.version_of, added.version_of)
+            )
             for added in self._added.values()
         )
         self._added = {added.name: added for added in renamed}
@@ -216,7 +218,7 @@ class ObjectLibrary:
                     names[other.name] = nearest.name
         for other in others:
             if other.name not in names:
-                names[other.name] = self.add(replace(other, of=names.get(other.of, other.of)))
+                names[other.name] = self.add(replace(other, version_of=names.get(other.version_of, other.version_of)))
         return names
 
 

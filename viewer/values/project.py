@@ -71,7 +71,10 @@ class Project:
             self,
             history=history.everywhere(lambda state: replace(state, removed=removed)),
             objects=(
-                *(replace(one, name=names[one.name], of=names.get(one.of, "")) for one in earlier.objects),
+                *(
+                    replace(one, name=names[one.name], version_of=names.get(one.version_of, ""))
+                    for one in earlier.objects
+                ),
                 *self.objects,
             ),
             fit=self.fit if self.fit.sources else earlier.fit,
