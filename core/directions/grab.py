@@ -21,7 +21,8 @@ from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
 _SIDE_RAYS = 9  # rays along each side of a square around the pixel
 _HALF_SIDE = 0.05  # half the side of that square, relative to the image's height
-_SAMPLES, _KEPT = 96, 24  # samples of a ray, and the number of them that are differentiated
+_SAMPLES = 96  # samples of a ray
+_KEPT = 24  # samples of a ray that are differentiated
 _FELT = 0.2  # effect of a direction, relative to the largest at the pixel, from which a drag may choose it
 _SLOWEST = 4.0  # px per standard deviation, where hardly any motion is measured
 _RIDGE = 1e-4  # squared gradient per px far below which there is no motion, as on a plain surface
@@ -41,7 +42,7 @@ class Pull(NamedTuple):
             >>> Pull(0, 0.3, (0.0, -20.0)).amount((5.0, -10.0))
             0.5
         """
-        square = sum(part**2 for part in self.motion)
+        square = sum(component**2 for component in self.motion)
         return sum(a * b for a, b in zip(self.motion, drag, strict=True)) / square if square > 1e-6 else 0.0
 
 
@@ -63,19 +64,20 @@ def pulls_at(instance: Instance, camera: Camera, point: tuple[float, float], cou
     down, right = torch.meshgrid(along, along, indexing="ij")
     pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
     rays = rays_at_pixels(pixels - model.pixel_offset, camera, model.extent_tensor)[None, None]
-    shape, texture = (code.to(model.device)[None] for code in (codes.shape, codes.texture))
+    shape = codes.shape.to(model.device)[None]
+    texture = codes.texture.to(model.device)[None]
     shape_bias, texture_bias = instance.biases
     dtype = model.field.density_layer.weight.dtype
     moves = BiasJacobians(
         model.field.shape_bias_jacobian(shape, basis).to(dtype),
         model.field.texture_bias_jacobian(texture, torch.zeros(0, texture.shape[1], device=model.device)).to(dtype),
     )
-    found = render_with_jacobian(model, rays, _SAMPLES, _KEPT, shape_bias[None], texture_bias[None], moves)
-    if float(found.channels[..., 3].max()) < 0.5:
+    rendered = render_with_jacobian(model, rays, _SAMPLES, _KEPT, shape_bias[None], texture_bias[None], moves)
+    if float(rendered.channels[..., 3].max()) < 0.5:
         return []
-    changes = found.codes[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS))
+    changes = rendered.codes[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS))
     effects = changes.square().mean((0, 1, 2)).sqrt().tolist()
-    motions = image_motion(found.channels[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS)), changes, step).tolist()
+    motions = image_motion(rendered.channels[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS)), changes, step).tolist()
     pulls = [Pull(index, effect, (x, y)) for index, (effect, (x, y)) in enumerate(zip(effects, motions, strict=True))]
     return sorted(pulls, key=lambda pull: -pull.effect)
 
@@ -94,12 +96,12 @@ def dragged_pull(
     middle, *ends = camera.project(torch.cat((torch.zeros(1, 3), 0.1 * torch.eye(3)))).tolist()
     axes = [(end[0] - middle[0], end[1] - middle[1]) for end in ends]
     along = max(range(3), key=lambda axis: abs(axes[axis][0] * drag[0] + axes[axis][1] * drag[1]))
-    (right, down), length = axes[along], math.hypot(*axes[along])
+    right, down = axes[along]
     outside = math.copysign(1.0, right * (point[0] - middle[0]) + down * (point[1] - middle[1]))
     for pull in pulls:
         axis, sign = AXES.get(words[pull.direction] if pull.direction < len(words) else "", (None, 0))
         if axis == along and pull.effect >= _FELT * pulls[0].effect:
-            speed = sign * outside * max(math.hypot(*pull.motion), _SLOWEST) / length
+            speed = sign * outside * max(math.hypot(*pull.motion), _SLOWEST) / math.hypot(right, down)
             return pull._replace(motion=(speed * right, speed * down))
     return pulls[0]
 

@@ -59,7 +59,8 @@ def _draw_speed(context: PanelContext) -> None:
 
 
 def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
-    budget, device = context.session.viewport.budget, context.session.editor.model.device
+    budget = context.session.viewport.budget
+    device = context.session.editor.model.device
     baked = context.session.viewport.baked if context.session.viewport.settings.baked else None
     evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
     width, height = frame.resolution
@@ -77,7 +78,8 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
 
 def _draw_candidates(context: PanelContext) -> None:
     """Draw the hypotheses of a fit, the best first; a click prefers one to all others."""
-    fitting, side = context.session.fitting, _TILE * hello_imgui.em_size()
+    fitting = context.session.fitting
+    side = _TILE * hello_imgui.em_size()
     steps = fitting.history.steps
     if not steps:
         caption(context, "While a photo is fitted: the cameras and shapes that are tried for it, the best first")
@@ -90,8 +92,9 @@ def _draw_candidates(context: PanelContext) -> None:
 
 
 def _draw_candidate(context: PanelContext, hypothesis: Hypothesis, rank: int, side: float) -> None:
-    fitting, corner = context.session.fitting, imgui.get_cursor_screen_pos()
-    preferable = fitting.can_resume(hypothesis)
+    fitting = context.session.fitting
+    corner = imgui.get_cursor_screen_pos()
+    preferable = fitting.history.can_resume(hypothesis)
     if object_tiles.tile_button(f"candidate {rank + 1}", (side, side)) and preferable:
         fitting.resume(hypothesis)
     tooltip(_label(hypothesis, rank, preferable))

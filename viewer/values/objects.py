@@ -1,7 +1,7 @@
 """The objects of a session: the training objects of open models, and added objects."""
 
 import re
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter
 
@@ -36,6 +36,11 @@ class EditableObject:
     def ends(self) -> tuple[Instance, Instance]:
         """The codes as fitted or opened, and as left."""
         return self.original, self.instance
+
+    def renamed(self, names: Mapping[str, str]) -> "EditableObject":
+        """Return the object with names replaced, from keys to values of ``names``."""
+        name, root = (names.get(name, name) for name in (self.name, self.version_of))
+        return replace(self, name=name, version_of=root)
 
     def left_as(self, instance: Instance) -> "EditableObject":
         """Return the object with its newest edit."""
@@ -191,13 +196,7 @@ class ObjectLibrary:
     def rename(self, name: str, to: str) -> str:
         """Rename an added object and return its new name, made unique."""
         to = unique_name(to, self)
-        names = {name: to}
-        renamed = (
-            replace(
-                added, name=names.get(added.name, added.name), version_of=names.get(added.version_of, added.version_of)
-            )
-            for added in self._added.values()
-        )
+        renamed = (added.renamed({name: to}) for added in self._added.values())
         self._added = {added.name: added for added in renamed}
         self.changes += 1
         return to
@@ -218,7 +217,7 @@ class ObjectLibrary:
                     names[other.name] = nearest.name
         for other in others:
             if other.name not in names:
-                names[other.name] = self.add(replace(other, version_of=names.get(other.version_of, other.version_of)))
+                names[other.name] = self.add(other.renamed(names))
         return names
 
 

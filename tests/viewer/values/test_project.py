@@ -80,7 +80,7 @@ def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session:
     assert [len(step.hypotheses) for step in found.fit.steps[:-1]] == [1] * 9
     assert (last.hypotheses[0].crop_transform == expected.hypotheses[0].crop_transform).all()
     assert found.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
-    whole, shown = (project.fit.photos[0].seen for project in (saved, found))
+    whole, shown = (project.fit.photos[0].preview for project in (saved, found))
     assert whole and shown and np.abs(shown.pixels.astype(float) - whole.pixels).mean() < 5  # the whole photo
     assert all(map(session.editor.can_show, found.history.states))
 
