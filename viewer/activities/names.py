@@ -24,7 +24,9 @@ class Names:
 
     def __init__(self, editor: Editor, thumbnails: Thumbnails, words: Callable[[Model], Words | None]) -> None:
         """Take the words of a model's directions from ``words``; None until they are measured."""
-        self._editor, self._thumbnails, self._words = editor, thumbnails, words
+        self._editor = editor
+        self._thumbnails = thumbnails
+        self._words = words
 
     def label(self, name: str) -> str:
         """Return an object's name for people, such as *Low red car* or *police, red*."""

@@ -103,7 +103,8 @@ class LibraryPanel(Panel):
     def _draw_version(self, context: PanelContext, version: Version) -> None:
         """Draw a version's small tile, and its name beside it."""
         em = hello_imgui.em_size()
-        corner, size = imgui.get_cursor_screen_pos(), ImVec2(imgui.get_content_region_avail().x, _LINE * em)
+        corner = imgui.get_cursor_screen_pos()
+        size = ImVec2(imgui.get_content_region_avail().x, _LINE * em)
         if imgui.is_rect_visible(size):
             _draw_button(context, version, corner, size, self._user_menu)
             place = corner + ImVec2(size.y + 0.4 * em, (size.y - small_height()) / 2)
@@ -222,7 +223,8 @@ class _Face(NamedTuple):
 
 
 def _face(context: PanelContext, tile: str | Version) -> _Face:
-    session, objects = context.session, context.session.editor.objects
+    session = context.session
+    objects = session.editor.objects
     if isinstance(tile, Version):
         words = session.names.version(tile.root, tile.instance)
         button = f"version {tile.number} of {tile.root}"

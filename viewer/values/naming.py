@@ -54,7 +54,9 @@ def _palette(
 
 def _named(colour: Float[np.ndarray, "3"]) -> str:
     """Return the name of a colour in Oklab."""
-    lightness, chroma, hue = float(colour[0]), float(_chroma(colour)), float(_hue(colour))
+    lightness = float(colour[0])
+    chroma = float(_chroma(colour))
+    hue = float(_hue(colour))
     if chroma < _GREY:
         return next((word for limit, word in _GREYS.items() if lightness < limit), "white")
     word = next((word for limit, word in _HUES.items() if hue <= limit), "pink")
