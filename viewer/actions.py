@@ -61,7 +61,8 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Library": (
         Gesture("Click", "show the object: it becomes A"),
         Gesture("Click the number", "show or hide the variants of a form"),
-        Gesture("Right click", "take only its shape or texture; make it B; as fitted; duplicate, rename, remove"),
+        Gesture("Click a small tile", "show that version of the object above: as fitted, or as an edit left it"),
+        Gesture("Right click", "take only its shape or texture; make it B; keep this version, rename, remove"),
         Gesture("Drag onto B", "mix the object with the one in the view"),
         Gesture("Arrow keys, Enter", "move between tiles, and show the object"),
     ),

@@ -44,7 +44,6 @@ class PanelContext:
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
     fast_opengl: bool = False  # OpenGL is fast enough for a baked object, measured at start
-    attended: bool = True  # False for an invisible window, where nothing moves by itself
     images: Images | None = None
     bold: imgui.ImFont | None = None  # for headings
     focus: str = "Mix"  # title of the panel to bring to the front; empty for none
@@ -109,7 +108,7 @@ class PanelContext:
     @property
     def file_name(self) -> str:
         """The name of object A for file names."""
-        return file_name(self.session.editor.state.mix.a.words)
+        return file_name(self.session.names.pair(self.session.editor.state.mix.a))
 
     def fit_image(self) -> None:
         """Ask for an image and fit it."""

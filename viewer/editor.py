@@ -152,7 +152,8 @@ class Editor:
         self._set_codes(self.scene.instance.changed(texture=texture), self.state.mix, gesture)
 
     def reset(self) -> None:
-        """Return to object A without its edits and without any of B, except locked parts."""
+        """Return to object A without its edits and without any of B, except locked parts; its edits are a version."""
+        self.objects.keep(self.state.version_of, self.scene.instance)
         self._set_codes(self.original, replace(self.state.mix, shape=0.0, texture=0.0), is_a=True)
 
     def sample(self) -> None:
@@ -193,25 +194,18 @@ class Editor:
         self._set_codes(instance, self._mix_from(pair), camera=camera, is_a=True)
         self.object_chosen.emit()
 
-    def show_unedited(self, name: str) -> None:
-        """Show an object as it was left, so that undo comes back to its edits, then as fitted or opened."""
-        self.show_object(name)
-        self.reset()
+    def last_version(self, name: str) -> str:
+        """Return the version of an object that was shown last; its first one if none was."""
+        versions = self.objects.versions(name)
+        return next((version for version in self.history.newest if version in versions), name)
 
-    def duplicate(self, name: str) -> str:
-        """Add a copy of an added object with its edits, show it, and return its name."""
-        self.end_gesture()
-        copy = self.objects.add(self.objects[name])
-        self.show_object(copy)
-        return copy
+    def remove(self, *names: str) -> None:
+        """Remove added objects from all lists, even if one is on screen."""
+        self._unlist(self.state.removed.union(names))
 
-    def remove(self, name: str) -> None:
-        """Remove an added object from all lists, even if it is on screen."""
-        self._unlist(self.state.removed | {name})
-
-    def put_back(self, name: str) -> None:
-        """List a removed object again."""
-        self._unlist(self.state.removed - {name})
+    def put_back(self, *names: str) -> None:
+        """List removed objects again."""
+        self._unlist(self.state.removed.difference(names))
 
     def _unlist(self, removed: frozenset[str]) -> None:
         self._go(self.history.changed(replace(self.state, removed=removed)))
@@ -286,8 +280,8 @@ class Editor:
     def restore(self, saved: Project) -> None:
         """Add a project's objects and take its undo history in place of this one.
 
-        Its edits of an object replace those made here, which become a branch of the history. The current state is the
-        nearest that can be shown; this one, after the others, if there is none.
+        Its edits of an object replace those made here, which become a version. The current state is the nearest that
+        can be shown; this one, after the others, if there is none.
         """
         self._go(restored(saved, self.state, self.objects, self.models))
 
@@ -401,6 +395,8 @@ class Editor:
         before = self.scene
         if self.history.gesture and not history.gesture:
             self.objects.leave(self.state.version_of, before.instance)
+        for name, instance in self.history.left_by(history).items():
+            self.objects.keep(name, instance)
         self.history = history
         self.objects.unlist(history.now.removed)
         if not history.gesture:

@@ -237,13 +237,13 @@ def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, mode
     assert not editor.improve(name, better, editor.scene.camera)
     assert editor.scene.instance == editor.objects[name].instance == edited
     assert editor.objects[name].confidence == 0.95
-    editor.show_unedited(name)
-    assert editor.scene.instance == editor.objects[name].instance == better.instance
+    editor.show_object(editor.objects.version(name, better.instance))
+    assert editor.scene.instance == better.instance
     editor.undo()
-    assert editor.objects[name].instance == edited
+    assert editor.scene.instance == editor.objects[name].instance == edited
 
 
-@pytest.mark.parametrize("end", ("show again", "show another", "duplicate", "add", "undo and redo"))
+@pytest.mark.parametrize("end", ("show again", "show another", "reset", "add", "undo and redo"))
 def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Editor, model: Model, end: str) -> None:
     name = editor.add_and_show(fitted(model), editor.scene.camera)
     editor.set_texture(editor.code("texture") + 1.0, gesture="paint")
@@ -252,8 +252,9 @@ def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Ed
         editor.show_object(name)
     elif end == "show another":
         editor.show_object("object 3")
-    elif end == "duplicate":
-        assert editor.objects[editor.duplicate(name)].instance == edited
+    elif end == "reset":
+        editor.reset()
+        name = editor.objects.versions(name)[1]
     elif end == "add":
         editor.add_and_show(fitted(model), editor.scene.camera)
     else:
@@ -278,10 +279,9 @@ def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: M
         assert editor.objects.own == ["fitted"]
         assert editor.objects["fitted"].original == chair.instance
         assert editor.objects["fitted"].instance == editor.scene.instance == saved.scene.instance
-        ends = [editor.history.steps[branch.last].state.scene.instance for branch in editor.history.branches]
-        assert ends == (
-            [chair.instance.changed(texture=chair.instance.codes.texture + texture_here)] if texture_here else []
-        )
+        edited = chair.instance.changed(texture=chair.instance.codes.texture + texture_here)
+        states = [chair.instance, *({editor.scene.instance} - {chair.instance})]
+        assert editor.objects.states("fitted") == states + ([edited] if texture_here else [])
 
 
 @pytest.fixture

@@ -238,7 +238,9 @@ class Person:
     def click_menu(self) -> None:
         name = self._tile()
         if name in self.session.editor.objects.own:
-            self._choose(name, self.random.choice(("###unedited", "###duplicate")))
+            self._choose(name, "###keep version")
+            if self._place(version := f"Library/**/version {self.random.randrange(2)} of {name}"):
+                self._click(version)
 
     def remove(self) -> None:
         name = self._tile()

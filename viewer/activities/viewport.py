@@ -17,7 +17,6 @@ from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_SHARE, SHARPENING_SHARE, TILES_SHARE, Jobs
 from viewer.services.pictures import Pixels
-from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
@@ -53,7 +52,6 @@ class Viewport:
         self._followed_since: Scene | None = None  # scene when following a fit began; None: no fit is followed
         editor.scene_changed.connect(self._refresh)
         self.framing = Framing(jobs, editor)
-        self.result_shown = Signal[[]]()  # emitted when a fit's result is shown
         editor.object_chosen.connect(self._show_chosen)
 
     def begin(self, pictures: Mapping[str, Pixels] | None = None) -> None:
@@ -117,7 +115,6 @@ class Viewport:
         """Show a fit's result centred and framed."""
         self.change(pan=(0.0, 0.0))
         self.framing.frame(self.settings.panel)
-        self.result_shown.emit()
 
     def render(self) -> None:
         """Render the scene in place of the current render, unless a fit is shown."""
@@ -154,10 +151,6 @@ class Viewport:
     def is_baked(self, instance: Instance) -> bool:
         """Return whether OpenGL can draw an object now."""
         return self.settings.baked and self.baked is not None and instance.natural == self._baked_of
-
-    def show_turned(self, camera: Camera) -> None:
-        """Let OpenGL draw the scene's object, which :meth:`is_baked`, from another camera."""
-        self._show_baked(replace(self.request, camera=camera))
 
     def _show_baked(self, request: ViewRequest) -> None:
         self.baked_frame, self.sharp = request.crop(request.full), False

@@ -220,15 +220,9 @@ def _draw_form(settings: ShareSettings, instance: Instance) -> ShareSettings:
         settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
     else:
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
-        settings = _row(settings, "video", "Format", {name: video.label for name, video in VIDEOS.items()}, text)
-    _label("Exact")
-    _, exact = imgui.checkbox("##exact", settings.exact)
-    tooltip("Every pixel by the network, for videos in minutes; else faster, and hardly to be told from it")
-    settings = _draw_background(replace(settings, exact=exact))
-    _label("")
-    _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
-    tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
-    return replace(settings, fill=fill)
+        formats = {name: video.label for name, video in VIDEOS.items()}
+        settings = _row(settings, "video", "Format", formats, text)
+    return _draw_background(settings)
 
 
 def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:

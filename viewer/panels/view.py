@@ -14,7 +14,6 @@ from viewer.widgets.over_view import OverView
 from viewer.widgets.size_box import SizeBox
 from viewer.widgets.welcome import Welcome
 
-_KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
 _KEY_TURN = 0.12  # rad per key press
 _FINE = 0.2  # factor of motion while Shift is held
 _BUTTONS = {
@@ -60,7 +59,6 @@ class ViewPanel(Panel):
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
-        _turn_idly(context)
         texture = self._texture(context, pixels)
         draw = imgui.get_window_draw_list()
         draw.add_image_rounded(texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4))
@@ -150,17 +148,6 @@ class ViewPanel(Panel):
         context.set_preference(newcomer=False)
         context.session.editor.set_camera(camera, gesture)
         context.session.editor.end_gesture()
-
-
-def _turn_idly(context: PanelContext) -> None:
-    """Turn the view idly until a key, a mouse button or the wheel is used.
-
-    imgui counts all of these as keys. An overlay ends the turn, too, as it is drawn for the scene's camera.
-    """
-    idle = context.session.idle_turn
-    if idle.due and context.attended:
-        touched = context.overlay is not None or any(map(imgui.is_key_down, _KEYS))
-        idle.stop() if touched else idle.tick()
 
 
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:

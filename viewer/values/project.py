@@ -71,7 +71,7 @@ class Project:
         return replace(
             self,
             history=history.everywhere(lambda state: replace(state, removed=removed)),
-            objects=(*(replace(item, name=names[item.name]) for item in earlier.objects), *self.objects),
+            objects=(*(added.renamed(names) for added in earlier.objects), *self.objects),
             fit=self.fit if self.fit.sources else earlier.fit,
             pending=(*self.pending, *earlier.pending),
             model_files=earlier.model_files | self.model_files,

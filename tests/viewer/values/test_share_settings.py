@@ -53,7 +53,7 @@ def test_background_and_shadow_follow_the_format() -> None:
 
 def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera.resized(60, 30), focal=300.0))
-    settings = ShareSettings(size=40, wide=True, fill=False, background="transparent", view_background=((1, 2, 3),) * 2)
+    settings = ShareSettings(size=40, wide=True, background="transparent", view_background=((1, 2, 3),) * 2)
     (view,) = settings.views(near, Timeline())
     assert (view.camera.width, view.camera.height) == (40, 40)
     corners = torch.cartesian_prod(*(torch.tensor([-side, side]) for side in model.extent))
@@ -64,19 +64,15 @@ def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Mod
     assert settings.shows_shadow and settings.suffix == ".html"
 
 
-def test_a_turntable_turns_once_at_the_chosen_size(model: Model, scene: Scene) -> None:
-    views = ShareSettings("turntable", size=40, fill=False).views(scene, Timeline())
-    assert len(views) == TURN
-    assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
-    wide = ShareSettings("turntable", size=40, fill=False, wide=True).views(scene, Timeline())
-    assert {(view.camera.width, view.camera.height, view.camera.focal) for view in wide} == {(72, 40, 41.0)}
-
-
-@pytest.mark.parametrize(("fill", "nearest"), [(True, 1.0), (False, 0.4)])
-def test_a_turntable_that_fills_its_frame_keeps_its_perspective(model: Model, scene: Scene, fill: bool, nearest: float):
+def test_a_turntable_turns_once_at_the_chosen_size_and_fills_its_frame(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    views = ShareSettings("turntable", size=40, fill=fill).views(near, Timeline())
-    assert {view.camera.distance for view in views} == {nearest * model.distance}
+    views = ShareSettings("turntable", size=40).views(near, Timeline())
+    assert len(views) == TURN
+    assert {(view.camera.width, view.camera.height, view.camera.distance) for view in views} == {
+        (40, 40, model.distance)  # its perspective stays
+    }
+    wide = ShareSettings("turntable", size=40, wide=True).views(near, Timeline())
+    assert {(view.camera.width, view.camera.height) for view in wide} == {(72, 40)}
 
 
 def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
@@ -85,8 +81,7 @@ def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: S
         key = Keyframe(0.0, View(scene.instance, replace(scene.camera, distance=distance)))
         views = video.views(scene, Timeline((key,), 1.0))
         assert len(views) == RATE
-        before = replace(video, fill=False).views(scene, Timeline((key,), 1.0))
-        assert (views[0].camera.focal > before[0].camera.focal) == nearer
+        assert (views[0].camera.focal > scene.camera.resized(512, 512).focal) == nearer
 
 
 @pytest.fixture
@@ -100,11 +95,8 @@ def photographed(model: Model, scene: Scene) -> Scene:
 
 
 @pytest.mark.parametrize(("kind", "frames"), [("swing", SWING), ("turntable", TURN), ("morph", TURN), ("page", 1)])
-@pytest.mark.parametrize("fill", [True, False])
-def test_films_start_at_the_photos_camera(
-    model: Model, photographed: Scene, kind: str, frames: int, fill: bool
-) -> None:
-    views = ShareSettings(kind, size=40, fill=fill).views(photographed, Timeline(), model[1])
+def test_films_start_at_the_photos_camera(model: Model, photographed: Scene, kind: str, frames: int) -> None:
+    views = ShareSettings(kind, size=40).views(photographed, Timeline(), model[1])
     assert len(views) == frames
     assert (views[0].camera.azimuth, views[0].camera.elevation) == pytest.approx((1.0, 0.4))
     assert views[0].instance == photographed.instance
