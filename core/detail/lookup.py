@@ -116,7 +116,8 @@ class PhotoMaps:
         steep = smooth_step(-(ray * surface[:, :3]).sum(-1), FLAT, STEEP)
         if stretch is not None:
             factors = points.new_tensor(stretch)
-            points, directions = points * factors, functional.normalize(directions * factors, dim=-1)
+            points = points * factors
+            directions = functional.normalize(directions * factors, dim=-1)
         along = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
         same_side = torch.maximum(facing * steep, smooth_step(along, *BESIDE))
         visible = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * same_side

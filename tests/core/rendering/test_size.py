@@ -29,7 +29,8 @@ def through_affine_camera(instance: Instance, camera: Camera, stretch: Factors) 
     """The plain definition: colours of the natural object along the world's rays divided by the stretch."""
     model = instance.model
     rays = camera_rays(camera, model.extent_tensor)
-    origins, along = rays.origins / torch.tensor(stretch), rays.directions / torch.tensor(stretch)
+    origins = rays.origins / torch.tensor(stretch)
+    along = rays.directions / torch.tensor(stretch)
     directions = functional.normalize(along, dim=-1)
     rays = Rays(origins, directions, *clip_to_box(origins, directions, model.extent_tensor))
     rendered = render_rays(model, rays, 256, *instance.biases)
@@ -103,8 +104,10 @@ def test_a_network_that_paints_the_background_has_no_sizes() -> None:
 def test_the_photos_camera_sees_its_photo_on_a_stretched_object_too(tiny: Model, stretch: Factors) -> None:
     camera = tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
     instance = striped(tiny, camera)
-    shares = [render_frame(one, camera).photo_shares[0] for one in (instance, instance.changed(stretch=stretch))]
-    assert shares[1] > 0.93 * shares[0] > 0.8
+    natural, stretched = (
+        render_frame(sized, camera).photo_shares[0] for sized in (instance, instance.changed(stretch=stretch))
+    )
+    assert stretched > 0.93 * natural > 0.8
 
 
 def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
@@ -122,5 +125,6 @@ def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
         return functional.grid_sample(image[None], place[None], align_corners=False)[0].movedim(0, -1)
 
     rows = slice(int(0.45 * SIZE), int(0.6 * SIZE))  # around the stripe
-    shown, plain = (psnr(seen_as_natural(one)[rows], photo[rows]) for one in (stretched, stretched.with_detail(None)))
-    assert shown > max(30, plain + 5)
+    quality = psnr(seen_as_natural(stretched)[rows], photo[rows])
+    plain_quality = psnr(seen_as_natural(stretched.with_detail(None))[rows], photo[rows])
+    assert quality > max(30, plain_quality + 5)
