@@ -30,7 +30,7 @@ def test_a_page_is_written_with_the_objects_name(session: Session, tmp_path: Pat
     session.exporting.share(tmp_path / "object.html", ShareSettings())
     finish(session, lambda: not session.exporting.running)
     assert session.messages.errors == []
-    assert f"<title>{session.editor.state.mix.a.words}</title>" in (tmp_path / "object.html").read_text()
+    assert f"<title>{session.names.pair(session.editor.state.mix.a)}</title>" in (tmp_path / "object.html").read_text()
     assert session.exporting.saved == tmp_path / "object.html"
 
 
