@@ -9,7 +9,6 @@ photo and render disagree: there the shape differs, not the paint.
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -21,24 +20,22 @@ from core.detail.filters import blurred, continued, distance, enlarged, resized
 from core.detail.lettering import lettering, without_lettering
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
+from core.detail.surface import SOLID, SurfaceTexels, surface_colours, surface_normals, surface_texels
 from core.geometry.camera import Camera
-from core.geometry.rays import Rays, camera_rays
+from core.geometry.rays import camera_rays
 from core.models.model import Instance
 from core.models.motion import warp_to_fitted
 from core.models.photo_detail import PhotoView
-from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_steps
 from core.rendering.outline import shown_share
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
-from core.runtime.pool import map_pieces
 
 SOURCE_SIZE = 256  # px across the render compared with the photo; lengths in px below refer to it
 _SAMPLES = 192
 _FADE = 10.0  # px from an edge over which the weight grows to 1
 _SHAPE_FADE = 12.0  # px likewise, from disagreeing outlines, which may lie amid a smooth surface
 _REACH = 8.0  # px beyond the photo's mask up to which its colours are extrapolated
-_SOLID = 0.9  # opacity from which a pixel has the object's colour, with little background mixed in
 _DEEP = 200  # outlines are noisy: colours are extrapolated from side/200 inside, or from the middle of thin parts
 _LEAP = 0.02  # scene units of the second difference of depth at an edge of a nearer surface; slopes have none
 _DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
@@ -64,7 +61,6 @@ _FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: letterin
 _WHEEL, _PANE = (5.0, 0.15, 0.05), (2.0, 0.6, 0.9)
 """Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
 _TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
-_BLOCK = 4096  # points that a thread evaluates at a time
 
 
 def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
@@ -117,7 +113,7 @@ class ComparedPhoto:
     alike: Float[Tensor, "h w"]  # 0..1, similarity to the main paint
     lettering: Float[Tensor, "h w"]  # 1 where a mirror image would be unreadable, else 0
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.detail.lookup.PhotoMaps.surface`
-    texels: "SurfaceTexels"
+    texels: SurfaceTexels
     match: ColourMatch  # from the render's colours to the photo's
 
     def change(self, textured: Instance) -> Float[Tensor, "3 h w"]:
@@ -155,23 +151,6 @@ class ComparedPhoto:
         return sum(part.nbytes for part in (*maps, self.texels.features))
 
 
-class SurfaceTexels(NamedTuple):
-    """The opaque pixels of a render, with everything a texture needs to colour their surface."""
-
-    pixel: Bool[Tensor, "h w"]
-    features: Float[Tensor, "pixels width"]
-    direction_bias: Float[Tensor, "pixels width"]
-
-    def colours(self, instance: Instance) -> Float[Tensor, "3 h w"]:
-        """Return the colours of the surface in an object's texture, extrapolated beyond the opaque pixels."""
-        folded = FoldedField.of(instance)
-        image = torch.zeros(3, *self.pixel.shape)
-        blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
-        colours = map_pieces(lambda block: folded.colour(*block), blocks)
-        image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
-        return continued(image, self.pixel)
-
-
 def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
     """Render the fitted object from a photo's camera and weight the photo; yields None many times."""
     rgba = view.pixels().astype(np.float32) / 255
@@ -185,10 +164,10 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
         normals = surface_normals(rays.origins, rays.directions, source)
         mask = resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
         kept = smooth_step(distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
-        photo, render = _object_colours(rgba), _surface_colours(source)
+        photo, render = _object_colours(rgba), surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
         surface = continued(surface, source.opacity > 0.5)
-        texels, parts = _surface_texels(fitted, rays, source)
+        texels, parts = surface_texels(fitted, rays, source)
     yield None
     with torch.inference_mode():
         small = resized(photo, source.opacity)
@@ -219,24 +198,6 @@ def _flank(
     (reach, *wheel), (beside, *pane) = _WHEEL, _PANE
     away = smooth_step(blurred(wheels[None], reach)[0], *wheel) * smooth_step(blurred(body[None], beside)[0], *pane)
     return (weight > 0) * body * away * smooth_step(normals[..., 0].abs(), *_FLANK)
-
-
-def _surface_texels(
-    instance: Instance, rays: Rays, source: Rendered
-) -> tuple[SurfaceTexels, dict[str, Float[Tensor, "h w"]]]:
-    """Return the rendered surface and the probability of each of the model's parts there."""
-    pixel = source.opacity > _SOLID
-    folded = FoldedField.of(instance)
-    points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
-    found = list(map_pieces(lambda part: folded.density(part)[1], points.split(_BLOCK)))
-    features = torch.cat(found) if found else torch.zeros(0, instance.model.field.config.width)
-    texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
-    parts = dict[str, Tensor]()
-    if head := instance.model.part_head:
-        for name, share in zip(head.names, head(features).cpu().T, strict=True):
-            parts[name] = torch.zeros(pixel.shape)
-            parts[name][pixel] = share
-    return texels, parts
 
 
 def _without_glass_above(
@@ -321,19 +282,6 @@ def _levels(fine: Float[Tensor, "4 height width"], device: torch.device) -> tupl
     return tuple(level.to(device).contiguous() for level in levels)
 
 
-def surface_normals(
-    origins: Float[Tensor, "h w 3"], directions: Float[Tensor, "h w 3"], rendered: Rendered
-) -> Float[Tensor, "h w 3"]:
-    """Return unit normals towards the camera, from slightly smoothed depth."""
-    opacity = rendered.opacity.clamp_min(1e-6)
-    depth = blurred((rendered.depth * opacity)[None], 1.5)[0] / blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
-    points = origins + directions * depth[..., None]
-    padded = functional.pad(points.movedim(-1, 0)[None], (1,) * 4, mode="replicate")[0]
-    across, down = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2], padded[:, 2:, 1:-1] - padded[:, :-2, 1:-1]
-    normal = functional.normalize(torch.linalg.cross(across, down, dim=0).movedim(0, -1), dim=-1)
-    return torch.where((normal * directions).sum(-1, keepdim=True) > 0, -normal, normal)
-
-
 def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, "h w"]:
     """Return the weight, 0..1, by which photo and render differ in paint rather than in shape."""
     photo, render = mask > 0.5, source.opacity > 0.5
@@ -351,19 +299,12 @@ def _leaps(depth: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
     return torch.maximum(across.abs(), down.abs()) > _LEAP
 
 
-def _surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:
-    """Return the render without the background's light, extrapolated beyond the outline."""
-    light = (1 - source.opacity)[..., None]
-    surface = ((source.colour - light) / (1 - light).clamp_min(1e-3)).clamp(0, 1).movedim(-1, 0)
-    return continued(surface, source.opacity > _SOLID)
-
-
 def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor, "3 height width"]:
     """Return the photo without the background's light, extrapolated beyond its outline."""
     opacity = torch.from_numpy(rgba[..., 3:]).movedim(-1, 0)
     photo = torch.from_numpy(rgba[..., :3]).movedim(-1, 0)
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
-    solid = opacity[0] > _SOLID
+    solid = opacity[0] > SOLID
     depth = len(rgba) / _DEEP
     core = _core(solid, depth)
     return torch.where(core, photo, blurred(continued(photo, core), depth))
