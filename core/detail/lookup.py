@@ -125,6 +125,7 @@ class DetailMaps:
     other_side: OtherSide = "mirrored"
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
     warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
+    borrowed: int = 0  # the last maps, of a training object (:mod:`core.detail.borrowed`): their share is the model's
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
         """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change."""
@@ -158,10 +159,14 @@ class DetailMaps:
             camera: sets the resolution of the photos: that of its pixels; None: full resolution.
         """
         levels = [photo.level(camera) if camera else 0 for photo in self.photos]
-        fine = [photo.fine[level] for photo, level in zip(self.photos, levels, strict=True)]
+        own = len(self.photos) - self.borrowed
+        fine = [photo.fine[level] for photo, level in zip(self.photos[:own], levels, strict=False)]
         origins = self.warp.origins(points) if self.warp else points
-        colour, direct = self._blended(points, origins, directions, fine, own=True)
-        added, mirrored = direct[:, None] * (colour - colours), torch.zeros_like(direct)
+        colour, shares = self._blended(points, origins, directions, fine, own=True)
+        direct = shares.amax(0)
+        added = direct[:, None] * (colour - colours)
+        covered = direct.clone()
+        mirrored = torch.zeros_like(direct)
         if self.other_side != "model":
             hidden = (direct < 0.99).nonzero()[:, 0]
             turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
@@ -169,15 +174,17 @@ class DetailMaps:
             soft = self.other_side == "soft"
             if soft:
                 soft_photos = [photo.soft for photo in self.photos]
-                colour, share = self._blended(twins, sources, along, soft_photos, soft=True)
+                colour, shares = self._blended(twins, sources, along, soft_photos, soft=True)
             else:
                 fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
-                colour, share = self._blended(twins, sources, along, fine)
+                colour, shares = self._blended(twins, sources, along, fine)
                 colour = colour - colours.index_select(0, hidden)
-            share = share * (1 - direct.index_select(0, hidden))
+            shares = shares * (1 - direct.index_select(0, hidden))
+            share = shares.amax(0)
             added.index_add_(0, hidden, share[:, None] * colour)
-            mirrored.index_add_(0, hidden, share)
-        added += (1 - direct - mirrored)[:, None] * self.match.change(colours)
+            covered.index_add_(0, hidden, share)
+            mirrored.index_add_(0, hidden, shares[:own].amax(0))
+        added += (1 - covered)[:, None] * self.match.change(colours)
         return self.strength * added, Shares(self.strength * direct, self.strength * mirrored)
 
     def _blended(
@@ -188,26 +195,27 @@ class DetailMaps:
         maps: Sequence[Float[Tensor, "4 _ _"]],
         own: bool = False,
         soft: bool = False,
-    ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points"]]:
-        """Average the photos' colours of points by weight; return the mean and the largest weight (0..1).
+    ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "photos points"]]:
+        """Average the photos' colours of points by weight; return the mean and each photo's weight (0..1).
 
         Args:
-            maps: one of each photo.
+            maps: one of each photo, or of the first ones.
             own: a photo also colours every surface that a viewer at its own camera sees.
             soft: maps hold plain weights instead of packed ones.
         """
         colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
-        for photo, map in zip(self.photos, maps, strict=True):
+        for photo, map in zip(self.photos, maps, strict=False):
             values, seen, near = photo.look_up(points, origins, directions, map)
             weight, reach = (values[:, 3], values[:, 3]) if soft else unpacked(values[:, 3])
-            share = torch.maximum(seen * weight, reach * near) if own else seen * weight
+            near = reach * near
+            share = torch.maximum(seen * weight, near) if own else seen * weight
             colours.append(values[:, :3])
             shares.append(share)
             weights.append(share.square() + NEAR_FIRST * near if own else share.square())
         if len(colours) == 1:
-            return colours[0], shares[0]
+            return colours[0], shares[0][None]
         weight = torch.stack(weights)[..., None]
-        return (weight * torch.stack(colours)).sum(0) / weight.sum(0).clamp_min(1e-6), torch.stack(shares).amax(0)
+        return (weight * torch.stack(colours)).sum(0) / weight.sum(0).clamp_min(1e-6), torch.stack(shares)
 
 
 def packed(weight: Float[Tensor, "*any"], reach: Float[Tensor, "*any"]) -> Float[Tensor, "*any"]:

@@ -16,7 +16,8 @@ from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 from torch.nn import functional
 
-from core.detail.filters import blurred, continued, distance, enlarged, resized
+from core.detail.borrowed import BorrowedEnd, borrowed_ends
+from core.detail.filters import blurred, continued, distance, enlarged, levels, resized
 from core.detail.lettering import lettering, without_lettering
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
@@ -41,7 +42,6 @@ _LEAP = 0.02  # scene units of the second difference of depth at an edge of a ne
 _DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
 MIRROR_SHARE = 0.9  # weight of the residual at places that only the mirror image shows
 _MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be mirrored
-_LEVELS = 6
 UNPAINTED = "wheels", "glass"
 _PAINTED = 0.35, 0.6  # change of the render, relative to the main paint's: no paint below, only paint above
 _OTHER = 4.0, 2.0  # the same of another material, such as the wood of a chair, and of the main paint
@@ -60,6 +60,8 @@ _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: ref
 _FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: lettering ahead and behind has no mirror image
 _WHEEL, _PANE = (5.0, 0.15, 0.05), (2.0, 0.6, 0.9)
 """Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
+_PAINT = 0.6, 0.5  # similarity to the main paint, and weight, of places that tell an end's paint
+_ENOUGH = 50  # px of them
 _TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
 
 
@@ -74,14 +76,27 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
     detail = instance.detail
     assert detail is not None
     photos = yield from compared_photos(instance)
-    key = tuple(photos), instance.codes.texture_key
+    ends = yield from _ends(instance, photos)
+    key = tuple(photos), ends, instance.codes.texture_key
     known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
     if known is None:
         yield None
         with torch.inference_mode():
-            known = _painted_maps(photos, instance)
+            known = _painted_maps(photos, ends, instance)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
-    return DetailMaps(known[0], share, detail.other_side, known[1], warp_to_fitted(instance))
+    return DetailMaps(known[0], share, detail.other_side, known[1], warp_to_fitted(instance), len(ends))
+
+
+def _ends(instance: Instance, photos: list["ComparedPhoto"]) -> Generator[None, None, tuple[BorrowedEnd, ...]]:
+    """Return the ends borrowed from a training object, for the mirrored side only; cached."""
+    if instance.detail is None or instance.detail.other_side != "mirrored":
+        return ()
+    key = "ends", *photos
+    ends: tuple[BorrowedEnd, ...] | None = CACHE.get(CacheKind.DETAIL, key)
+    if ends is None:
+        ends = yield from borrowed_ends(instance.fitted, [photo.coverage for photo in photos])
+        CACHE.put(CacheKind.DETAIL, key, ends, sum(end.size for end in ends))
+    return ends
 
 
 def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:
@@ -115,6 +130,12 @@ class ComparedPhoto:
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.detail.lookup.PhotoMaps.surface`
     texels: SurfaceTexels
     match: ColourMatch  # from the render's colours to the photo's
+
+    @property
+    def coverage(self) -> PhotoMaps:
+        """Maps of the places that the photo shows, in the render's colours."""
+        fine = (torch.cat((self.render, packed(self.weight, self.near)[None])),)
+        return PhotoMaps(self.camera, fine, fine, torch.zeros_like(fine[0]), self.surface)
 
     def change(self, textured: Instance) -> Float[Tensor, "3 h w"]:
         """Return the change of the surface's colours with the texture of another object."""
@@ -238,9 +259,11 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
     return -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
 
 
-def _painted_maps(photos: Sequence[ComparedPhoto], textured: Instance) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of all photos in a texture, and the match of its colours to the photos."""
-    maps, colours, shown, weights = [], [], [], []
+def _painted_maps(
+    photos: Sequence[ComparedPhoto], ends: Sequence[BorrowedEnd], textured: Instance
+) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
+    """Return the maps of all photos and borrowed ends in a texture, and the match of its colours to the photos."""
+    maps, colours, shown, weights, paints = [], [], [], [], []
     for one in photos:
         change = one.change(textured)
         photo = one.repainted(change) if change.any() else one.photo
@@ -250,7 +273,11 @@ def _painted_maps(photos: Sequence[ComparedPhoto], textured: Instance) -> tuple[
         colours.append((one.render + change).flatten(1))
         shown.append(resized(photo, one.weight).flatten(1))
         weights.append(one.weight.flatten())
-    return tuple(maps), colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
+        paints.append(shown[-1][:, ((one.alike > _PAINT[0]) & (one.weight > _PAINT[1])).flatten()])
+    match = colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
+    even = torch.cat(paints, 1)
+    paint = even.median(1).values if even.shape[1] > _ENOUGH else None
+    return (*maps, *(end.maps(textured, paint, match) for end in ends)), match
 
 
 def _photo_maps(
@@ -261,25 +288,17 @@ def _photo_maps(
     Both have paint in place of lettering.
     """
     small = resized(fine[:3], compared.weight)
-    levels = mirrored = _levels(fine, device)
+    direct = mirrored = levels(fine, device)
     if bool(compared.lettering.any()):
         paint = (compared.alike > _EVEN_PAINT) & (compared.weight > _TRUSTED)
         clean, share = without_lettering(small, compared.lettering, paint)
         small = torch.lerp(small, clean, share)
         clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(share[None], fine[:3]))
-        mirrored = _levels(torch.cat((clean, fine[3:])), device)
+        mirrored = levels(torch.cat((clean, fine[3:])), device)
     soft = blurred(torch.cat(((small - render) * compared.weight, compared.weight[None])), _MIRROR_BLUR)
     soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))
     soft, surface = (image.to(device).contiguous() for image in (soft, compared.surface))
-    return PhotoMaps(compared.camera, levels, mirrored, soft, surface)
-
-
-def _levels(fine: Float[Tensor, "4 height width"], device: torch.device) -> tuple[Float[Tensor, "4 _ _"], ...]:
-    """Return a map at all sizes, each half the previous one."""
-    levels = [fine]
-    while len(levels) < _LEVELS and min(levels[-1].shape[1:]) > 32:
-        levels.append(functional.avg_pool2d(levels[-1][None], 2, ceil_mode=True, count_include_pad=False)[0])
-    return tuple(level.to(device).contiguous() for level in levels)
+    return PhotoMaps(compared.camera, direct, mirrored, soft, surface)
 
 
 def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, "h w"]:

@@ -28,7 +28,8 @@ _PHOTO = """
     if (photos > PHOTO) {
         float near, seen = seen_by_photo(surfacePHOTO, PHOTO, point, from, along, place, near);
         vec4 value = textureLod(finePHOTO, place, level[PHOTO]);
-        float share = max(seen * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near * clamp(2.0 * value.a, 0.0, 1.0));
+        near *= clamp(2.0 * value.a, 0.0, 1.0);
+        float share = max(seen * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near);
         own += (share * share + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
         direct = max(direct, share);
         seen = seen_by_photo(surfacePHOTO, PHOTO, point * turn, from * turn, along * turn, place, near);
