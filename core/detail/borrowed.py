@@ -3,7 +3,7 @@
 Codes say little about places that no photo shows: lamps, plate and bumper come out as one blur. Pictures of some
 training objects' meshes, from ahead and from behind, ship with the program (``assets/borrowed``, a folder of each
 category, named like the objects in the model's codes). The picture of the object with the most similar shape is warped
-so that outlines and windows coincide with those of the fitted object's render, and takes the photo's paint.
+so that outlines and windows coincide with those of the fitted object's render, takes its paint and lends its edges.
 """
 
 import math
@@ -19,9 +19,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.detail.filters import blurred, continued, distance, enlarged, levels
+from core.detail.filters import blurred, continued, distance, enlarged, levels, resized
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
-from core.detail.repaint import lightness
 from core.detail.surface import SurfaceTexels, surface_normals, surface_texels
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
@@ -46,10 +45,10 @@ _MOSTLY = 0.5  # mean of that share on an end, above which nothing is borrowed f
 _FADE = 1.0, 5.0  # px from the outline over which borrowed colours begin
 _BODY = 0.3, 0.7  # probability of paint and trim: panes and wheels are the model's
 _PANE = 0.6, 0.3  # the same of panes in a picture, which belong on no body
-_SMOOTH = 9  # rows over which outlines are averaged
+_ROWS = 9  # over which the widths of outlines are averaged
 _WIDEN = 0.6, 1.7  # limits of the change of a row's width
-_LIGHT = 0.7  # quantile of the render's lightness that stands for paint: lamps and plate are blurs in it
-_LIGHTER = 0.5, 1.3  # limits of paint's lightness on an end, relative to that in the photo
+_SMOOTH = 5.0  # px, standard deviation: colours of larger areas are the model's
+_CONTRAST = 0.6  # of borrowed edges: at 1, those in the wrong place cost more PSNR than the others gain
 
 
 class Picture(NamedTuple):
@@ -79,26 +78,26 @@ class BorrowedEnd:
         images = (self.colour, self.paint, self.weight, self.plain, self.surface, self.texels.features)
         return sum(image.nbytes for image in images)
 
-    def maps(self, textured: Instance, paint: Float[Tensor, "3"] | None, match: ColourMatch) -> PhotoMaps:
+    def maps(self, textured: Instance, match: ColourMatch) -> PhotoMaps:
         """Return the maps of the end in an object's texture, for the pass of mirror images only.
 
-        Photos of the mirrored object are mirrored: seen in a mirror, the end is where it belongs.
+        Large areas keep the model's colours; the picture adds its edges. A mirrored object's picture is mirrored: seen
+        in a mirror, the end is where it belongs.
 
         Args:
-            paint: the photo's in this texture; None: unknown.
-            match: of the model's colours to the photo's.
+            match: of the model's colours to the photos'.
         """
         own = self.texels.colours(textured)
-        own = (own + match.change(own.movedim(0, -1)).movedim(-1, 0))[:, self.plain]
-        if paint is None:
-            paint = own.median(1).values
-        light = lightness(own).quantile(_LIGHT) / lightness(paint).clamp_min(0.02)
-        lit = (paint * light.clamp(*_LIGHTER)).clamp(0, 1)[:, None, None]
-        colour = (self.colour * (1 - self.paint).clamp_min(0) + self.paint * lit).clamp(0, 1)
+        own = (own + match.change(own.movedim(0, -1)).movedim(-1, 0)).clamp(0, 1)
+        paint = own[:, self.plain].median(1).values[:, None, None]
+        colour = (self.colour * (1 - self.paint).clamp_min(0) + self.paint * paint).clamp(0, 1)
+        inside = (self.weight > 0).float()[None]
+        smooth = blurred(torch.cat((own * inside, resized(colour, self.weight) * inside, inside)), _SMOOTH)
+        even, blur = enlarged(smooth[:6] / smooth[6:].clamp_min(1e-3), colour).split(3)
+        colour = (even + _CONTRAST * (colour - blur)).clamp(0, 1)
         weight = enlarged(self.weight[None], colour)
-        image = torch.cat((colour, packed(weight, (weight > 0).float()))).flip(-1)
         device = textured.model.device
-        mirrored = levels(image, device)
+        mirrored = levels(torch.cat((colour, packed(weight, (weight > 0).float()))).flip(-1), device)
         surface = (self.surface * torch.tensor([-1.0, 1, 1, 1])[:, None, None]).flip(-1).to(device)
         nothing = torch.zeros(4, *self.weight.shape, device=device)
         return PhotoMaps(self.camera, tuple(map(torch.zeros_like, mirrored)), mirrored, nothing, surface)
@@ -223,9 +222,7 @@ def _shown(photos: Sequence[PhotoMaps], rendered: Rendered, camera: Camera) -> F
     return (sum(shares) / rendered.opacity.clamp_min(1e-3)).clamp(0, 1)
 
 
-def _warp(
-    solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Picture
-) -> Float[Tensor, "height width 2"]:
+def _warp(solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Picture) -> Float[Tensor, "height width 2"]:
     """Return places in a picture (-1..1) for each pixel of the fitted object's end, at the picture's size.
 
     Top, window and bottom coincide, and in each row the left and the right outline. The object's plane of symmetry is
@@ -255,5 +252,5 @@ def _rows(mask: Float[Tensor, "h w"], glass: Float[Tensor, "h w"]) -> tuple[int,
 def _widths(mask: Float[Tensor, "h w"]) -> Float[np.ndarray, "h"]:
     """Return the width of each row of a mask, averaged over neighbouring rows."""
     widths = (mask > 0.5).float().sum(1)[None, None]
-    padded = functional.pad(widths, (_SMOOTH // 2,) * 2, mode="replicate")
-    return functional.avg_pool1d(padded, _SMOOTH, 1)[0, 0].numpy()
+    padded = functional.pad(widths, (_ROWS // 2,) * 2, mode="replicate")
+    return functional.avg_pool1d(padded, _ROWS, 1)[0, 0].numpy()

@@ -10,6 +10,7 @@ from torch.nn import functional
 
 _LEVELS = 6
 
+
 def distance(mask: Bool[Tensor, "h w"], beyond: bool = False) -> Float[Tensor, "h w"]:
     """Return the distance in px from each pixel of a mask to the nearest pixel outside.
 

@@ -60,8 +60,6 @@ _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: ref
 _FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: lettering ahead and behind has no mirror image
 _WHEEL, _PANE = (5.0, 0.15, 0.05), (2.0, 0.6, 0.9)
 """Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
-_PAINT = 0.6, 0.5  # similarity to the main paint, and weight, of places that tell an end's paint
-_ENOUGH = 50  # px of them
 _TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
 
 
@@ -263,7 +261,7 @@ def _painted_maps(
     photos: Sequence[ComparedPhoto], ends: Sequence[BorrowedEnd], textured: Instance
 ) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
     """Return the maps of all photos and borrowed ends in a texture, and the match of its colours to the photos."""
-    maps, colours, shown, weights, paints = [], [], [], [], []
+    maps, colours, shown, weights = [], [], [], []
     for one in photos:
         change = one.change(textured)
         photo = one.repainted(change) if change.any() else one.photo
@@ -273,11 +271,8 @@ def _painted_maps(
         colours.append((one.render + change).flatten(1))
         shown.append(resized(photo, one.weight).flatten(1))
         weights.append(one.weight.flatten())
-        paints.append(shown[-1][:, ((one.alike > _PAINT[0]) & (one.weight > _PAINT[1])).flatten()])
     match = colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
-    even = torch.cat(paints, 1)
-    paint = even.median(1).values if even.shape[1] > _ENOUGH else None
-    return (*maps, *(end.maps(textured, paint, match) for end in ends)), match
+    return (*maps, *(end.maps(textured, match) for end in ends)), match
 
 
 def _photo_maps(
