@@ -194,12 +194,13 @@ def _borrowed(
         return None
     texels, parts = surface_texels(fitted, rays, rendered)
     normals = surface_normals(rays.origins, rays.directions, rendered)
-    grid = _warp(solid, parts["glass"], picture)
+    panes = parts.get("glass", torch.zeros_like(rendered.opacity))
+    grid = _warp(solid, panes, picture)
     colour = functional.grid_sample(picture.colour[None], grid[None], align_corners=False)[0]
     masks = torch.stack((picture.paint, picture.glass))
     paint, glass = functional.grid_sample(masks[None], grid[None], align_corners=False)[0]
     paint_there, glass_there = functional.adaptive_avg_pool2d(torch.stack((paint, glass))[None], _SIZE)[0]
-    body = 1 - parts["glass"] - parts["wheels"]
+    body = 1 - panes - parts.get("wheels", torch.zeros_like(panes))
     edge = smooth_step(distance(solid), *_FADE)
     weight = edge * smooth_step(body, *_BODY) * smooth_step(glass_there, *_PANE)
     weight = blurred(weight[None], 1.0)[0] * smooth_step(shown, *_SHOWN) * (weight > 0)
