@@ -8,6 +8,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+_LEVELS = 6
+
 
 def distance(mask: Bool[Tensor, "h w"], beyond: bool = False) -> Float[Tensor, "h w"]:
     """Return the distance in px from each pixel of a mask to the nearest pixel outside.
@@ -53,3 +55,11 @@ def blurred(image: Float[Tensor, "channels h w"], deviation: float) -> Float[Ten
     kernel = kernel / kernel.sum()
     padded = functional.pad(image[:, None], (half,) * 4, mode="replicate")
     return functional.conv2d(functional.conv2d(padded, kernel[None, None, None]), kernel[None, None, :, None])[:, 0]
+
+
+def levels(fine: Float[Tensor, "4 height width"], device: torch.device) -> tuple[Float[Tensor, "4 _ _"], ...]:
+    """Return a map at all sizes, each half the previous one."""
+    images = [fine]
+    while len(images) < _LEVELS and min(images[-1].shape[1:]) > 32:
+        images.append(functional.avg_pool2d(images[-1][None], 2, ceil_mode=True, count_include_pad=False)[0])
+    return tuple(level.to(device).contiguous() for level in images)

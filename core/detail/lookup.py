@@ -136,6 +136,7 @@ class DetailMaps:
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
     warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
     stretch: Factors | None = None  # of space (:attr:`core.models.codes.Codes.proportions`)
+    borrowed: int = 0  # the last maps, of a training object (:mod:`core.detail.borrowed`): their share is the model's
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Sources]:
         """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change.
@@ -173,25 +174,30 @@ class DetailMaps:
             camera: sets the resolution of the photos: that of its pixels; None: full resolution.
         """
         levels = [photo.level(camera) if camera else 0 for photo in self.photos]
-        fine = [photo.fine[level] for photo, level in zip(self.photos, levels, strict=True)]
+        own = len(self.photos) - self.borrowed
+        fine = [photo.fine[level] for photo, level in zip(self.photos[:own], levels, strict=False)]
         origins = self.warp.origins(points) if self.warp else points
-        colour, direct = self._blended(points, origins, directions, fine, own=True)
+        colour, weights = self._blended(points, origins, directions, fine, own=True)
+        direct = weights.amax(0)
         change = direct[:, None] * (colour - colours)
+        covered = direct.clone()
         mirrored = torch.zeros_like(direct)
         if self.other_side != "model":
             hidden = (direct < 0.99).nonzero()[:, 0]
             turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
             place, origin, along = (rows.index_select(0, hidden) * turn for rows in (points, origins, directions))
             if self.other_side == "soft":
-                colour, weight = self._blended(place, origin, along, [photo.soft for photo in self.photos], soft=True)
+                colour, weights = self._blended(place, origin, along, [photo.soft for photo in self.photos], soft=True)
             else:
                 fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
-                colour, weight = self._blended(place, origin, along, fine)
+                colour, weights = self._blended(place, origin, along, fine)
                 colour = colour - colours.index_select(0, hidden)
-            weight = weight * (1 - direct.index_select(0, hidden))
+            weights = weights * (1 - direct.index_select(0, hidden))
+            weight = weights.amax(0)
             change.index_add_(0, hidden, weight[:, None] * colour)
-            mirrored.index_add_(0, hidden, weight)
-        change += (1 - direct - mirrored)[:, None] * self.match.change(colours)
+            covered.index_add_(0, hidden, weight)
+            mirrored.index_add_(0, hidden, weights[:own].amax(0))
+        change += (1 - covered)[:, None] * self.match.change(colours)
         return self.strength * change, Sources(self.strength * direct, self.strength * mirrored)
 
     def _blended(
@@ -202,29 +208,30 @@ class DetailMaps:
         maps: Sequence[Float[Tensor, "4 _ _"]],
         own: bool = False,
         soft: bool = False,
-    ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points"]]:
-        """Average the photos' colours of points by weight; return the mean and the largest weight (0..1).
+    ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "photos points"]]:
+        """Average the photos' colours of points by weight; return the mean and each photo's weight (0..1).
 
         Args:
-            maps: one of each photo.
+            maps: one of each photo, or of the first ones.
             own: a photo also colours every surface that a viewer at its own camera sees.
             soft: maps hold plain weights instead of packed ones.
         """
         colours = list[Float[Tensor, "points 3"]]()
         weights = list[Float[Tensor, "points"]]()  # 0..1
         factors = list[Float[Tensor, "points"]]()  # of the average
-        for photo, map in zip(self.photos, maps, strict=True):
+        for photo, map in zip(self.photos, maps, strict=False):
             values, visible, near = photo.look_up(points, origins, directions, map, self.stretch)
             packed_weight = values[:, 3]
             weight, reach = (packed_weight, packed_weight) if soft else unpacked(packed_weight)
-            weight = torch.maximum(visible * weight, reach * near) if own else visible * weight
+            near = reach * near
+            weight = torch.maximum(visible * weight, near) if own else visible * weight
             colours.append(values[:, :3])
             weights.append(weight)
             factors.append(weight.square() + NEAR_FIRST * near if own else weight.square())
         if len(colours) == 1:
-            return colours[0], weights[0]
+            return colours[0], weights[0][None]
         factor = torch.stack(factors)[..., None]
-        return (factor * torch.stack(colours)).sum(0) / factor.sum(0).clamp_min(1e-6), torch.stack(weights).amax(0)
+        return (factor * torch.stack(colours)).sum(0) / factor.sum(0).clamp_min(1e-6), torch.stack(weights)
 
 
 def packed(weight: Float[Tensor, "*any"], reach: Float[Tensor, "*any"]) -> Float[Tensor, "*any"]:

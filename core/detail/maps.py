@@ -9,7 +9,6 @@ photo and render disagree: there the shape differs, not the paint.
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -17,34 +16,32 @@ from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 from torch.nn import functional
 
-from core.detail.filters import blurred, continued, distance, enlarged, resized
+from core.detail.borrowed import BorrowedEnd, borrowed_ends
+from core.detail.filters import blurred, continued, distance, enlarged, levels, resized
 from core.detail.lettering import lettering, without_lettering
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
+from core.detail.surface import SOLID, SurfaceTexels, surface_colours, surface_normals, surface_texels
 from core.geometry.camera import Camera
-from core.geometry.rays import Rays, camera_rays
+from core.geometry.rays import camera_rays
 from core.models.model import Instance
 from core.models.motion import warp_to_fitted
 from core.models.photo_detail import PhotoView
-from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_steps
 from core.rendering.outline import effective_strength
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
-from core.runtime.pool import map_pieces
 
 SOURCE_SIZE = 256  # px across the render compared with the photo; lengths in px below refer to it
 _SAMPLES = 192
 _FADE = 10.0  # px from an edge over which the weight grows to 1
 _SHAPE_FADE = 12.0  # px likewise, from disagreeing outlines, which may lie amid a smooth surface
 _REACH = 8.0  # px beyond the photo's mask up to which its colours are extrapolated
-_SOLID = 0.9  # opacity from which a pixel has the object's colour, with little background mixed in
 _DEEP = 200  # outlines are noisy: colours are extrapolated from side/200 inside, or from the middle of thin parts
 _LEAP = 0.02  # scene units of the second difference of depth at an edge of a nearer surface; slopes have none
 _DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
 MIRROR_SHARE = 0.9  # weight of the residual at places that only the mirror image shows
 _MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be mirrored
-_LEVELS = 6
 UNPAINTED = "wheels", "glass"
 _PAINTED = 0.35, 0.6  # change of the render, relative to the main paint's: no paint below, only paint above
 _OTHER = 4.0, 2.0  # the same of another material, such as the wood of a chair, and of the main paint
@@ -64,7 +61,6 @@ _FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: letterin
 _WHEEL, _PANE = (5.0, 0.15, 0.05), (2.0, 0.6, 0.9)
 """Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
 _TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
-_BLOCK = 4096  # points that a thread evaluates at a time
 
 
 def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
@@ -78,15 +74,29 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
     detail = instance.detail
     assert detail is not None
     photos = yield from compared_photos(instance)
-    key = tuple(photos), instance.codes.texture_key
+    ends = yield from _ends(instance, photos)
+    key = tuple(photos), ends, instance.codes.texture_key
     known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
     if known is None:
         yield None
         with torch.inference_mode():
-            known = _painted_maps(photos, instance)
+            known = _painted_maps(photos, ends, instance)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
     warp = warp_to_fitted(instance)
-    return DetailMaps(known[0], strength, detail.other_side, known[1], warp, instance.codes.proportions)
+    stretch = instance.codes.proportions
+    return DetailMaps(known[0], strength, detail.other_side, known[1], warp, stretch, len(ends))
+
+
+def _ends(instance: Instance, photos: list["ComparedPhoto"]) -> Generator[None, None, tuple[BorrowedEnd, ...]]:
+    """Return the ends borrowed from a training object, for the mirrored side only; cached."""
+    if instance.detail is None or instance.detail.other_side != "mirrored":
+        return ()
+    key = "ends", *photos
+    ends: tuple[BorrowedEnd, ...] | None = CACHE.get(CacheKind.DETAIL, key)
+    if ends is None:
+        ends = yield from borrowed_ends(instance.fitted, [photo.coverage for photo in photos])
+        CACHE.put(CacheKind.DETAIL, key, ends, sum(end.size for end in ends))
+    return ends
 
 
 def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:
@@ -118,8 +128,14 @@ class ComparedPhoto:
     alike: Float[Tensor, "h w"]  # 0..1, similarity to the main paint
     lettering: Float[Tensor, "h w"]  # 1 where a mirror image would be unreadable, else 0
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.detail.lookup.PhotoMaps.surface`
-    texels: "SurfaceTexels"
+    texels: SurfaceTexels
     match: ColourMatch  # from the render's colours to the photo's
+
+    @property
+    def coverage(self) -> PhotoMaps:
+        """Maps of the places that the photo shows, in the render's colours."""
+        fine = (torch.cat((self.render, packed(self.weight, self.near)[None])),)
+        return PhotoMaps(self.camera, fine, fine, torch.zeros_like(fine[0]), self.surface)
 
     def change(self, textured: Instance) -> Float[Tensor, "3 h w"]:
         """Return the change of the surface's colours with the texture of another object."""
@@ -156,23 +172,6 @@ class ComparedPhoto:
         return sum(image.nbytes for image in (*maps, self.texels.features))
 
 
-class SurfaceTexels(NamedTuple):
-    """The opaque pixels of a render, with everything a texture needs to colour their surface."""
-
-    pixel: Bool[Tensor, "h w"]
-    features: Float[Tensor, "pixels width"]
-    direction_bias: Float[Tensor, "pixels width"]
-
-    def colours(self, instance: Instance) -> Float[Tensor, "3 h w"]:
-        """Return the colours of the surface in an object's texture, extrapolated beyond the opaque pixels."""
-        folded = FoldedField.of(instance)
-        image = torch.zeros(3, *self.pixel.shape)
-        blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
-        colours = map_pieces(lambda block: folded.colour(*block), blocks)
-        image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
-        return continued(image, self.pixel)
-
-
 def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
     """Render the fitted object from a photo's camera and weight the photo; yields None many times."""
     rgba = view.pixels().astype(np.float32) / 255
@@ -186,10 +185,10 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
         normals = surface_normals(rays.origins, rays.directions, source)
         mask = resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
         kept = smooth_step(distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
-        photo, render = _object_colours(rgba), _surface_colours(source)
+        photo, render = _object_colours(rgba), surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
         surface = continued(surface, source.opacity > 0.5)
-        texels, parts = _surface_texels(fitted, rays, source)
+        texels, parts = surface_texels(fitted, rays, source)
     yield None
     with torch.inference_mode():
         small = resized(photo, source.opacity)
@@ -222,24 +221,6 @@ def _flank(
     beside_wheels = smooth_step(blurred(wheels[None], wheel_blur)[0], *wheel_ends)
     beside_panes = smooth_step(blurred(body[None], pane_blur)[0], *pane_ends)
     return (weight > 0) * body * (beside_wheels * beside_panes) * smooth_step(normals[..., 0].abs(), *_FLANK)
-
-
-def _surface_texels(
-    instance: Instance, rays: Rays, source: Rendered
-) -> tuple[SurfaceTexels, dict[str, Float[Tensor, "h w"]]]:
-    """Return the rendered surface and the probability of each of the model's parts there."""
-    pixel = source.opacity > _SOLID
-    folded = FoldedField.of(instance)
-    points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
-    found = list(map_pieces(lambda part: folded.density(part)[1], points.split(_BLOCK)))
-    features = torch.cat(found) if found else torch.zeros(0, instance.model.field.config.width)
-    texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
-    parts = dict[str, Tensor]()
-    if head := instance.model.part_head:
-        for name, share in zip(head.names, head(features).cpu().T, strict=True):
-            parts[name] = torch.zeros(pixel.shape)
-            parts[name][pixel] = share
-    return texels, parts
 
 
 def _without_glass_above(
@@ -282,8 +263,10 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
     return -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
 
 
-def _painted_maps(photos: Sequence[ComparedPhoto], textured: Instance) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of all photos in a texture, and the match of its colours to the photos."""
+def _painted_maps(
+    photos: Sequence[ComparedPhoto], ends: Sequence[BorrowedEnd], textured: Instance
+) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
+    """Return the maps of all photos and borrowed ends in a texture, and the match of its colours to the photos."""
     maps, colours, shown, weights = [], [], [], []
     for one in photos:
         change = one.change(textured)
@@ -294,7 +277,8 @@ def _painted_maps(photos: Sequence[ComparedPhoto], textured: Instance) -> tuple[
         colours.append((one.render + change).flatten(1))
         shown.append(resized(photo, one.weight).flatten(1))
         weights.append(one.weight.flatten())
-    return tuple(maps), colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
+    match = colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
+    return (*maps, *(end.maps(textured, match) for end in ends)), match
 
 
 def _photo_maps(
@@ -305,38 +289,17 @@ def _photo_maps(
     Both have paint in place of lettering.
     """
     small = resized(fine[:3], compared.weight)
-    levels = mirrored = _levels(fine, device)
+    direct = mirrored = levels(fine, device)
     if bool(compared.lettering.any()):
         paint = (compared.alike > _EVEN_PAINT) & (compared.weight > _TRUSTED)
         clean, share = without_lettering(small, compared.lettering, paint)
         small = torch.lerp(small, clean, share)
         clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(share[None], fine[:3]))
-        mirrored = _levels(torch.cat((clean, fine[3:])), device)
+        mirrored = levels(torch.cat((clean, fine[3:])), device)
     soft = blurred(torch.cat(((small - render) * compared.weight, compared.weight[None])), _MIRROR_BLUR)
     soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))
     soft, surface = (image.to(device).contiguous() for image in (soft, compared.surface))
-    return PhotoMaps(compared.camera, levels, mirrored, soft, surface)
-
-
-def _levels(fine: Float[Tensor, "4 height width"], device: torch.device) -> tuple[Float[Tensor, "4 _ _"], ...]:
-    """Return a map at all sizes, each half the previous one."""
-    levels = [fine]
-    while len(levels) < _LEVELS and min(levels[-1].shape[1:]) > 32:
-        levels.append(functional.avg_pool2d(levels[-1][None], 2, ceil_mode=True, count_include_pad=False)[0])
-    return tuple(level.to(device).contiguous() for level in levels)
-
-
-def surface_normals(
-    origins: Float[Tensor, "h w 3"], directions: Float[Tensor, "h w 3"], rendered: Rendered
-) -> Float[Tensor, "h w 3"]:
-    """Return unit normals towards the camera, from slightly smoothed depth."""
-    opacity = rendered.opacity.clamp_min(1e-6)
-    depth = blurred((rendered.depth * opacity)[None], 1.5)[0] / blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
-    points = origins + directions * depth[..., None]
-    padded = functional.pad(points.movedim(-1, 0)[None], (1,) * 4, mode="replicate")[0]
-    across, down = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2], padded[:, 2:, 1:-1] - padded[:, :-2, 1:-1]
-    normal = functional.normalize(torch.linalg.cross(across, down, dim=0).movedim(0, -1), dim=-1)
-    return torch.where((normal * directions).sum(-1, keepdim=True) > 0, -normal, normal)
+    return PhotoMaps(compared.camera, direct, mirrored, soft, surface)
 
 
 def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, "h w"]:
@@ -357,19 +320,12 @@ def _leaps(depth: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
     return torch.maximum(across.abs(), down.abs()) > _LEAP
 
 
-def _surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:
-    """Return the render without the background's light, extrapolated beyond the outline."""
-    light = (1 - source.opacity)[..., None]
-    surface = ((source.colour - light) / (1 - light).clamp_min(1e-3)).clamp(0, 1).movedim(-1, 0)
-    return continued(surface, source.opacity > _SOLID)
-
-
 def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor, "3 height width"]:
     """Return the photo without the background's light, extrapolated beyond its outline."""
     opacity = torch.from_numpy(rgba[..., 3:]).movedim(-1, 0)
     photo = torch.from_numpy(rgba[..., :3]).movedim(-1, 0)
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
-    solid = opacity[0] > _SOLID
+    solid = opacity[0] > SOLID
     depth = len(rgba) / _DEEP
     core = _core(solid, depth)
     return torch.where(core, photo, blurred(continued(photo, core), depth))

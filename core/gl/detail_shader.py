@@ -29,7 +29,8 @@ _PHOTO = """
     if (photos > PHOTO) {
         float near, visible = photo_weights(surfacePHOTO, PHOTO, point, from, along, place, near);
         vec4 value = textureLod(finePHOTO, place, level[PHOTO]);
-        float weight = max(visible * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near * clamp(2.0 * value.a, 0.0, 1.0));
+        near *= clamp(2.0 * value.a, 0.0, 1.0);
+        float weight = max(visible * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near);
         own += (weight * weight + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
         direct = max(direct, weight);
         visible = photo_weights(surfacePHOTO, PHOTO, point * turn, from * turn, along * turn, place, near);

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
-from core.detail.maps import ComparedPhoto, SurfaceTexels, detail_maps, paint_weight, surface_normals
+from core.detail.maps import ComparedPhoto, detail_maps, paint_weight
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
+from core.detail.surface import SurfaceTexels, surface_normals
 from core.geometry.camera import Camera, Factors
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
