@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 from torch.nn import functional
 
@@ -108,12 +108,7 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     amount, image = torch.zeros(opaque.shape), torch.from_numpy(frame.image).movedim(-1, 0) / 255
     paint = torch.ones(3)
     if bool(opaque.any()):
-        camera = camera.resized(*frame.resolution)
-        rotation, origin = camera.world_to_camera(torch.device("cpu"))
-        pixels = opaque.nonzero().flip(-1) * step + 0.5
-        directions = camera_directions(pixels, camera.focal, frame.resolution) @ rotation
-        depth = torch.from_numpy(frame.depth[::step, ::step].copy())[opaque]
-        points = (origin + directions * depth[:, None]).to(instance.model.device)
+        points = frame_points(frame, camera, opaque, step).to(instance.model.device)
         colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
         share = _part_share(instance, points, colours, part)
         amount[opaque], paint = share.cpu(), _mean(colours, share).cpu()
@@ -123,6 +118,18 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     fraction = lit_paint(image, paint[:, None, None], amount * torch.from_numpy(frame.opacity))
     red, green, blue = paint.tolist()
     return CoarsePaint(frame.image.astype(np.float32), fraction.numpy(), (red, green, blue))
+
+
+def frame_points(
+    frame: Frame, camera: Camera, mask: Bool[Tensor, "rows columns"], step: int
+) -> Float[Tensor, "points 3"]:
+    """Return the surface points in the pixels of a mask over every ``step``-th pixel of a frame."""
+    camera = camera.resized(*frame.resolution)
+    rotation, origin = camera.world_to_camera(torch.device("cpu"))
+    pixels = mask.nonzero().flip(-1) * step + 0.5
+    directions = camera_directions(pixels, camera.focal, frame.resolution) @ rotation
+    depth = torch.from_numpy(frame.depth[::step, ::step].copy())[mask]
+    return origin + directions * depth[:, None]
 
 
 @dataclass(frozen=True, eq=False)
