@@ -18,10 +18,10 @@ from core.models.scene import open_scene, scene_model
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
-from viewer.activities.grabbing import Grabbing
 from viewer.activities.idle_turn import IdleTurn
 from viewer.activities.painting import Painting
 from viewer.activities.player import Player
+from viewer.activities.reshaping import Reshaping
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
@@ -102,7 +102,7 @@ class Session:
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting = Painting(jobs, self.editor, self.viewport)
-        self.grabbing = Grabbing(jobs, self.editor, self.viewport)
+        self.reshaping = Reshaping(jobs, self.editor, self.viewport)
         self.exporting = Exporting(jobs, self.editor)
 
     def start(self) -> None:
@@ -125,7 +125,7 @@ class Session:
         """Cancel all jobs of the activities."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
-        self.jobs.cancel("paint", "paint colour", "coarse paint", "pull")
+        self.jobs.cancel("paint", "paint colour", "coarse paint", "parts", "reshape")
         self.exporting.cancel()
 
     # Models and their objects

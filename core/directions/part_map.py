@@ -18,6 +18,8 @@ from core.models.part_head import ABOVE_SEAT
 from core.rendering.folded_field import FoldedField
 from core.runtime.layers import pad_rows
 
+Box = tuple[float, float, float, float]  # left, top, right, bottom: fractions of an image's width and height
+
 _SIDE = 128  # px along an image's shorter side at which parts are looked up
 _OPAQUE = 0.5  # opacity from which a pixel counts as the object
 _BLUR = 0.8  # px over which the parts' probabilities are averaged
@@ -57,14 +59,17 @@ class PartMap:
 
 
 @torch.no_grad()
-def part_map(instance: Instance, camera: Camera, frame: Frame) -> PartMap:
+def part_map(instance: Instance, camera: Camera, frame: Frame, box: Box = (0.0, 0.0, 1.0, 1.0)) -> PartMap:
     """Find the parts in a frame of an object, seen from ``camera``.
 
     An object without a part head is one part, named by the model's noun. The authors' checkpoints, which paint the
     background, have none.
+
+    Args:
+        box: the part of the frame that is on screen.
     """
     step = max(1, min(frame.resolution) // _SIDE)
-    opaque = (frame.opacity[::step, ::step] > _OPAQUE) & (not instance.model.white_from_network)
+    opaque = _within(box, frame.opacity[::step, ::step] > _OPAQUE) & (not instance.model.white_from_network)
     points = frame_points(frame, camera, torch.from_numpy(opaque), step)
     head = instance.model.part_head
     names = head.names if head else (instance.model.noun or "object",)
@@ -76,6 +81,14 @@ def part_map(instance: Instance, camera: Camera, frame: Frame) -> PartMap:
     surface[opaque] = points
     handles = tuple(_handle(regions, index, names[part], surface) for index, part in enumerate(parts))
     return PartMap(handles, regions)
+
+
+def _within(box: Box, mask: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
+    """Return a mask without its pixels outside a box."""
+    rows, columns = mask.shape
+    left, top, right, bottom = box
+    across, down = (np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows
+    return mask & ((across > left) & (across < right)) & ((down > top) & (down < bottom))[:, None]
 
 
 def _probabilities(instance: Instance, points: Float[Tensor, "points 3"]) -> Float[np.ndarray, "points parts"]:

@@ -68,6 +68,7 @@ class ViewPanel(Panel):
         draw.channels_split(2)
         draw.channels_set_current(1)
         _draw_buttons(context, corner, size)
+        self._over.draw_handle(context, corner, size)
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
         imgui.set_next_item_allow_overlap()
