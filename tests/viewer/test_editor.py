@@ -53,7 +53,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
 def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:
     before, direction = editor.state, Direction.principal(model.codes, "shape", 0)
     for number in range(20):
-        editor.move_along(direction, 0.1 * number + 0.05, gesture="shape 0")
+        editor.edit(direction.moved(before.scene.instance, 0.1 * number + 0.05), gesture="shape 0")
     editor.end_gesture()
     editor.undo()
     assert editor.state == before

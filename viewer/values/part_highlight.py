@@ -6,10 +6,11 @@ from jaxtyping import Bool, Float32, UInt8
 from scipy import ndimage
 from torch.nn import functional
 
-_GLOW = (84, 163, 224)  # sRGB of the glow
-_LINES = np.array([[10, 14, 20], [255, 255, 255]], np.float32)  # around a part and inside of it: one of them contrasts
+_GLOW = np.array((84, 163, 224), np.float32)  # sRGB
+_OUTER, _INNER = np.array((10, 14, 20), np.float32), np.array((255, 255, 255), np.float32)
+"""sRGB of the lines around a part and inside of it: on any object one of them contrasts"""
 _OPACITY, _LINE_OPACITY = 0.34, 0.8  # of the glow, and of the lines at its edge
-_SOFT = 0.8  # px of the mask over which its edge is smoothed
+_SOFT = 0.8  # px over which edges are smoothed: first of the mask, then of the glow
 
 
 def part_highlight(
@@ -22,9 +23,10 @@ def part_highlight(
         opacity: that of the object, at the size of the glow.
     """
     soft = torch.from_numpy(ndimage.gaussian_filter(mask.astype(np.float32), _SOFT))
-    cover = functional.interpolate(soft[None, None], opacity.shape, mode="bilinear", align_corners=False)[0, 0].numpy()
-    cover = (2.5 * cover - 0.75).clip(0, 1) * opacity.clip(0, 1)
+    wide = functional.interpolate(soft[None, None], opacity.shape, mode="bilinear", align_corners=False)[0, 0].numpy()
+    cover = ndimage.gaussian_filter((2.5 * wide - 0.75).clip(0, 1) * opacity.clip(0, 1), _SOFT)
     line = 4 * cover * (1 - cover)
+    inside = (3 * cover - 1).clip(0, 1)[..., None]
+    colour = line[..., None] * (_OUTER + inside * (_INNER - _OUTER)) + (1 - line[..., None]) * _GLOW
     alpha = _OPACITY * cover * (1 - line) + _LINE_OPACITY * line
-    colour = np.where(line[..., None] > 0.3, _LINES[(cover > 0.5).astype(int)], np.array(_GLOW, np.float32))
-    return np.dstack((colour, 255 * alpha + 0.5)).astype(np.uint8)
+    return (np.dstack((colour, 255 * alpha)) + 0.5).astype(np.uint8)

@@ -54,7 +54,7 @@ class PartHandle:
         extent, pad = imgui.calc_text_size(label), ImVec2(0.5 * em, 0.2 * em)
         low = place - ImVec2(extent.x / 2 + pad.x, (_RADIUS + _GAP) * em + extent.y + 2 * pad.y)
         low = ImVec2(max(low.x, corner.x), max(low.y, corner.y))
-        high = low + extent + 2 * pad
+        high = low + extent + pad * 2
         reach = ImVec2(1.3 * _RADIUS * em, 1.3 * _RADIUS * em)
         for name, least, most in (("handle", place - reach, place + reach), ("part name", low, high)):
             imgui.set_cursor_screen_pos(least)
@@ -103,18 +103,17 @@ class PartHandle:
 
     def follow_mouse(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Choose the part to light up in the next frame; call after the view's own item, imgui's last one."""
-        if self._hovered or self._pressed_at is not None:
+        if self._pressed_at is not None:
             return
-        io, lit = imgui.get_io(), self._lit
-        parts = None
-        if context.tool == "turn" and imgui.is_item_hovered() and not imgui.is_any_mouse_down():
+        io, lit, parts = imgui.get_io(), self._lit, None
+        is_over = imgui.is_item_hovered() or self._hovered
+        if context.tool == "turn" and is_over and not imgui.is_any_mouse_down():
             parts = context.session.reshaping.parts
-        if parts is None:
+        if parts is None or (lit and lit[0] is not parts):
             self._lit = None
         elif any(io.mouse_delta):
             self._moved = time.monotonic()
-            self._lit = lit if lit and lit[0] is parts else None
-        elif time.monotonic() - self._moved > _REST:
+        elif time.monotonic() - self._moved > _REST and not self._hovered:
             place = io.mouse_pos - corner
             handle = parts.handle_at((place.x / size.x, place.y / size.y))
             self._lit = (parts, handle) if handle else None
