@@ -60,7 +60,7 @@ def _one_of(line: str) -> str:
     return re.sub(r" [NST]\b", " 1", re.sub(r"\[[^]]*\]|\|\S+", "", options))
 
 
-def test_the_guide_to_core_names_what_is_there() -> None:
+def test_the_guide_to_core_names_existing_modules_and_functions() -> None:
     text = (ROOT / "core/README.md").read_text()
     for path in re.findall(r"`([\w/]+/(?:\w+\.(?:py|json))?)`", text):
         assert (ROOT / "core" / path).exists() or (ROOT / path).exists(), path
@@ -74,13 +74,13 @@ def _source() -> str:
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_the_lines_of_python_name_what_is_there(name: str) -> None:
+def test_lines_of_python_in_documents_call_existing_functions(name: str) -> None:
     for block in re.findall(r"^ *```python\n(.*?)^ *```", (ROOT / name).read_text(), re.DOTALL | re.MULTILINE):
         tree = ast.parse(dedent(block))
         imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-        found = {alias.name: _imported(str(node.module), alias.name) for node in imports for alias in node.names}
+        imported = {alias.name: _imported(str(node.module), alias.name) for node in imports for alias in node.names}
         for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
-            function = _resolved(call.func, found)
+            function = _resolved(call.func, imported)
             if inspect.isfunction(function):
                 inspect.signature(function).bind(*call.args, **{str(word.arg): word.value for word in call.keywords})
 
@@ -92,9 +92,9 @@ def _imported(module: str, name: str) -> object:
         return importlib.import_module(f"{module}.{name}")
 
 
-def _resolved(node: ast.expr, found: dict[str, object]) -> object:
-    """The function that a call names; None where it is no import."""
+def _resolved(node: ast.expr, imported: dict[str, object]) -> object:
+    """The imported function that a call names; None for a function that was not imported."""
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-        module = found.get(node.value.id)
+        module = imported.get(node.value.id)
         return getattr(module, node.attr) if isinstance(module, ModuleType) else None
-    return found.get(node.id) if isinstance(node, ast.Name) else None
+    return imported.get(node.id) if isinstance(node, ast.Name) else None

@@ -22,14 +22,14 @@ SAFE = {
     "Rasteriser": "the same, for the laboratory's meshes",
 }
 DECORATORS = ("torch.no_grad", "torch.inference_mode", "torch.enable_grad")
-"""Modes that torch takes off between the steps of a generator function; autocast is only on while it is made."""
+"""Modes that torch switches off between the steps of a generator function, unlike autocast."""
 SWITCHES = ("acquire", "__enter__", "enter_context", "set_grad_enabled")
-"""Functions that leave something on without a ``with``."""
+"""Functions that switch a mode on without ``with``."""
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def faults(source: str) -> Iterator[str]:
-    """What is on while generators of a module are suspended; the yield of a context manager belongs to its caller."""
+    """Yield the modes that a module's generators leave on at a yield; context managers may."""
     for function in ast.walk(ast.parse(source)):
         if not isinstance(function, Function) or not any(_own(function, (ast.Yield, ast.YieldFrom))):
             continue

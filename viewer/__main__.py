@@ -51,7 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
     """Run a window that keeps its work in ``folder``; without ``instance``, save an image of an invisible one."""
-    headless, worker = instance is None, Worker(at_rest=return_free_memory)
+    headless = instance is None
+    worker = Worker(at_rest=return_free_memory)
     try:
         begin_session = partial(_session, chosen, folder, worker)
         if not headless:

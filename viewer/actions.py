@@ -218,7 +218,7 @@ def is_pressed(chord: int) -> bool:
     A modifier that is released in the same frame counts as held: imgui does not order the events of a frame, and in a
     slow one would take ``Ctrl+R`` for ``R``.
     """
-    held = sum(int(one) for one in _EVERY_MODIFIER if imgui.is_key_down(one) or imgui.is_key_released(one))
+    held = sum(int(key) for key in _EVERY_MODIFIER if imgui.is_key_down(key) or imgui.is_key_released(key))
     mods = chord & sum(map(int, _EVERY_MODIFIER))
     return held == mods and imgui.is_key_pressed(imgui.Key(chord - mods))
 

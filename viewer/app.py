@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import moderngl
@@ -32,7 +33,8 @@ _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 
 """Limits of frames per second: usually; if OpenGL and a busy worker share the processor; then without input; and during
 an idle turn."""
 _TOUCHED = 0.7  # s after an input during which the window counts as touched
-_INSPECTOR, _LIBRARY = (300.0, 0.185), (140.0, 0.09)  # least width, px at 96 ppi; fraction of the window's width
+_INSPECTOR = 300.0, 0.185  # least width, px at 96 ppi; fraction of the window's width
+_LIBRARY = 140.0, 0.09  # likewise
 _NARROW = 1100.0  # px at 96 ppi: in a narrower window the library is a strip below the view
 _OTHER_WIDTH = 0.25  # natural logarithm of a change of width after which panels are placed again
 _STRIP, _DRAWER = 105.0, 170.0  # px at 96 ppi: heights of the strip and of the drawer
@@ -40,6 +42,13 @@ _STRIP, _DRAWER = 105.0, 170.0  # px at 96 ppi: heights of the strip and of the 
 
 class App:
     """The window: panels docked around the view, dialogs, menus and messages."""
+
+    _gl: moderngl.Context | None = None  # None until the window is open
+    _surface: moderngl.Framebuffer | None = None  # drawn to by an invisible window
+    _software = False  # OpenGL shares the processor with the worker
+    _touched = 0.0  # s on the monotonic clock, time of the last input
+    _themed: bool | None = None  # the dark theme is applied
+    _popup_open = False  # a popup was open before this frame; imgui closes some on Esc
 
     def __init__(
         self,
@@ -61,42 +70,40 @@ class App:
         """
         window.prepare(headless)
         self.session = session
-        self.context = PanelContext(
-            session,
-            FileDialog(native_dialogs),
-            quit=self._quit,
-            reset_layout=self._reset_layout,
-            fold_panels=self._fold_panels,
-        )
+        self._folder = folder
+        self._headless = headless
+        self._instance = instance
+        self._size = size or window.usual_size(headless)
+        self.params = window.parameters(self._size, folder)
         self.panels: list[Panel] = all_panels()
-        self.context.panels = tuple(panel.title for panel in self.panels)
-        self._segmenting, self._share = SegmentingDialog(), ShareDialog()
-        self._help, self._history, self._messages = Help(), HistoryStrip(), MessageColumn()
-        size = size or window.usual_size(headless)
-        self.params = window.parameters(size, folder)
-        self.each_frame: Callable[[], None] = lambda: None
-        self._size, self._folder, self._headless, self._instance = size, folder, headless, instance
-        if folder:
-            self._open_folder(folder)
+        self.context = self._new_context(native_dialogs)
         self._saved_preferences = self.context.preferences
-        self._gl: moderngl.Context | None = None
-        self._surface: moderngl.Framebuffer | None = None
-        self._software, self._touched = False, 0.0
-        self._themed: bool | None = None
-        self._popup_open = False  # a popup was open before this frame; imgui closes some on Esc
+        self._segmenting = SegmentingDialog()
+        self._share = ShareDialog()
+        self._overlays = {"messages": MessageColumn().draw, "history": HistoryStrip().draw, "help": Help().draw}
         self._folded: list[Panel] = []  # panels that were shown before the view was shown alone
         self._reported: dict[str, str] = {}  # errors of callbacks that failed in the last frame
-        if headless:
-            self.context.attended = False
-            window.make_headless(self.params, self._finish_frame)
+        self.each_frame: Callable[[], None] = lambda: None
         self._dock()
         self._connect()
         session.start()
 
-    def _open_folder(self, folder: Path) -> None:
-        self.context.preferences = Preferences.load(folder)
-        self.context.clipboard = Clipboard(folder / "pasted")
-        self.context.autosave = Autosave(self.session, folder)
+    def _new_context(self, native_dialogs: bool | None) -> PanelContext:
+        """Return the context of the panels, with the preferences and the work in the folder."""
+        context = PanelContext(
+            self.session,
+            FileDialog(native_dialogs),
+            quit=self._quit,
+            reset_layout=self._reset_layout,
+            fold_panels=self._fold_panels,
+            panels=tuple(panel.title for panel in self.panels),
+            attended=not self._headless,
+        )
+        if self._folder:
+            context.preferences = Preferences.load(self._folder)
+            context.clipboard = Clipboard(self._folder / "pasted")
+            context.autosave = Autosave(self.session, self._folder)
+        return context
 
     def run(self) -> None:
         """Open the window; return when it is closed, by a person or a signal."""
@@ -119,11 +126,10 @@ class App:
 
     def _place_panels(self) -> None:
         """Dock the panels at their initial places for the window's size."""
-        docking, size = (
-            self.params.docking_params,
-            imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor(),
-        )
-        docking.docking_splits, self._width = self._splits(*size), size.x
+        docking = self.params.docking_params
+        size = imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor()
+        docking.docking_splits = self._splits(*size)
+        self._width = size.x
         docking.layout_reset = True
         self.context.focus = self.context.focus or self._front_panel()
 
@@ -131,7 +137,7 @@ class App:
         """Return the title of the inspector's panel in front; empty if all are hidden."""
         titles = (panel.title for panel in self.panels if panel.dock == "Right")
         windows = {title: imgui.internal.find_window_by_name(title) for title in titles}
-        return next((title for title, seen in windows.items() if seen and seen.active and not seen.hidden), "")
+        return next((title for title, docked in windows.items() if docked and docked.active and not docked.hidden), "")
 
     def _follow_width(self) -> None:
         """Place the panels again after a large change of width, and where the library becomes a strip."""
@@ -144,11 +150,11 @@ class App:
     def _fold_panels(self) -> None:
         """Hide all panels but the view; if they are hidden, show those from before or the initial ones."""
         docked = [panel for panel in self.panels if panel.dock != "View"]
-        if shown := [panel for panel in docked if self._dockable_of(panel).is_visible]:
-            self._folded = shown
+        if visible := [panel for panel in docked if self._dockable_of(panel).is_visible]:
+            self._folded = visible
         for panel in docked:
-            there = not shown and (panel in self._folded if self._folded else not panel.folded)
-            self._dockable_of(panel).is_visible = there
+            reappears = panel in self._folded if self._folded else not panel.folded
+            self._dockable_of(panel).is_visible = reappears and not visible
 
     def _dockable_of(self, panel: Panel) -> hello_imgui.DockableWindow:
         return self.params.docking_params.dockable_window_of_name(panel.title)
@@ -162,6 +168,8 @@ class App:
         calls.pre_new_frame = self._before_frame
         calls.show_gui = self._draw
         calls.show_menus = self._draw_menus
+        if self._headless:
+            window.make_headless(self.params, self._finish_frame)
         self.session.jobs.worker.wake = hello_imgui.request_refresh
 
     def _dock(self) -> None:
@@ -170,7 +178,8 @@ class App:
         window_params.show_menu_app = window_params.show_menu_view = False
         window_params.show_menu_view_themes = False
         docking = self.params.docking_params
-        docking.docking_splits, self._width = self._splits(*self._size), float(self._size[0])
+        docking.docking_splits = self._splits(*self._size)
+        self._width = float(self._size[0])
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
     @staticmethod
@@ -181,7 +190,7 @@ class App:
             width, height: size of the window, px at 96 ppi.
         """
         dirs = imgui.Dir
-        right, left = (max(least, share * width) for least, share in (_INSPECTOR, _LIBRARY))
+        right, left = (max(least, fraction * width) for least, fraction in (_INSPECTOR, _LIBRARY))
         library = (dirs.down, _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))
         return [
             hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),
@@ -193,7 +202,8 @@ class App:
         view = panel.dock == "View"
         place = "MainDockSpace" if view else panel.dock
         window = hello_imgui.DockableWindow(panel.title, place, lambda: self._draw_panel(panel))
-        window.can_be_closed, window.is_visible = panel.folded, not panel.folded
+        window.can_be_closed = panel.folded
+        window.is_visible = not panel.folded
         if panel.bare:
             window.call_begin_end = False
             window.gui_function = lambda: self._draw_bare(panel)
@@ -209,9 +219,9 @@ class App:
         )
         view = panel.dock == "View"
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0) if view else imgui.get_style().window_padding)
-        shown = imgui.begin(panel.title, None, fixed if view else 0)[0]
+        visible = imgui.begin(panel.title, None, fixed if view else 0)[0]
         imgui.pop_style_var()
-        if shown:
+        if visible:
             self._draw_panel(panel)
         imgui.end()
 
@@ -241,7 +251,8 @@ class App:
     def _opened(self) -> None:
         self._gl = moderngl.get_context()
         self._software = window.in_software(self._gl)
-        self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
+        self.context.canvas = Canvas(self._gl)
+        self.context.images = Images(self._gl)
         self.context.baked_canvas = BakedCanvas(self._gl)
         # OpenGL in software shares the processor with the network, and takes seconds to say how slow it is.
         self.context.fast_opengl = not self._software and is_fast(self._gl)
@@ -334,9 +345,8 @@ class App:
         context = self.context
         self._guard("This key failed", lambda: run_keys(context))
         self._guard("This key failed", lambda: self._close_top(context))
-        self._guard("The messages failed", lambda: self._messages.draw(context))
-        self._guard("The history failed", lambda: self._history.draw(context))
-        self._guard("The help failed", lambda: self._help.draw(context))
+        for name, draw in self._overlays.items():
+            self._guard(f"The {name} failed", partial(draw, context))
         if self._guard("The Share dialog failed", lambda: self._share.draw(context)):
             context.share_open = False
         self._guard("Cannot take this file", context.files.draw)

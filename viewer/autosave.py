@@ -1,6 +1,7 @@
 """Autosave: work is saved during editing and continued at the next launch, also after a crash."""
 
 import math
+import operator
 import secrets
 import time
 from collections.abc import Callable, Mapping
@@ -31,15 +32,17 @@ class Autosave:
 
     def __init__(self, session: Session, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
         """Continue the newest session in ``folder`` that no other run has, and save there every few seconds."""
-        self._session, self._clock = session, clock
-        self._pictures_file, self._earlier = folder / PICTURES, folder / "earlier"
+        self._session = session
+        self._clock = clock
+        self._pictures_file = folder / PICTURES
+        self._earlier = folder / "earlier"
         self._written: tuple[object, ...] = ()  # contents of the last save
         self._pictures: tuple[Frame | None, int] | None = None  # images of the last save
         self._when = clock()  # s of the last save
         self._thread = ThreadPoolExecutor(1, "autosave")
         self._writing: Future[None] | None = None
-        found = [path for kind in (_ENDED, _RUNNING, _AGAIN) for path in folder.glob(f"{kind}*{SUFFIX}")]
-        left = sorted((path for path in found if not _runs(path)), key=lambda path: path.stat().st_mtime)
+        paths = [path for kind in (_ENDED, _RUNNING, _AGAIN) for path in folder.glob(f"{kind}*{SUFFIX}")]
+        left = sorted((path for path in paths if not _runs(path)), key=lambda path: path.stat().st_mtime)
         crashed = bool(left) and not left[-1].name.startswith(_ENDED)
         token = secrets.token_hex(8)
         self._own_file = folder / f"{_AGAIN if crashed else _RUNNING}-{token}{SUFFIX}"
@@ -84,7 +87,8 @@ class Autosave:
 
     def _begin(self, project: Project | None) -> None:
         """Begin to write the images, and a project."""
-        self._when, self._pictures = self._clock(), self._session.picture_state
+        self._when = self._clock()
+        self._pictures = self._session.picture_state
         self._writing = self._thread.submit(self._save, project, self._session.pictures)
 
     def _save(self, project: Project | None, pictures: Mapping[str, Pixels]) -> None:
@@ -95,13 +99,15 @@ class Autosave:
 
     def _have_new_pictures(self) -> bool:
         """Return whether the view or a tile has another image than in the file."""
-        before, now = self._pictures, self._session.picture_state
+        before = self._pictures
+        now = self._session.picture_state
         return before is None or before[0] is not now[0] or before[1] != now[1]
 
     def finish(self) -> None:
         """Wait for the current save and report its result."""
         if self._writing:
-            writing, self._writing = self._writing, None
+            writing = self._writing
+            self._writing = None
             if not self._tell(writing.result):
                 self._written = ()
 
@@ -172,7 +178,7 @@ class Autosave:
 
 def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:
     """Return whether all values are the same objects; comparing their contents would take long."""
-    return len(first) == len(second) and all(one is other for one, other in zip(first, second, strict=True))
+    return len(first) == len(second) and all(map(operator.is_, first, second))
 
 
 def _lock(path: Path) -> FileLock:

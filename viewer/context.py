@@ -128,7 +128,8 @@ class PanelContext:
 
     def paste(self) -> None:
         """Fit the images in the clipboard."""
-        jobs, images = self.session.jobs, partial(self.clipboard.images, imgui.get_clipboard_text())
+        jobs = self.session.jobs
+        images = partial(self.clipboard.images, imgui.get_clipboard_text())
         ended = jobs.reporting("Cannot paste")
         jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), ended))
 
@@ -162,7 +163,8 @@ class PanelContext:
 
     def find_photo(self, question: Question) -> None:
         """Ask for the file of a failed fit's photo, and repeat the fit with it."""
-        find, name = partial(self.session.fitting.relocate, question), question.source.path.name
+        find = partial(self.session.fitting.relocate, question)
+        name = question.source.path.name
         self.files.ask(FileRequest(f"Where is {question.source.name}?", find, IMAGE_SUFFIXES, name=name))
 
     def save_original(self, original: Original) -> None:
@@ -211,14 +213,14 @@ class PanelContext:
 
     def drop(self, paths: list[str]) -> None:
         """Open dropped projects, models, scenes and images of scenes; fit all other files as photos."""
-        others = []
+        photos = []
         for path in map(Path, paths):
             if path.suffix.lower() in (*PROJECTS, ".json", *MODELS) or embedded_scene(path):
                 self.load(path)
             else:
-                others.append(path)
-        if others:
-            self.fit(*others)
+                photos.append(path)
+        if photos:
+            self.fit(*photos)
 
     def _remember(self, path: Path) -> None:
         if is_there(path):

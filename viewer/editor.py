@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import chain, takewhile
+from itertools import takewhile
 
 import torch
 from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.camera import Camera
-from core.models.codes import CODE_KINDS, CodeKind, CodeSpace
+from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance, Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoDetail
@@ -20,6 +20,7 @@ from viewer.values.direction import Direction
 from viewer.values.history import History, Mix, Pair, State
 from viewer.values.objects import EditableObject, ObjectLibrary
 from viewer.values.project import Project
+from viewer.values.restoring import can_show, first_mix, is_missing, reopened, restored
 
 
 class Editor:
@@ -31,9 +32,10 @@ class Editor:
 
     def __init__(self, models: OpenModels, first: Model, generator: torch.Generator) -> None:
         """Show the first object of the model ``first``; ``generator`` is the source of random samples."""
-        self.models, self.objects = models, ObjectLibrary(models)
+        self.models = models
+        self.objects = ObjectLibrary(models)
         self._locked: frozenset[tuple[str, CodeKind]] = frozenset()
-        mix = self._first_mix(first)
+        mix = first_mix(self.objects, first)
         scene = Scene(self.objects[mix.a.shape].instance, orbit.home(first))
         self.history = History.of(State(scene, mix, is_a=True))
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
@@ -66,11 +68,6 @@ class Editor:
         """Return whether an object is of the same model as the one on screen, so that they can be mixed."""
         return self.objects[name].instance.fingerprint == self.scene.instance.fingerprint
 
-    def space(self, kind: CodeKind) -> CodeSpace:
-        """Return the distribution of the trained codes of one kind."""
-        book = self.model.codes
-        return book.shape_space if kind == "shape" else book.texture_space
-
     def code(self, kind: CodeKind) -> Tensor:
         """Return the current shape or texture code."""
         return getattr(self.scene.instance.codes, kind)
@@ -94,13 +91,12 @@ class Editor:
         return instance
 
     def _last_unmixed(self, kind: CodeKind) -> Instance | None:
-        now, states = self.state, chain([self.state], reversed(self.history.past))
-        name, model = getattr(now.mix.a, kind), now.scene.instance.fingerprint
+        name = getattr(self.state.mix.a, kind)
 
         def is_of_a(state: State) -> bool:
-            return getattr(state.mix.a, kind) == name and state.scene.instance.fingerprint == model
+            return getattr(state.mix.a, kind) == name and state.scene.instance.fingerprint == self.model.fingerprint
 
-        of_a = takewhile(is_of_a, states)
+        of_a = takewhile(is_of_a, (self.state, *reversed(self.history.past)))
         return next((state.scene.instance for state in of_a if not getattr(state.mix, kind)), None)
 
     @property
@@ -111,7 +107,8 @@ class Editor:
     @property
     def film_partner(self) -> Instance | None:
         """B, with locked codes; None if B cannot be mixed with the object on screen or looks like it."""
-        name, instance = self.state.mix.b, self.scene.instance
+        name = self.state.mix.b
+        instance = self.scene.instance
         if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
             return None
         partner = self._keeping_locked(self.objects[name].instance)
@@ -174,9 +171,11 @@ class Editor:
         if self.is_missing(name):
             return
         self.end_gesture()  # the object itself may be on screen
-        instance, pair, camera = self.objects[name].instance, Pair(name, name), self.scene.camera
-        seen = any(state.mix.a == pair for state in (self.state, *self.history.past))
-        if instance.detail and not (seen and self.is_mixable(name)):
+        instance = self.objects[name].instance
+        pair = Pair(name, name)
+        camera = self.scene.camera
+        was_a = any(state.mix.a == pair for state in (self.state, *self.history.past))
+        if instance.detail and not (was_a and self.is_mixable(name)):
             camera = orbit.photo_camera(instance.detail.views[0].camera, instance.model)
         self._set_codes(instance, self._mix_from(pair), camera=camera, is_a=True)
         self.object_chosen.emit()
@@ -254,10 +253,10 @@ class Editor:
         """
         before = self.objects[name].original
         self.objects.refit(name, better)
-        shown = self.scene.instance == before
-        if shown and better.instance != before:
+        on_screen = self.scene.instance == before
+        if on_screen and better.instance != before:
             self.show_added(name, camera)
-        return shown
+        return on_screen
 
     def rename(self, name: str, to: str) -> str:
         """Rename an added object, also in undo; return its new name, made unique."""
@@ -277,46 +276,17 @@ class Editor:
         Its edits of an object replace those made here, which become a branch of the history. The current state is the
         nearest that can be shown; this one, after the others, if there is none.
         """
-        names = self.objects.match(saved.objects)
-
-        def with_names_here(state: State) -> State:
-            removed = frozenset(names[name] for name in state.removed & names.keys())
-            return replace(self._with_names_here(state, names), removed=removed)
-
-        history = saved.history.everywhere(with_names_here)
-        for one in saved.objects:
-            here = self.objects[names[one.name]]
-            if here.unedited and here.instance != one.instance:
-                history = history.beside(self._as_left(here))
-            if one.unedited:
-                self.objects.leave(here.name, one.instance)
-        shown = next((number for number in history.nearest if self.can_show(history.steps[number].state)), None)
-        if shown is None:
-            now = replace(self.state, removed=history.now.removed)
-            self._go(History.of(now).after(history))
-        else:
-            self._go(history.at(shown))
-
-    def _as_left(self, one: EditableObject) -> State:
-        """Return a state that shows an object as left; it waits for the object's model if that is missing."""
-        model = None if one.instance.is_missing else one.instance.model
-        camera = orbit.home(model) if model else self.scene.camera
-        mix = Mix(Pair(one.name, one.name), self._first_mix(model).b if model else one.name)
-        return State(Scene(one.instance, camera), mix, is_a=True)
+        self._go(restored(saved, self.state, self.objects, self.models))
 
     # Models that are missing
 
     def can_show(self, state: State) -> bool:
         """Return whether a state's model is open and its objects are here, all of that model."""
-        model = state.scene.instance.fingerprint
-        return not state.scene.instance.is_missing and all(
-            name in self.objects and self.objects[name].instance.fingerprint == model and not self.is_missing(name)
-            for name in state.mix.names
-        )
+        return can_show(state, self.objects)
 
     def is_missing(self, name: str) -> bool:
         """Return whether an object cannot be shown because its model is missing."""
-        return any(version.is_missing for version in self.objects[name].versions)
+        return is_missing(name, self.objects)
 
     @property
     def playable(self) -> Timeline:
@@ -329,27 +299,7 @@ class Editor:
         """Add the objects of a newly opened model; objects and states that waited for it can be shown."""
         self.objects.add_model(model)
         self.objects.convert(self.models.adopt)
-        timelines = dict[int, Timeline]()  # by the id of the one before: states share them
-
-        def with_names_here(state: State) -> State:
-            waited = model.shares_codes_with(state.scene.instance.fingerprint)
-            if id(state.timeline) not in timelines:
-                timelines[id(state.timeline)] = state.timeline.converted(self.models.adopt)
-            adopted = replace(state, timeline=timelines[id(state.timeline)])
-            return self._with_names_here(adopted, {}) if waited else adopted
-
-        self.history = self.history.everywhere(with_names_here)
-
-    def _with_names_here(self, state: State, names: dict[str, str]) -> State:
-        """Return a state with the names of its objects here: by ``names``, or those of its model's objects."""
-        instance = self.models.adopt(state.scene.instance)
-        model = instance.fingerprint
-        own = {name: self.objects.name_here(name, model) or name for name in state.mix.names - names.keys()}
-        mix = state.mix.renamed(own | names)
-        is_a, a = state.is_a, mix.a.shape
-        if is_a is None and a in self.objects:  # of a former version
-            is_a = instance == self.objects[a].original
-        return replace(state, scene=replace(state.scene, instance=instance), mix=mix, is_a=is_a)
+        self.history = reopened(self.history, model, self.objects, self.models)
 
     # Undo
 
@@ -368,9 +318,11 @@ class Editor:
 
     def _nearest(self, step: Callable[[History], History]) -> History:
         """Return the history after steps to the next state that can be shown; the same one if there is none."""
-        before, history = self.history, step(self.history)
+        before = self.history
+        history = step(self.history)
         while not self.can_show(history.now) and history.current != before.current:
-            before, history = history, step(history)
+            before = history
+            history = step(history)
         return history if self.can_show(history.now) else self.history
 
     def go_to(self, number: int) -> None:
@@ -400,12 +352,7 @@ class Editor:
         """Return the last mix of a model's objects in undo, else a mix of its first two objects."""
         states = (self.state, *reversed(self.history.past))
         here = (state for state in states if state.scene.instance.fingerprint == model.fingerprint)
-        return next((state.mix for state in here if self.can_show(state)), None) or self._first_mix(model)
-
-    def _first_mix(self, model: Model) -> Mix:
-        forms = self.objects.families[model.fingerprint]
-        first, second = ([*forms, *chain(*forms.values())] * 2)[:2]
-        return Mix(Pair(first, first), second)
+        return next((state.mix for state in here if self.can_show(state)), None) or first_mix(self.objects, model)
 
     def _mix_from(self, pair: Pair) -> Mix:
         """Return the mix of a pair with its model's last B, at amounts of 0."""
@@ -422,7 +369,8 @@ class Editor:
         self, instance: Instance, mix: Mix, gesture: str = "", camera: Camera | None = None, is_a: bool | None = None
     ) -> None:
         """Edit codes and mix; locked codes stay, with their object A and amount of B."""
-        now, instance = self.state, self._keeping_locked(instance)
+        now = self.state
+        instance = self._keeping_locked(instance)
         for kind in self.locked if instance.fingerprint == now.scene.instance.fingerprint else ():
             a = mix.a._replace(**{kind: getattr(now.mix.a, kind)})
             mix = replace(mix, a=a).with_amount(kind, getattr(now.mix, kind))
@@ -437,12 +385,12 @@ class Editor:
 
     def _go(self, history: History) -> None:
         """Take another history; after a drag, the object on screen keeps its edits, even if another one follows."""
-        shown = self.scene
+        before = self.scene
         if self.history.gesture and not history.gesture:
-            self.objects.leave(self.state.version_of, shown.instance)
+            self.objects.leave(self.state.version_of, before.instance)
         self.history = history
         self.objects.unlist(history.now.removed)
         if not history.gesture:
             self.objects.leave(history.now.version_of, history.now.scene.instance)
-        if history.now.scene != shown:
+        if history.now.scene != before:
             self.scene_changed.emit()

@@ -31,9 +31,11 @@ class Screenshot:
         Image.fromarray(hello_imgui.final_app_window_screenshot()[..., :3]).save(path)
 
     def _check(self) -> None:
-        session, now = self._app.session, time.monotonic()
+        session = self._app.session
+        now = time.monotonic()
         if session.jobs.busy("view", "fit"):
-            self._busy, self._still = now, 0
+            self._busy = now
+            self._still = 0
         elif not session.jobs.busy() or now - self._busy > _FOR_THUMBNAILS:
             self._still += 1
         if self._still > _SETTLED or now > self._until:

@@ -205,7 +205,7 @@ class Session:
 
     def duplicate(self, name: str) -> None:
         """Add and show a copy of an added object, with its edits and its fit."""
-        self.fitting.duplicate(name, self.editor.duplicate(name))
+        self.fitting.view.duplicate(name, self.editor.duplicate(name))
 
     def remove(self, name: str) -> None:
         """Remove an added object from all lists, even if it is on screen, and offer to undo that."""

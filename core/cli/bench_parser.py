@@ -19,14 +19,6 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="folder of the charts")
 
 
-def _add_views(kind: argparse.ArgumentParser) -> None:
-    kind.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
-
-
-def _add_turns(kind: argparse.ArgumentParser) -> None:
-    kind.add_argument("--objects", type=count, default=2, metavar="N", help="objects, one turn each")
-
-
 def _add_fits(kind: argparse.ArgumentParser) -> None:
     """Add the objects of a benchmark of fits."""
     kind.add_argument("--dataset", type=Path, nargs="+", metavar="D", help="SRN folders (default: training objects)")
@@ -40,14 +32,6 @@ def _add_robustness(kind: argparse.ArgumentParser) -> None:
     kind.add_argument(
         "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
     )
-
-
-def _add_detail(kind: argparse.ArgumentParser) -> None:
-    kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of held-out objects")
-    kind.add_argument("--renderer", default="own", metavar="NAME", help="renderer of the images")
-    kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
-    kind.add_argument("--input-view", type=whole_from(0, 10_000), default=3, metavar="I", help="index of that view")
-    kind.add_argument("--view-stride", type=count, default=2, metavar="N", help="only every Nth other view")
 
 
 def _add_photos(kind: argparse.ArgumentParser) -> None:
@@ -79,12 +63,9 @@ def _add_write(kind: argparse.ArgumentParser) -> None:
 
 
 _KINDS: dict[str, tuple[str, *tuple[Callable[[argparse.ArgumentParser], object], ...]]] = {
-    "render": ("milliseconds per frame against PSNR, stage by stage", _add_views, add_model),
-    "videos": ("seconds of a video against PSNR, exact and baked", _add_turns, add_model),
     "fit": ("seconds against degrees of fits without a known camera, by preset", _add_fits, add_model),
     "ablations": ("fits without single components of the method", _add_fits, add_model),
     "robustness": ("where fits fail: success rate against stressors", _add_robustness, _add_fits, add_model),
-    "detail": ("effect of photo detail on other views", _add_detail, add_model),
     "candidates": ("train candidates for a better model and judge each by fits of held-out objects", _add_candidates),
     "photos": ("fits of photographs, compared with judgement by eye", _add_photos),
     "gate": ("fail if anything takes twice as long as in gate.csv", _add_write),

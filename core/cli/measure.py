@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from statistics import fmean
 from typing import Any, TypeVar
 
 import torch
@@ -20,63 +21,50 @@ from core.lab.benchmarks import (
     ablations,
     candidates,
     charts,
-    detail_gains,
     drawing,
     fits,
     gate,
     photos,
-    rendering,
     robustness,
-    videos,
 )
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
 from core.lab.datasets.splits import evenly_spaced
 from core.lab.datasets.srn import Dataset, ObjectEntry, ObjectViews, index_objects, read_dataset
-from core.lab.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
 from core.lab.evaluation.protocol import evaluate as scored
-from core.lab.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
+from core.lab.evaluation.report import format_table, write_report
 from core.lab.training.recipes import TrainSettings
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
 from core.runtime.files import is_stream, require_writable
 from core.runtime.threads import thread_count, use_threads
 
-_Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
-    """Run ``evaluate``: the paper's table on a test set, or the disentanglement of shape and texture."""
+    """Run ``evaluate``: the paper's table on a test set."""
     protocol = EvaluationProtocol(
         chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride
     )
-    if chosen.disentanglement and protocol != EvaluationProtocol(seed=chosen.seed):
-        raise ValueError(
-            "--disentanglement renders all of a pair from its true cameras: "
-            "no --input-views, --pose, --preset or --view-stride"
-        )
     model = load_model(chosen.model, chosen.device)
     entries = _index_entries(model, chosen.datasets, chosen.pose_scale)
     if chosen.report:
         require_writable(chosen.report)
     wait_for_view_bank(model)
     conditions = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
-    if chosen.disentanglement:
-        _evaluate_disentanglement(chosen, model, entries, conditions)
-        return
     entries = evenly_spaced(entries, chosen.objects)
     scores = list[ObjectScore]()
-
-    def keep(score: ObjectScore) -> None:
-        scores.append(score)
-        if chosen.report and not is_stream(chosen.report):  # after each object, so that a later failure loses nothing
-            write_report(chosen.report, scores, protocol, conditions)
-
     views = _with_objects((entry.read() for entry in entries), protocol)
-    _gather(scored(model, views, protocol), len(entries), keep)
+    with tqdm(total=len(entries), unit="object", disable=None) as bar:
+        for score in scored(model, views, protocol):
+            scores.append(score)
+            if chosen.report and not is_stream(chosen.report):  # after each, so that a later failure loses nothing
+                write_report(chosen.report, scores, protocol, conditions)
+            bar.set_postfix_str(f"{fmean(score.psnr for score in scores):.2f} dB")
+            bar.update()
     if not scores:
         raise ValueError("all objects of the dataset are blank")
     if chosen.report and is_stream(chosen.report):
@@ -92,23 +80,6 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
             say(f"{views.name} is skipped: view {blank[0]} shows no object")
         else:
             yield views
-
-
-def bench_render(chosen: argparse.Namespace) -> None:
-    """Run ``bench render``: speed and accuracy of the renderer; resumes an earlier run."""
-    model = load_model(chosen.model, chosen.device)
-    conditions = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
-    measure = partial(rendering.measure_rendering, model, chosen.views)
-    _bench(chosen, "render", rendering.RenderTiming, conditions, measure)
-
-
-def bench_videos(chosen: argparse.Namespace) -> None:
-    """Run ``bench videos``: speed and accuracy of videos, exact and baked."""
-    model = load_model(chosen.model, chosen.device)
-    conditions = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
-    conditions |= {"frames": str(videos.FRAMES), "size": str(videos.SIZE), "image": str(videos.IMAGE_SIZE)}
-    conditions |= {"model": model.fingerprint}
-    _bench(chosen, "videos", videos.VideoTiming, conditions, partial(videos.measure_videos, model, chosen.objects))
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
@@ -149,18 +120,6 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
         robustness.measure_robustness, model, views, chosen.stressors, chosen.presets, chosen.part, chosen.seed
     )
     _bench(chosen, "robustness", robustness.RobustnessTrial, conditions, measure)
-
-
-def bench_detail(chosen: argparse.Namespace) -> None:
-    """Run ``bench detail``: effect of photo detail on other views."""
-    model = load_model(chosen.model, chosen.device)
-    wait_for_view_bank(model)
-    entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
-    conditions = {"machine": describe_machine(model.device)}
-    measure = partial(
-        detail_gains.measure_detail, model, entries, chosen.renderer, chosen.input_view, chosen.view_stride
-    )
-    _bench(chosen, "photo_detail", detail_gains.DetailView, conditions, measure)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
@@ -276,33 +235,9 @@ def _reported(rows: Iterator[_Item]) -> Iterator[_Item]:
         yield row
 
 
-def _evaluate_disentanglement(
-    chosen: argparse.Namespace, model: Model, entries: tuple[ObjectEntry, ...], conditions: dict[str, str]
-) -> None:
-    every_pair = pairs(model, entries)
-    kinds = ([pair for pair in every_pair if pair.trained == trained] for trained in (False, True))
-    selected = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
-    scores = _gather(score_pairs(model, selected, chosen.seed), len(selected))
-    if chosen.report:
-        write_disentanglement_report(chosen.report, scores, conditions)
-    print(format_disentanglement(scores), flush=True)
-
-
 def _index_entries(model: Model, datasets: Sequence[Path], scale: float = 1.0) -> tuple[ObjectEntry, ...]:
     """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
     category, entries = index_objects(datasets, scale)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, but the model {model.category}")
     return entries
-
-
-def _gather(scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None) -> list[_Score]:
-    """Return all scores of a stream, under a bar that shows their mean PSNR; call ``keep`` with each."""
-    gathered = []
-    with tqdm(total=total, unit="object", disable=None) as bar:
-        for score in scores:
-            gathered.append(score)
-            keep(score)
-            bar.set_postfix_str(f"{sum(score.psnr for score in gathered) / len(gathered):.2f} dB")
-            bar.update()
-    return gathered

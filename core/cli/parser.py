@@ -248,19 +248,11 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     meshes.add_argument(
         "--variants", type=whole_from(0, 10_000), default=0, metavar="N", help="deformed, recoloured variants of each"
     )
-    pairs = add_command(kinds, "pairs", "train.dataset_pairs", "render pairs for evaluate --disentanglement")
-    pairs.add_argument("folder", type=Path, metavar="DIR")
-    pairs.add_argument(
-        "--variants", type=whole_from(1, 10_000), default=3, metavar="N", help="as for the training dataset"
-    )
-    pairs.add_argument("--meshes", type=count, default=4, metavar="N", help="training meshes, evenly spaced")
-    pairs.add_argument("--views", type=whole_from(1, 10_000), default=24, help="per object")
     meshes.add_argument("--split", choices=SPLITS, default="train", help="split that the objects belong to")
     meshes.add_argument("--views", type=whole_from(1, 10_000), help="per object (default: 50 to train on, else 251)")
-    for command in (meshes, pairs):
-        command.add_argument("--out", type=Path, required=True, metavar="DIR")
-        command.add_argument("--size", type=whole_from(8, 4096), default=128, metavar="PX", help="width and height")
-        command.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
+    meshes.add_argument("--out", type=Path, required=True, metavar="DIR")
+    meshes.add_argument("--size", type=whole_from(8, 4096), default=128, metavar="PX", help="width and height")
+    meshes.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
     pack = add_command(kinds, "pack", "train.dataset_pack", "write datasets into one small file, read like a folder")
     pack.add_argument("folders", type=Path, nargs="+", metavar="DATASET")
     pack.add_argument("--out", type=Path, required=True, metavar="X.views")
@@ -358,14 +350,11 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, score others")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders of objects to test on")
     add_model(command)
-    command.add_argument(
-        "--disentanglement", action="store_true", help="test untrained shape-texture pairs, and leaks of codes, instead"
-    )
     command.add_argument("--input-views", type=view_numbers, default="64", metavar="V,V", help="the fitted views")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="cameras of the input views")
     _add_preset(command)
     command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
     command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
-    command.add_argument("--report", type=Path, metavar="R.json", help="write the scores; of pairs also an image (PNG)")
+    command.add_argument("--report", type=Path, metavar="R.json", help="write the scores")
     add_pose_scale(command)
     add_seed(command)

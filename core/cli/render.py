@@ -75,10 +75,10 @@ def mesh(chosen: argparse.Namespace) -> None:
 
     instance, camera = _load_selection(chosen)
     settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture or 0, chosen.triangles or 0)
-    shares = export_mesh(instance, chosen.out, settings, camera if chosen.scene else None)
+    fractions = export_mesh(instance, chosen.out, settings, camera if chosen.scene else None)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
-        for share in shares:
-            bar.update(share - bar.n)
+        for fraction in fractions:
+            bar.update(fraction - bar.n)
 
 
 def page(chosen: argparse.Namespace) -> None:
@@ -102,8 +102,8 @@ def _load_view(chosen: argparse.Namespace, from_photo: bool = False) -> View:
     instance, camera = _load_selection(chosen)
     if from_photo:
         camera = Scene(instance, camera).photo_camera
-    given = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
-    return View(instance, replace(camera, **{name: value for name, value in given.items() if value is not None}))
+    options = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
+    return View(instance, replace(camera, **{name: value for name, value in options.items() if value is not None}))
 
 
 def _load_selection(chosen: argparse.Namespace) -> View:
@@ -137,6 +137,6 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
                 noun = instance.model.noun
                 say(f"{name}={amount:g}: ends at {limit:.2g}, beyond which this {noun} would fall to pieces")
             instance = moved(instance, words, name, amount)
-    for part, colour in chosen.paint:
-        instance = run_to_end(paint(instance, Paint(colour, part)))
+    for name, colour in chosen.paint:
+        instance = run_to_end(paint(instance, Paint(colour, name)))
     return instance

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 from tqdm import tqdm
@@ -13,16 +14,17 @@ from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress, wait_for_view_bank
 from core.directions.words import direction_words
 from core.lab.datasets.categories import Split
-from core.lab.datasets.glb_objects import mesh_tasks, pair_tasks
+from core.lab.datasets.glb_objects import mesh_tasks
 from core.lab.datasets.packs import SUFFIX
 from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import Dataset, index_objects, pack_datasets, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
+from core.lab.training.held_out import held_out_psnr, hold_out
 from core.lab.training.parts import fit_part_head, labelled_places
 from core.lab.training.processes import Processes, training_processes
 from core.lab.training.recipes import RECIPES
-from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
+from core.lab.training.trainer import Trainer
 from core.lab.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
 from core.models.authors_checkpoint import load_authors
 from core.models.field_config import FieldConfig
@@ -35,17 +37,13 @@ _CHECKPOINT_EVERY = 5000  # steps between two checkpoints, each measured on held
 _VIEWPOINT_FRACTION = 12  # steps of the model per step of the viewpoint classifier
 _VALIDATION_STRIDE = 20  # every 20th object is held out to measure a classifier
 _VALIDATION_ANGLE = math.radians(15)  # largest error of a correct predicted direction
+_Object = TypeVar("_Object")
 _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:
     """Run ``dataset meshes``: render GLB files into SRN folders."""
     _render(chosen, mesh_tasks(chosen.folder, chosen.category, chosen.split, chosen.variants), chosen.split)
-
-
-def dataset_pairs(chosen: argparse.Namespace) -> None:
-    """Run ``dataset pairs``: render trained and untrained pairs for ``evaluate --disentanglement``."""
-    _render(chosen, pair_tasks(chosen.folder, chosen.category, chosen.variants, chosen.meshes), "test")
 
 
 def dataset_pack(chosen: argparse.Namespace) -> None:
@@ -130,7 +128,8 @@ def _train_and_save(chosen: argparse.Namespace, trainer: Trainer, held_out: Data
 def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
     """Run ``train-viewpoint``: train a model's viewpoint classifier, as ``train`` does last."""
     require_writable(chosen.out)
-    model, dataset = load_model(chosen.model), read_dataset(chosen.datasets, scale=chosen.pose_scale)
+    model = load_model(chosen.model)
+    dataset = read_dataset(chosen.datasets, scale=chosen.pose_scale)
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, but the model {model.category}")
     _save_complete(_with_viewpoint(model, dataset, chosen.steps, chosen.seed), chosen.out)
@@ -139,15 +138,17 @@ def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
 def train_part_head(chosen: argparse.Namespace) -> None:
     """Run ``train-parts``: train a part head by that of another model."""
     require_writable(chosen.out)
-    model, teacher = load_model(chosen.model), load_model(chosen.labels)
+    model = load_model(chosen.model)
+    teacher = load_model(chosen.labels)
     places = list(tqdm(labelled_places(model, teacher, chosen.objects), desc="parts", unit="object", disable=None))
     assert teacher.part_head
-    names, tested = teacher.part_head.names, places[::_VALIDATION_STRIDE]
-    trial = fit_part_head(names, [one for index, one in enumerate(places) if index % _VALIDATION_STRIDE] or places)
-    features, part = (torch.cat(values) for values in zip(*tested, strict=True))
-    share = 100 * float((trial(features).argmax(1) == part).float().mean())
+    names = teacher.part_head.names
+    training, validation = _split(places)
+    features, labels = (torch.cat(values) for values in zip(*validation, strict=True))
+    predicted = fit_part_head(names, training)(features).argmax(1)
+    accuracy = 100 * float((predicted == labels).float().mean())
     _save_complete(replace(model, part_head=fit_part_head(names, places)), chosen.out)
-    print(f"{', '.join(names)}: {share:.1f} % of the surface of {len(tested)} held-out objects")
+    print(f"{', '.join(names)}: {accuracy:.1f} % of the surface of {len(validation)} held-out objects")
 
 
 def _save_complete(model: Model, path: Path) -> None:
@@ -165,17 +166,22 @@ def _save_complete(model: Model, path: Path) -> None:
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
     """Return the model with a viewpoint classifier, trained on most objects and measured on the others."""
-    validation = dataset.objects[::_VALIDATION_STRIDE]
-    shown = [views for index, views in enumerate(dataset.objects) if index % _VALIDATION_STRIDE] or validation
-    training = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
+    training, validation = _split(dataset.objects)
     torch.manual_seed(seed)
     classifier = ViewpointClassifier()
-    stream = train_viewpoint(classifier, training, steps, seed)
+    stream = train_viewpoint(classifier, viewpoint_dataset(replace(dataset, objects=training)), steps, seed)
     for _ in tqdm(stream, total=steps, desc="viewpoint", unit="step", disable=None):
         pass
     hits = 100 * accuracy_within(classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE)
     tqdm.write(f"viewpoint: {hits:.0f} % of held-out views within {math.degrees(_VALIDATION_ANGLE):.0f} degrees")
     return replace(model, viewpoint_classifier=classifier)
+
+
+def _split(objects: Sequence[_Object]) -> tuple[tuple[_Object, ...], tuple[_Object, ...]]:
+    """Return the objects to train on, and every 20th to measure on; one alone serves for both."""
+    training = tuple(item for index, item in enumerate(objects) if index % _VALIDATION_STRIDE)
+    validation = tuple(objects[::_VALIDATION_STRIDE])
+    return training or validation, validation
 
 
 def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:

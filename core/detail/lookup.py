@@ -27,7 +27,8 @@ DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
 
 A point nearer than the first lies on that surface, a point beyond the second does not."""
 FACING = 0.25  # cosine of viewing ray and surface normal above which the viewer sees the side that the photo shows
-FLAT, STEEP = math.cos(math.radians(83)), math.cos(math.radians(70))
+FLAT = math.cos(math.radians(83))
+STEEP = math.cos(math.radians(70))
 """Cosines of photo ray and surface normal: the photo gives no colour below the first, its full colour above the second.
 """
 BESIDE = math.cos(math.radians(25)), math.cos(math.radians(8))
@@ -47,11 +48,12 @@ class ColourMatch(NamedTuple):
 
     def change(self, colours: Float[Tensor, "*places 3"]) -> Float[Tensor, "*places 3"]:
         """Return the change of colours (0..1) by the match: matched colours minus colours."""
-        gain, offset = (torch.tensor(part, device=colours.device) for part in self)
+        gain = torch.tensor(self.gain, device=colours.device)
+        offset = torch.tensor(self.offset, device=colours.device)
         return colours * (gain - 1) + offset
 
 
-class Shares(NamedTuple):
+class Sources(NamedTuple):
     """Fractions of colours by their source, 0..1; the rest is the model's."""
 
     photo: Float[Tensor, "*places"]
@@ -104,16 +106,18 @@ class PhotoMaps:
         local = away @ rotation.T
         scale = 2 * self.camera.focal / (-local[:, 2]).clamp_min(1e-6)
         place = torch.stack((local[:, 0] * scale / self.camera.width, -local[:, 1] * scale / self.camera.height), -1)
-        surface, distance = _sampled(self.surface, place), away.norm(dim=-1)
+        surface = _sampled(self.surface, place)
+        distance = away.norm(dim=-1)
         ray = away / distance[:, None].clamp_min(1e-6)
         behind = (distance - surface[:, 3]).abs()
         facing = smooth_step(-(directions * surface[:, :3]).sum(-1), 0.0, FACING)
         steep = smooth_step(-(ray * surface[:, :3]).sum(-1), FLAT, STEEP)
         along = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
-        seen = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * torch.maximum(facing * steep, smooth_step(along, *BESIDE))
+        same_side = torch.maximum(facing * steep, smooth_step(along, *BESIDE))
+        visible = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * same_side
         near = smooth_step(along, *NEAR) * smooth_step(behind, *NEAR_DEPTHS)
         inside = (local[:, 2] < 0) & (place.abs() <= 1).all(-1)
-        return _sampled(map, place), inside * seen, inside * near
+        return _sampled(map, place), inside * visible, inside * near
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,30 +130,30 @@ class DetailMaps:
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
     warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
 
-    def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
+    def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Sources]:
         """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change."""
         index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
-        (rotation, origin), size = camera.world_to_camera(index.device), (camera.width, camera.height)
+        rotation, origin = camera.world_to_camera(index.device)
         pixels = torch.stack((index % camera.width, index // camera.width), -1) + 0.5
-        directions = camera_directions(pixels, camera.focal, size) @ rotation
+        directions = camera_directions(pixels, camera.focal, (camera.width, camera.height)) @ rotation
         points = origin + directions * rendered.depth.flatten().index_select(0, index)[:, None]
         opacity = rendered.opacity.flatten().index_select(0, index)
         left = (1 - opacity)[:, None]
         own = (rendered.colour.flatten(0, 1).index_select(0, index) - left) / opacity[:, None]
-        found, shares = self.at(points, directions, own.clamp(0, 1), camera)
-        colour = rendered.colour.flatten(0, 1).index_add(0, index, opacity[:, None] * found).clamp(max=1)
+        change, sources = self.colour_changes(points, directions, own.clamp(0, 1), camera)
+        colour = rendered.colour.flatten(0, 1).index_add(0, index, opacity[:, None] * change).clamp(max=1)
         colour = torch.maximum(colour, 1 - rendered.opacity.flatten()[:, None])  # keep the background's light
         empty = torch.zeros_like(rendered.opacity)
-        images = (empty.flatten().index_add(0, index, opacity * share).view_as(empty) for share in shares)
-        return replace(rendered, colour=colour.view_as(rendered.colour)), Shares(*images)
+        images = (empty.flatten().index_add(0, index, opacity * source).view_as(empty) for source in sources)
+        return replace(rendered, colour=colour.view_as(rendered.colour)), Sources(*images)
 
-    def at(
+    def colour_changes(
         self,
         points: Float[Tensor, "points 3"],
         directions: Float[Tensor, "points 3"],
         colours: Float[Tensor, "points 3"],
         camera: Camera | None = None,
-    ) -> tuple[Float[Tensor, "points 3"], Shares]:
+    ) -> tuple[Float[Tensor, "points 3"], Sources]:
         """Return the change of colours at surface points, and the sources of the new colours.
 
         Args:
@@ -161,24 +165,23 @@ class DetailMaps:
         fine = [photo.fine[level] for photo, level in zip(self.photos, levels, strict=True)]
         origins = self.warp.origins(points) if self.warp else points
         colour, direct = self._blended(points, origins, directions, fine, own=True)
-        added, mirrored = direct[:, None] * (colour - colours), torch.zeros_like(direct)
+        change = direct[:, None] * (colour - colours)
+        mirrored = torch.zeros_like(direct)
         if self.other_side != "model":
             hidden = (direct < 0.99).nonzero()[:, 0]
             turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
-            twins, sources, along = (rows.index_select(0, hidden) * turn for rows in (points, origins, directions))
-            soft = self.other_side == "soft"
-            if soft:
-                soft_photos = [photo.soft for photo in self.photos]
-                colour, share = self._blended(twins, sources, along, soft_photos, soft=True)
+            place, origin, along = (rows.index_select(0, hidden) * turn for rows in (points, origins, directions))
+            if self.other_side == "soft":
+                colour, weight = self._blended(place, origin, along, [photo.soft for photo in self.photos], soft=True)
             else:
                 fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
-                colour, share = self._blended(twins, sources, along, fine)
+                colour, weight = self._blended(place, origin, along, fine)
                 colour = colour - colours.index_select(0, hidden)
-            share = share * (1 - direct.index_select(0, hidden))
-            added.index_add_(0, hidden, share[:, None] * colour)
-            mirrored.index_add_(0, hidden, share)
-        added += (1 - direct - mirrored)[:, None] * self.match.change(colours)
-        return self.strength * added, Shares(self.strength * direct, self.strength * mirrored)
+            weight = weight * (1 - direct.index_select(0, hidden))
+            change.index_add_(0, hidden, weight[:, None] * colour)
+            mirrored.index_add_(0, hidden, weight)
+        change += (1 - direct - mirrored)[:, None] * self.match.change(colours)
+        return self.strength * change, Sources(self.strength * direct, self.strength * mirrored)
 
     def _blended(
         self,
@@ -196,18 +199,21 @@ class DetailMaps:
             own: a photo also colours every surface that a viewer at its own camera sees.
             soft: maps hold plain weights instead of packed ones.
         """
-        colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
+        colours = list[Float[Tensor, "points 3"]]()
+        weights = list[Float[Tensor, "points"]]()  # 0..1
+        factors = list[Float[Tensor, "points"]]()  # of the average
         for photo, map in zip(self.photos, maps, strict=True):
-            values, seen, near = photo.look_up(points, origins, directions, map)
-            weight, reach = (values[:, 3], values[:, 3]) if soft else unpacked(values[:, 3])
-            share = torch.maximum(seen * weight, reach * near) if own else seen * weight
+            values, visible, near = photo.look_up(points, origins, directions, map)
+            packed_weight = values[:, 3]
+            weight, reach = (packed_weight, packed_weight) if soft else unpacked(packed_weight)
+            weight = torch.maximum(visible * weight, reach * near) if own else visible * weight
             colours.append(values[:, :3])
-            shares.append(share)
-            weights.append(share.square() + NEAR_FIRST * near if own else share.square())
+            weights.append(weight)
+            factors.append(weight.square() + NEAR_FIRST * near if own else weight.square())
         if len(colours) == 1:
-            return colours[0], shares[0]
-        weight = torch.stack(weights)[..., None]
-        return (weight * torch.stack(colours)).sum(0) / weight.sum(0).clamp_min(1e-6), torch.stack(shares).amax(0)
+            return colours[0], weights[0]
+        factor = torch.stack(factors)[..., None]
+        return (factor * torch.stack(colours)).sum(0) / factor.sum(0).clamp_min(1e-6), torch.stack(weights).amax(0)
 
 
 def packed(weight: Float[Tensor, "*any"], reach: Float[Tensor, "*any"]) -> Float[Tensor, "*any"]:
@@ -230,7 +236,7 @@ def _sampled(map: Float[Tensor, "channels h w"], place: Float[Tensor, "points 2"
     return functional.grid_sample(map[None], place[None, None], align_corners=False)[0, :, 0].T
 
 
-def smooth_step(value: Float[Tensor, "*any"], zero: float, one: float) -> Float[Tensor, "*any"]:
-    """Return a smooth transition from 0 at value ``zero`` to 1 at value ``one``, which may be smaller."""
-    share = ((value - zero) / (one - zero)).clamp(0, 1)
-    return share * share * (3 - 2 * share)
+def smooth_step(value: Float[Tensor, "*any"], start: float, end: float) -> Float[Tensor, "*any"]:
+    """Return a smooth transition from 0 at value ``start`` to 1 at value ``end``, which may be smaller."""
+    progress = ((value - start) / (end - start)).clamp(0, 1)
+    return progress * progress * (3 - 2 * progress)

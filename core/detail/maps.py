@@ -28,7 +28,7 @@ from core.models.motion import warp_to_fitted
 from core.models.photo_detail import PhotoView
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_steps
-from core.rendering.outline import shown_share
+from core.rendering.outline import effective_strength
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
@@ -72,8 +72,8 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
 
     Yields None many times on the first call, while photos are compared with their renders; the comparison is cached.
     """
-    share = shown_share(instance)
-    if not share:
+    strength = effective_strength(instance)
+    if not strength:
         return None
     detail = instance.detail
     assert detail is not None
@@ -85,7 +85,7 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
         with torch.inference_mode():
             known = _painted_maps(photos, instance)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
-    return DetailMaps(known[0], share, detail.other_side, known[1], warp_to_fitted(instance))
+    return DetailMaps(known[0], strength, detail.other_side, known[1], warp_to_fitted(instance))
 
 
 def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:

@@ -20,7 +20,7 @@ from core.geometry.camera import Camera, camera_directions
 from core.models.latents import Latents
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
-from core.rendering.outline import shown_share
+from core.rendering.outline import effective_strength
 from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
@@ -29,7 +29,8 @@ MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that su
 _POINTS = 1500  # of the surface; more would change the result by less than 1/255
 _TEXTURES = 500  # trained textures tried as the start
 _FEW = 6  # every so many points are compared with these: three times as fast, and the start is as near
-_STEPS, _RATE = 80, 0.06  # of Adam, in standard deviations of the trained textures
+_STEPS = 80  # of Adam
+_RATE = 0.06  # of Adam, in standard deviations of the trained textures
 _PRIOR = 2e-5  # weight of the squared coordinates against squared colour errors
 _DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
 _COARSE = 128  # px along an image's shorter side at which a coarse paint asks for parts: 40 ms instead of a second
@@ -48,24 +49,25 @@ class Paint:
             raise ValueError(f"a paint has three channels from 0 to 1, got {self.colour}")
 
 
-def paint(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
+def paint(instance: Instance, request: Paint) -> Generator[None, None, Instance]:
     """Return the object repainted so that images with photo detail show the colour; unchanged if they already do.
 
     Yields None many times. Raises ``ValueError`` for a part that the model does not know.
     """
-    surface = yield from _surface(instance, wanted.part)
-    colour, now = torch.tensor(wanted.colour), surface.now
-    for _ in range(20):  # find the render's colour for which images show the wanted one: a contraction
-        target = torch.tensor(wanted.colour) - surface.offset(colour)
-        colour = target.clamp(0, 1)
+    surface = yield from _surface(instance, request.part)
+    now = surface.now
+    goal = torch.tensor(request.colour)
+    colour = goal
+    for _ in range(20):  # find the render's colour for which images show the goal: a contraction
+        colour = (goal - surface.offset(colour)).clamp(0, 1)
     if float((colour - now).abs().max()) < 0.5 / 255:
         return instance
     light = (lightness(surface.colours.T) / lightness(now).clamp_min(0.05)).clamp(_DARKEST, _LIGHTEST)
     even = ((colour - now).norm() / _ANOTHER).clamp_max(1)
     painted = torch.lerp(surface.colours + (colour - now), colour * light[:, None].sqrt(), even)
-    goal = torch.lerp(surface.colours, painted.clamp(0, 1), surface.share[:, None])
-    start = yield from _nearest_texture(instance, surface, goal)
-    return (yield from _refined(surface, goal, start))
+    goals = torch.lerp(surface.colours, painted.clamp(0, 1), surface.membership[:, None])
+    start = yield from _nearest_texture(instance, surface, goals)
+    return (yield from _refined(surface, goals, start))
 
 
 def paint_colour(instance: Instance, part: str = "") -> Generator[None, None, Rgb]:
@@ -105,16 +107,18 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     """Return the paint of a part in a frame of the object, seen from ``camera``; no pixel has any without a surface."""
     step = max(1, min(frame.resolution) // _COARSE)
     opaque = torch.from_numpy(frame.opacity[::step, ::step] > 0.5)
-    amount, image = torch.zeros(opaque.shape), torch.from_numpy(frame.image).movedim(-1, 0) / 255
+    amount = torch.zeros(opaque.shape)
+    image = torch.from_numpy(frame.image).movedim(-1, 0) / 255
     paint = torch.ones(3)
     if bool(opaque.any()):
         points = frame_points(frame, camera, opaque, step).to(instance.model.device)
         colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
-        share = _part_share(instance, points, colours, part)
-        amount[opaque], paint = share.cpu(), _mean(colours, share).cpu()
+        membership = _membership(instance, points, colours, part)
+        amount[opaque] = membership.cpu()
+        paint = _mean(colours, membership).cpu()
     around = functional.max_pool2d(amount[None], 3, 1, 1)[0]
-    amount, size = torch.where(opaque, amount, around), frame.opacity.shape  # edges are as their neighbours
-    amount = functional.interpolate(amount[None, None], size, mode="bilinear", align_corners=False)[0, 0]
+    amount = torch.where(opaque, amount, around)[None, None]  # edges are as their neighbours
+    amount = functional.interpolate(amount, frame.opacity.shape, mode="bilinear", align_corners=False)[0, 0]
     fraction = lit_paint(image, paint[:, None, None], amount * torch.from_numpy(frame.opacity))
     red, green, blue = paint.tolist()
     return CoarsePaint(frame.image.astype(np.float32), fraction.numpy(), (red, green, blue))
@@ -140,7 +144,7 @@ class _Surface:
     features: Float[Tensor, "points width"]
     direction_bias: Float[Tensor, "points width"]
     colours: Float[Tensor, "points 3"]  # in the current texture
-    share: Float[Tensor, "points"]  # 0..1, membership of the part
+    membership: Float[Tensor, "points"]  # of the part, 0..1
     fitted: Float[Tensor, "3"]  # mean colour of the part in the texture fitted to the photos
     matched: Float[Tensor, "3"]  # difference of the photos' colour from it
 
@@ -151,14 +155,13 @@ class _Surface:
 
     def every(self, step: int) -> "_Surface":
         """Return every so many points."""
-        features, direction_bias = self.features[::step], self.direction_bias[::step]
-        colours, share = self.colours[::step], self.share[::step]
-        return replace(self, features=features, direction_bias=direction_bias, colours=colours, share=share)
+        names = ("features", "direction_bias", "colours", "membership")
+        return replace(self, **{name: getattr(self, name)[::step] for name in names})
 
     @property
     def now(self) -> Float[Tensor, "3"]:
         """Mean colour of the part in the current texture."""
-        return _mean(self.colours, self.share)
+        return _mean(self.colours, self.membership)
 
     def offset(self, colour: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
         """Return how much images differ from a render with this colour (:func:`core.detail.repaint.repainted`)."""
@@ -178,14 +181,14 @@ def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
         towards = model.field.direction_bias(-functional.normalize(points, dim=-1))
         surface = _Surface(instance, features, towards, points, points[:, 0], torch.zeros(3), torch.zeros(3))
         colours = surface.coloured(instance.codes).clamp(0, 1)
-        share = _part_share(instance, points, colours, part)
-        surface = replace(surface, colours=colours, share=share, fitted=_mean(colours, share))
-    if not shown_share(instance):
+        membership = _membership(instance, points, colours, part)
+        surface = replace(surface, colours=colours, membership=membership, fitted=_mean(colours, membership))
+    if not effective_strength(instance):
         return surface
     assert instance.detail is not None
     photos = yield from compared_photos(instance)
     with torch.no_grad():
-        fitted = _mean(surface.coloured(instance.detail.fitted).clamp(0, 1), share)
+        fitted = _mean(surface.coloured(instance.detail.fitted).clamp(0, 1), membership)
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
     return replace(surface, fitted=fitted, matched=matched)
 
@@ -199,7 +202,7 @@ def _mean(colours: Float[Tensor, "points 3"], weight: Float[Tensor, "points"]) -
     return (weight[lit, None] * colours[lit]).sum(0) / weight[lit].sum().clamp_min(1e-6)
 
 
-def _part_share(
+def _membership(
     instance: Instance, points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"], part: str
 ) -> Float[Tensor, "points"]:
     """Return each point's membership of a part, 0..1; for a material, by similarity to its colour."""
@@ -210,42 +213,45 @@ def _part_share(
         return torch.ones_like(points[:, 0])
     folded = FoldedField.of(instance)
     features = folded.density(pad_rows(points))[1][: len(points)]
-    shares = dict(zip(head.names, head(features).T, strict=True))
-    materials, known = _materials(head.names), paint_parts(instance.model)
-    part = part or known[0]
-    if part in shares:
-        return shares[part]
+    memberships = dict(zip(head.names, head(features).T, strict=True))
+    materials = _materials(head.names)
+    names = paint_parts(instance.model)
+    part = part or names[0]
+    if part in memberships:
+        return memberships[part]
     if part not in materials:
-        raise ValueError(f"a {instance.model.noun or 'object'} has {', '.join(known)}, but no {part}")
-    own, other = (
-        _mean(colours, shares[seed]) for seed in (materials[part], *(materials[m] for m in materials if m != part))
-    )
-    nearer = (colours - other).norm(dim=-1) - (colours - own).norm(dim=-1)
-    if float((own - other).norm()) < _ANOTHER / 2:  # materials of one colour are separated by parts
-        return 1 - shares["legs"] if part == "fabric" else shares["legs"]
-    return (0.5 + 2 * nearer / (own - other).norm()).clamp(0, 1)
+        raise ValueError(f"a {instance.model.noun or 'object'} has {', '.join(names)}, but no {part}")
+    (opposite,) = materials.keys() - {part}
+    own_colour = _mean(colours, memberships[materials[part]])
+    opposite_colour = _mean(colours, memberships[materials[opposite]])
+    contrast = (own_colour - opposite_colour).norm()
+    if float(contrast) < _ANOTHER / 2:  # materials of one colour are separated by parts
+        return 1 - memberships["legs"] if part == "fabric" else memberships["legs"]
+    nearer = (colours - opposite_colour).norm(dim=-1) - (colours - own_colour).norm(dim=-1)
+    return (0.5 + 2 * nearer / contrast).clamp(0, 1)
 
 
 def _nearest_texture(
-    instance: Instance, surface: _Surface, goal: Float[Tensor, "points 3"]
+    instance: Instance, surface: _Surface, goals: Float[Tensor, "points 3"]
 ) -> Generator[None, None, Instance]:
-    """Return the object with its own texture, or with the trained one nearest to the goal."""
+    """Return the object with its own texture, or with the trained one nearest to the goals."""
     model = instance.model
     valid = model.codes.valid
-    some = valid[:: max(1, len(valid) // _TEXTURES)]
+    tried = valid[:: max(1, len(valid) // _TEXTURES)]
     best = instance
     least = torch.inf
-    few, goal = surface.every(_FEW), goal[::_FEW]
-    for candidate in (instance, *(instance.with_texture(model[index]) for index in some)):
+    sparse = surface.every(_FEW)
+    for candidate in (instance, *(instance.with_texture(model[index]) for index in tried)):
         with torch.no_grad():
-            error = float((few.coloured(candidate.codes) - goal).square().mean())
+            error = float((sparse.coloured(candidate.codes) - goals[::_FEW]).square().mean())
         if error < least:
-            best, least = candidate, error
+            best = candidate
+            least = error
         yield None
     return best
 
 
-def _refined(surface: _Surface, goal: Float[Tensor, "points 3"], start: Instance) -> Generator[None, None, Instance]:
+def _refined(surface: _Surface, goals: Float[Tensor, "points 3"], start: Instance) -> Generator[None, None, Instance]:
     """Return the best object of a gradient descent over the texture code from ``start``; offsets stay."""
     space = start.model.codes.texture_space
     coordinates = space.coordinates(start.codes.texture).clone().requires_grad_()
@@ -256,7 +262,7 @@ def _refined(surface: _Surface, goal: Float[Tensor, "points 3"], start: Instance
         with torch.enable_grad():
             texture = space.code(coordinates)
             colours = surface.coloured(start.changed(texture=texture).codes)
-            loss = (colours - goal).square().mean() + _PRIOR * coordinates.square().sum()
+            loss = (colours - goals).square().mean() + _PRIOR * coordinates.square().sum()
             optimiser.zero_grad()
             loss.backward()
         if float(loss.detach()) < least:

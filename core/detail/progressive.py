@@ -88,20 +88,21 @@ def render_progressively(job: RenderJob) -> Iterator[Frame | None]:
     maps = yield from detail_maps(job.instance)
     stages = _stages(job)
     # A new texture begins with the finest stage whose shape is cached.
-    cached = [at for at, stage in enumerate(stages) if is_cached(job.instance, *stage)]
-    for at in range(max(cached, default=0), len(stages)):
-        camera, samples, complete = stages[at]
+    cached = [number for number, stage in enumerate(stages) if is_cached(job.instance, *stage)]
+    for number in range(max(cached, default=0), len(stages)):
+        camera, samples, complete = stages[number]
         rendered = yield from render_steps(job.instance, camera, samples, complete)
         sources = None
         if maps:
-            rendered, shares = maps.added(rendered, camera)
-            sources = torch.stack(shares, -1).cpu().numpy()
+            rendered, fractions = maps.added(rendered, camera)
+            sources = torch.stack(fractions, -1).cpu().numpy()
         image = to_bytes(rendered.colour)
-        depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
+        depth = rendered.depth.cpu().numpy()
+        opacity = rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
         shadow = shape_occupancy(job.instance, complete).shadow if job.shadow else None
-        yield Frame(image, depth, opacity, at, len(stages), samples, seconds, evaluations, sources, shadow)
+        yield Frame(image, depth, opacity, number, len(stages), samples, seconds, evaluations, sources, shadow)
 
 
 def render_frame(instance: Instance, camera: Camera) -> Frame:
@@ -128,11 +129,11 @@ class _Stage(NamedTuple):
 
 def _stages(job: RenderJob) -> list[_Stage]:
     """Return the stages from coarse to fine; only the last one needs the complete occupancy of a new shape."""
-    settings, (width, height) = job.settings, (job.camera.width, job.camera.height)
-    stages = []
-    for at, divisor in enumerate(settings.divisors):
-        last = at == len(settings.divisors) - 1
+    settings = job.settings
+    stages = list[_Stage]()
+    for number, divisor in enumerate(settings.divisors, 1):
+        last = number == len(settings.divisors)
         samples = settings.samples if last else settings.preview_samples
-        camera = job.camera.resized(max(1, width // divisor), max(1, height // divisor))
+        camera = job.camera.resized(max(1, job.camera.width // divisor), max(1, job.camera.height // divisor))
         stages.append(_Stage(camera, samples, last))
     return stages

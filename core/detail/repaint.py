@@ -53,7 +53,8 @@ def lit_paint(
 
 def light_share(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
     """Return the amount of a paint in a photo, 0..1.6: below 1 in shade, above 1 in bright light."""
-    vivid, even = chroma(paint), lightness(paint).clamp_min(_BLACK)
+    vivid = chroma(paint)
+    even = lightness(paint).clamp_min(_BLACK)
     held = (chroma(photo) * vivid).sum(0) + _GREY * lightness(photo) * even
     return (held / (vivid.square().sum(0) + _GREY * even**2)).clamp(0, _LIGHTER)
 
@@ -93,13 +94,15 @@ def colour_match(
     colours: Float[Tensor, "3 places"], photo: Float[Tensor, "3 places"], weight: Float[Tensor, "places"]
 ) -> ColourMatch:
     """Fit gain and offset of each channel by robust least squares; identity without weight."""
-    rows, seen = torch.stack((colours, torch.ones_like(colours)), 1).double(), photo.double()
-    ridge, same = _RIDGE * float(weight.sum()) + 1e-6, torch.tensor([1.0, 0.0], dtype=torch.float64)
-    found = same.expand(3, 2)
+    rows = torch.stack((colours, torch.ones_like(colours)), 1).double()
+    target = photo.double()
+    ridge = _RIDGE * float(weight.sum()) + 1e-6
+    identity = torch.tensor([1.0, 0.0], dtype=torch.float64)
+    match = identity.expand(3, 2)  # gain and offset
     for _ in range(3):
-        residuals = seen - (found[..., None] * rows).sum(1)
+        residuals = target - (match[..., None] * rows).sum(1)
         weighted = rows * (weight / (1 + (residuals / _ROBUST) ** 2))[:, None]
         normal = weighted @ rows.mT + ridge * torch.eye(2, dtype=torch.float64)
-        found = torch.linalg.solve(normal, (weighted @ seen[..., None])[..., 0] + ridge * same)
-    (red, green, blue), offset = found.T.tolist()
+        match = torch.linalg.solve(normal, (weighted @ target[..., None])[..., 0] + ridge * identity)
+    (red, green, blue), offset = match.T.tolist()
     return ColourMatch((red, green, blue), (offset[0], offset[1], offset[2]))

@@ -50,10 +50,10 @@ _TEXTURE: dict[str, tuple[str, str, float]] = {
 }
 _TABLES: dict[CodeKind, dict[str, tuple[str, str, float]]] = {"shape": _SHAPE, "texture": _TEXTURE}
 OPPOSITES = {
-    one: other
+    word: opposite
     for table in _TABLES.values()
     for more, less, _ in table.values()
-    for one, other in ((more, less), (less, more))
+    for word, opposite in ((more, less), (less, more))
 }  # the opposite of every word
 
 
@@ -74,13 +74,13 @@ def direction_words(model: Model) -> Iterator[Words | None]:
         return
     words = Words()
     for kind, table in _TABLES.items():
-        found = list[dict[str, float]]()
+        changes = list[dict[str, float]]()
         steps = getattr(model.codes, f"{kind}_space").basis[:_COUNT]
         for step in steps:
             less, more = (_measured(model.mean.moved(kind, side * _REACH * step)) for side in (-1, 1))
-            found.append({name: more[name] - less[name] for name in more} if less and more else {})
+            changes.append({name: more[name] - less[name] for name in more} if less and more else {})
             yield None
-        words[kind] = name_changes(found, table)
+        words[kind] = name_changes(changes, table)
     yield words
 
 
@@ -142,7 +142,8 @@ def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str,
         for name, (_, _, unit) in table.items()
         if name in change
     ]
-    words, taken = [""] * len(changes), set[str]()
+    words = [""] * len(changes)
+    taken = set[str]()
     for size, number, name in sorted(clear, reverse=True):
         if size >= _LEAST and not words[number] and name not in taken:
             more, less, _ = table[name]
@@ -153,11 +154,11 @@ def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str,
 
 def _measured(instance: Instance) -> dict[str, float]:
     """Return all measures of an object; empty if it has nearly no surface."""
-    points, colours = (part.cpu() for part in surface_points(instance))
-    return {**_of_shape(points), **_of_colours(points, colours)} if len(points) >= _LEAST_POINTS else {}
+    points, colours = (values.cpu() for values in surface_points(instance))
+    return _measured_shape(points) | _measured_colours(points, colours) if len(points) >= _LEAST_POINTS else {}
 
 
-def _of_shape(points: Float[Tensor, "points 3"]) -> dict[str, float]:
+def _measured_shape(points: Float[Tensor, "points 3"]) -> dict[str, float]:
     """Measure a shape; sizes by standard deviations, which are finer than extents for points on a grid."""
     low, high = _ends(points)
     place = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
@@ -185,14 +186,15 @@ def _ends(points: Float[Tensor, "points 3"]) -> tuple[Tensor, Tensor]:
 
 def _empty_corners(place: Float[Tensor, "points 2"]) -> float:
     """Return the empty fraction of a silhouette's corners, 0..1."""
-    cells, corner = 20, round(20 * _CORNER)
+    cells = 20
+    corner = round(cells * _CORNER)
     filled = torch.zeros(cells, cells, dtype=torch.bool)
     filled[tuple((place * cells).long().clamp(0, cells - 1).T)] = True
     ends = (slice(0, corner), slice(cells - corner, cells))
     return 1 - sum(float(filled[across, down].float().mean()) for across in ends for down in ends) / 4
 
 
-def _of_colours(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> dict[str, float]:
+def _measured_colours(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> dict[str, float]:
     lab = _lab(colours)
     mean = lab.mean(0)
     height = points[:, 2]

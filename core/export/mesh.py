@@ -147,7 +147,7 @@ def _with_detail(
     with torch.inference_mode():
         device = detail.photos[0].surface.device
         points, outward, own = (torch.from_numpy(array).float().to(device) for array in (places, normals, colours))
-        return (own + detail.at(points, -outward, own)[0]).clamp(0, 1).cpu().numpy()
+        return (own + detail.colour_changes(points, -outward, own)[0]).clamp(0, 1).cpu().numpy()
 
 
 def extract_mesh(instance: Instance, resolution: int | None = None, triangles: int = 0) -> Generator[float, None, Mesh]:

@@ -114,7 +114,7 @@ def page(baked: BakedField, camera: Camera, poster: UInt8[np.ndarray, "height wi
 
 def _poster(instance: Instance, camera: Camera, baked: BakedField) -> UInt8[np.ndarray, "height width 4"]:
     """Render the page's first image, transparent; by the network if the machine has no OpenGL."""
-    drawn = draw_still(baked, camera, shadow=True)
+    drawn = draw_still(baked, camera)
     return over(render_frame(instance, camera), None) if drawn is None else drawn
 
 

@@ -132,11 +132,11 @@ def baked_frames(
                 yield renderer.draw(field if shadow else replace(field, shadow=None), camera)
 
 
-def draw_still(baked: BakedField, camera: Camera, shadow: bool) -> Image | None:
-    """Rasterise one transparent image of a baked object; None if the machine has no OpenGL."""
+def draw_still(baked: BakedField, camera: Camera) -> Image | None:
+    """Rasterise one transparent image of a baked object with its shadow; None if the machine has no OpenGL."""
     try:
         with OffscreenRenderer((camera.width, camera.height), supersampling(camera), None) as renderer:
-            return renderer.draw(baked if shadow else replace(baked, shadow=None), camera)
+            return renderer.draw(baked, camera)
     except RuntimeError:
         return None
 

@@ -21,5 +21,5 @@ def edges(background: Background) -> Gradient:
 def background_rows(background: Background, height: int) -> Float[np.ndarray, "height 1 3"]:
     """Return the colour (0..255) of each row of an image."""
     top, bottom = (np.array(colour, float) for colour in edges(background))
-    share = (((np.arange(height) + 0.5) / height - _BEGINS) / (1 - _BEGINS)).clip(0, 1)[:, None, None]
-    return top + share**2 * (3 - 2 * share) * (bottom - top)
+    progress = (((np.arange(height) + 0.5) / height - _BEGINS) / (1 - _BEGINS)).clip(0, 1)[:, None, None]
+    return top + progress**2 * (3 - 2 * progress) * (bottom - top)

@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from core.detail.lookup import DetailMaps
 from core.geometry.camera import Camera
-from core.geometry.rays import camera_rays, ray_points
+from core.geometry.rays import Rays, camera_rays, ray_points
 from core.models.density import logits_to_density
 from core.models.field_config import FieldConfig
 from core.rendering.compositing import composite_on_white, compositing_weights
@@ -65,7 +65,8 @@ def logit_texels(logits: Float[Tensor, "*corners"]) -> UInt8[Tensor, "*corners"]
 
 def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
     """Return the distance from each cell to the nearest occupied cell: cells in the maximum norm, at most 8."""
-    distance, reached = torch.zeros_like(cells, dtype=torch.uint8), cells.clone()
+    distance = torch.zeros_like(cells, dtype=torch.uint8)
+    reached = cells.clone()
     for _ in range(_MAX_DISTANCE):
         distance += ~reached
         for axis in range(3):
@@ -81,29 +82,31 @@ def render_baked(baked: BakedField, camera: Camera) -> Rendered:
     """Render a baked field like :mod:`core.gl.baked_shader`, but on the processor, on white, without shadow."""
     extent = torch.tensor(baked.extent)
     rays = camera_rays(camera, extent, baked.pixel_offset)
+    lines = max(1, _CHUNK_RAYS // camera.width)
+    bands = [rays[first : first + lines] for first in range(0, camera.height, lines)]
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255
-    occupied = torch.from_numpy(baked.distance == 0)
-    rows = max(1, _CHUNK_RAYS // camera.width)
-    parts = []
-    for row in range(0, camera.height, rows):
-        some = rays[row : row + rows]
-        count = max(1, math.ceil(float((some.far - some.near).max()) / baked.step))
-        depths = some.near[..., None] + (torch.arange(count) + 0.5) * baked.step
-        place = ray_points(some, depths) / extent
-        cell = ((place + 1) * (CELLS / 2)).long().clamp(0, CELLS - 1)
-        there = (depths < some.far[..., None]) & occupied[cell.unbind(-1)]
-        found = torch.zeros(*depths.shape, 4)
-        corner = (place[there] + 1) * (baked.cells / 2) - torch.tensor(baked.first)
-        within = 2 * corner / (torch.tensor(baked.texels.shape[:3]) - 1) - 1
-        found[there] = functional.grid_sample(
-            texels, within.flip(-1)[None, None, None], padding_mode="border", align_corners=True
-        )[0, :, 0, 0].T
-        logit = LOGITS[0] + (LOGITS[1] - LOGITS[0]) * found[..., 3]
-        density = there * logits_to_density(logit, baked.config)
-        edges = functional.pad(depths + baked.step / 2, (1, 0))
-        edges[..., 0] = some.near
-        weights, left = compositing_weights(density, edges)
-        depth = (weights * depths).sum(-1) / (1 - left).clamp_min(1e-6)
-        parts.append((composite_on_white(weights, left, found[..., :3]), depth * (left < 1), 1 - left))
-    rendered = Rendered(*(torch.cat(part) for part in zip(*parts, strict=True)))
+    rendered = Rendered.joined(_march(band, baked, texels) for band in bands)
     return baked.detail.added(rendered, camera)[0] if baked.detail else rendered
+
+
+def _march(rays: Rays, baked: BakedField, texels: Float[Tensor, "1 4 x y z"]) -> Rendered:
+    """Render rays through the occupied cells of a baked field; ``texels`` are its texels, 0..1."""
+    extent = torch.tensor(baked.extent)
+    count = max(1, math.ceil(float((rays.far - rays.near).max()) / baked.step))
+    depths = rays.near[..., None] + (torch.arange(count) + 0.5) * baked.step
+    place = ray_points(rays, depths) / extent
+    cell = ((place + 1) * (CELLS / 2)).long().clamp(0, CELLS - 1)
+    occupied = (depths < rays.far[..., None]) & torch.from_numpy(baked.distance == 0)[cell.unbind(-1)]
+    corner = (place[occupied] + 1) * (baked.cells / 2) - torch.tensor(baked.first)
+    within = 2 * corner / (torch.tensor(baked.texels.shape[:3]) - 1) - 1
+    samples = torch.zeros(*depths.shape, 4)
+    samples[occupied] = functional.grid_sample(
+        texels, within.flip(-1)[None, None, None], padding_mode="border", align_corners=True
+    )[0, :, 0, 0].T
+    logit = LOGITS[0] + (LOGITS[1] - LOGITS[0]) * samples[..., 3]
+    density = occupied * logits_to_density(logit, baked.config)
+    edges = functional.pad(depths + baked.step / 2, (1, 0))
+    edges[..., 0] = rays.near
+    weights, left = compositing_weights(density, edges)
+    depth = (weights * depths).sum(-1) / (1 - left).clamp_min(1e-6)
+    return Rendered(composite_on_white(weights, left, samples[..., :3]), depth * (left < 1), 1 - left)

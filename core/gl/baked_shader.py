@@ -16,6 +16,7 @@ from torch.nn import functional
 from core.detail.lookup import MIN_OPACITY
 from core.geometry.camera import Camera, project
 from core.gl.baked_field import LOGITS, MIN_LIGHT, BakedField
+from core.gl.camera_uniforms import camera_uniforms
 from core.gl.detail_shader import GLSL, DetailTextures, uniforms
 from core.rendering.occupancy import CELLS, splat
 
@@ -46,8 +47,8 @@ void main() {
     vec2 pixel = (gl_FragCoord.xy - middle) / focal;
     vec3 along = normalize(right * pixel.x - up * pixel.y - backward);
     along = mix(along, vec3(1e-9), lessThan(abs(along), vec3(1e-9)));
-    vec3 one = (-extent - origin) / along, other = (extent - origin) / along;
-    vec3 low = min(one, other), high = max(one, other);
+    vec3 lower = (-extent - origin) / along, upper = (extent - origin) / along;
+    vec3 low = min(lower, upper), high = max(lower, upper);
     float near = max(0.0, max(low.x, max(low.y, low.z)));
     float far = min(reach.y, min(high.x, min(high.y, high.z)));
     // In the box's coordinates, 0 to 1, the sample i lies at base + i * delta; in cells of the distance, and in the
@@ -58,7 +59,7 @@ void main() {
     vec3 texel_base = (base * cells - first + 0.5) / sides, texel_delta = delta * cells / sides;
     int last_block = int(blocks) - 1;
     float i = max(0.0, floor((reach.x - near) / spacing)), count = ceil((far - near) / spacing - 0.5);
-    vec3 seen = vec3(0.0);
+    vec3 rgb = vec3(0.0);
     float light = 1.0, middle_of_light = 0.0;
     while (i < count && light > min_light) {
         ivec3 block = min(ivec3(block_base + i * block_delta), last_block);
@@ -71,21 +72,21 @@ void main() {
         float softplus = log2(1.0 + exp2(logits.x + logits.y * texel.a));
         softplus *= min(softplus * contrast.x, contrast.y);
         float left = i < count ? light * exp2(-thickness * softplus) : light;
-        seen += (light - left) * texel.rgb;
+        rgb += (light - left) * texel.rgb;
         middle_of_light += (light - left) * (i + 0.5);
         light = left;
         i += 1.0;
     }
     // The little light that a ray ends with counts as taken.
     float taken = max(1.0 - light, 1e-6), opacity = light > min_light ? 1.0 - light : 1.0;
-    seen *= opacity / taken;
+    rgb *= opacity / taken;
     ADDED
-    colour = vec4(clamp(seen, 0.0, opacity), opacity);
+    colour = vec4(clamp(rgb, 0.0, opacity), opacity);
 }
 """
 _DETAIL = f"""
     if (opacity > {MIN_OPACITY})
-        seen += opacity * detail(origin + along * (near + spacing * middle_of_light / taken), along, seen / opacity);
+        rgb += opacity * detail(origin + along * (near + spacing * middle_of_light / taken), along, rgb / opacity);
 """
 
 _NO_CONTRAST = 1e9, 1.0  # makes the factor reach the gain of 1 for any density
@@ -148,13 +149,8 @@ class BakedShader:
         if not len(tiles):
             return
         program = self._program(baked.detail is not None)
-        rotation, origin = camera.pose().numpy()[:3, :3], camera.pose().numpy()[:3, 3]
-        # The columns of a pose are right, down and forward.
-        for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
-            program[name] = tuple(sign * rotation[:, column])
-        program["origin"], program["tiles"] = tuple(origin), grid
-        program["middle"], program["focal"] = middle, camera.focal
-        for name, value in field_uniforms(baked).items():
+        image = {"tiles": grid, "middle": middle, "focal": camera.focal}
+        for name, value in (camera_uniforms(camera) | image | field_uniforms(baked)).items():
             program[name] = value
         self._texels.use(0)
         self._distance.use(1)
@@ -175,15 +171,16 @@ class BakedShader:
     def release(self) -> None:
         """Release the GL objects."""
         self._detail.release()
-        for part in (self._texels, self._distance, *self._programs.values()):
-            if part is not None:
-                part.release()
+        for resource in (self._texels, self._distance, *self._programs.values()):
+            if resource is not None:
+                resource.release()
 
 
 def field_uniforms(baked: BakedField) -> dict[str, Any]:
     """Return the fragment shader's uniforms that do not depend on the camera."""
     least, most = LOGITS
-    config, contrast = baked.config, _NO_CONTRAST
+    config = baked.config
+    contrast = _NO_CONTRAST
     if config.contrast:
         contrast = math.log(2) * config.density_scale / config.contrast, config.contrast_gain
     return {
@@ -196,7 +193,7 @@ def field_uniforms(baked: BakedField) -> dict[str, Any]:
         "contrast": contrast,
         "blocks": CELLS,
         "min_light": MIN_LIGHT,
-        "logits": tuple(part / math.log(2) for part in (least, most - least)),
+        "logits": (least / math.log(2), (most - least) / math.log(2)),
     }
 
 

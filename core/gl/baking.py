@@ -59,11 +59,10 @@ class Box(NamedTuple):
 
 def box_of(occupied: Bool[Tensor, "x y z"], cells: int) -> Box:
     """Return the box of occupied cells (of the 64 per axis) in a grid of ``cells``; the whole grid if none is."""
-    found = occupied.nonzero().cpu()
-    low, high = (found.amin(0), found.amax(0) + 1) if len(found) else (torch.zeros(3), torch.full((3,), CELLS))
+    places = occupied.nonzero().cpu()
+    low, high = (places.amin(0), places.amax(0) + 1) if len(places) else (torch.zeros(3), torch.full((3,), CELLS))
     scale = cells // CELLS
-    first, end = ((scale * low).int().tolist(), (scale * high + 1).int().tolist())
-    return Box((first[0], first[1], first[2]), (end[0], end[1], end[2]))
+    return Box(tuple((scale * low).int().tolist()), tuple((scale * high + 1).int().tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,17 +70,16 @@ class BakedShape:
     """The baked values of an object that depend on neither texture nor camera."""
 
     field: BakedField  # without colours
-    corners: Int[Tensor, "seen 3"]  # at the surface, so potentially visible; relative to the box's first corner
-    points: Float[Tensor, "seen 3"]  # where colours are evaluated: the corner moved to the surface if that is near
-    features: Float[Tensor, "seen width"]  # input of the colour (density), at the points
+    corners: Int[Tensor, "visible 3"]  # at the surface, so potentially visible; relative to the box's first corner
+    points: Float[Tensor, "visible 3"]  # where colours are evaluated: the corner moved to the surface if that is near
+    features: Float[Tensor, "visible width"]  # input of the colour (density), at the points
 
     @property
     def size(self) -> int:
         """bytes"""
-        parts = self.corners, self.points, self.features
-        return self.field.texels.nbytes + sum(part.nbytes for part in parts)
+        return self.field.texels.nbytes + self.corners.nbytes + self.points.nbytes + self.features.nbytes
 
-    def coloured(self, colours: Float[Tensor, "seen 3"]) -> BakedField:
+    def coloured(self, colours: Float[Tensor, "visible 3"]) -> BakedField:
         """Return the field with these colours."""
         texels = torch.from_numpy(self.field.texels).clone()
         texels[..., :3][self.corners.unbind(-1)] = colour_texels(colours)
@@ -97,35 +95,46 @@ def _bake_shape(
         cells: of the grid, along each axis of the scene's box; a multiple of :data:`~core.rendering.occupancy.CELLS`.
     """
     box = box_of(occupancy.cells, cells)
-
-    @torch.inference_mode()
-    def evaluate(part: Int[Tensor, "corners 3"]) -> Float[Tensor, "corners"]:
-        return folded.density(_world(model.extent, cells, box, part).to(folded.device))[0].cpu()
-
-    density, config, cell = torch.zeros(box.sides), model.field.config, 2 * max(model.extent) / cells
-    at_corners = corners_of(divide(occupancy.cells, cells // CELLS)).flatten().nonzero()[:, 0].cpu()
-    parts = (unravelled(at_corners, cells + 1) - torch.tensor(box.first)).split(_BLOCK)
-    for part, values in zip(parts, map_pieces(evaluate, parts), strict=True):
-        density[part.unbind(-1)] = values
+    config = model.field.config
+    cell = 2 * max(model.extent) / cells
+    density = yield from _bake_density(model, folded, occupancy, cells, box)
+    visible = _surface(density, density * cell)
+    logits = density_to_logits(density, config)
+    corners = visible.nonzero()
+    slope = torch.stack(torch.gradient(logits.clamp(*LOGITS)), -1)[visible] * (cells / (2 * torch.tensor(model.extent)))
+    starts = _world(model.extent, cells, box, corners), logits[visible], slope
+    pieces = zip(*(values.split(_BLOCK) for values in starts), strict=True)
+    surface = list[tuple[Float[Tensor, "points 3"], Float[Tensor, "points width"]]]()
+    for moved in map_pieces(lambda piece: _onto_surface(folded, cell, *piece), pieces):
+        surface.append(moved)
         yield
-    seen, logits = _surface(density, density * cell), density_to_logits(density, config)
-    corners, neighbours = seen.nonzero(), _neighbours(seen)
-    slope = torch.stack(torch.gradient(logits.clamp(*LOGITS)), -1)[seen] * (cells / (2 * torch.tensor(model.extent)))
-    begun = _world(model.extent, cells, box, corners), logits[seen], slope
-    pieces = zip(*(part.split(_BLOCK) for part in begun), strict=True)
-    found = list[tuple[Float[Tensor, "some 3"], Float[Tensor, "some width"]]]()
-    for piece in map_pieces(lambda piece: _onto_surface(folded, cell, *piece), pieces):
-        found.append(piece)
-        yield
-    logits[seen] = prefilter(logits[seen][:, None], neighbours)[:, 0]
+    logits[visible] = prefilter(logits[visible][:, None], _neighbours(visible))[:, 0]
     texels = torch.zeros(*box.sides, 4, dtype=torch.uint8)
     texels[..., 3] = logit_texels(logits)
     distance = cell_distances(_filled_cells(density, cells, box))
     field = BakedField(
         texels.numpy(), distance, model.extent, config, model.pixel_offset, cells, box.first, shadow=occupancy.shadow
     )
-    points, features = (torch.cat(parts) for parts in zip(*found, strict=True))
+    points, features = (torch.cat(blocks) for blocks in zip(*surface, strict=True))
     return BakedShape(field, corners, points, features)
+
+
+def _bake_density(
+    model: Model, folded: FoldedField, occupancy: Occupancy, cells: int, box: Box
+) -> Generator[None, None, Float[Tensor, "x y z"]]:
+    """Evaluate densities at the corners of occupied cells, block by block; 0 at other corners of the box."""
+    occupied = corners_of(divide(occupancy.cells, cells // CELLS)).flatten().nonzero()[:, 0].cpu()
+    blocks = (unravelled(occupied, cells + 1) - torch.tensor(box.first)).split(_BLOCK)
+
+    @torch.inference_mode()
+    def evaluate(corners: Int[Tensor, "corners 3"]) -> Float[Tensor, "corners"]:
+        return folded.density(_world(model.extent, cells, box, corners).to(folded.device))[0].cpu()
+
+    density = torch.zeros(box.sides)
+    for block, values in zip(blocks, map_pieces(evaluate, blocks), strict=True):
+        density[block.unbind(-1)] = values
+        yield
+    return density
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +143,7 @@ class BakedViews:
 
     shape: BakedShape
     cameras: tuple[Camera, ...]
-    colours: Float[Tensor, "cameras seen 3"]
+    colours: Float[Tensor, "cameras visible 3"]
 
     def mean(self) -> BakedField:
         """Return the field with mean colours over the cameras, for all views."""
@@ -146,9 +155,9 @@ class BakedViews:
 
     def _weights(self, camera: Camera) -> Float[Tensor, "cameras"]:
         """Interpolate between the cameras by a Gaussian process over directions; the weights' sum is 1."""
-        known, wanted = (torch.stack([_direction(one) for one in some]) for some in (self.cameras, (camera,)))
-        variance = _kernel(known, known) + 1e-4 * torch.eye(len(known))
-        weights = torch.linalg.solve(variance, _kernel(known, wanted))[:, 0]
+        baked = torch.stack([_direction(camera) for camera in self.cameras])
+        variance = _kernel(baked, baked) + 1e-4 * torch.eye(len(baked))
+        weights = torch.linalg.solve(variance, _kernel(baked, _direction(camera)[None]))[:, 0]
         return (weights / weights.sum()).float()
 
 
@@ -161,29 +170,34 @@ def bake_views(instance: Instance, cameras: Sequence[Camera], cells: int) -> Gen
         cells: of the grid, along each axis of the scene's box; a multiple of :data:`~core.rendering.occupancy.CELLS`.
     """
     with torch.inference_mode():
-        folded, occupancy = FoldedField.of(instance), shape_occupancy(instance)
+        folded = FoldedField.of(instance)
+        occupancy = shape_occupancy(instance)
     key = instance.model, instance.codes.shape_key, outline(instance), cells
     shape: BakedShape | None = CACHE.get(CacheKind.VIEW, key)
     if shape is None:
         shape = yield from _bake_shape(instance.model, folded, occupancy, cells)
         if shape.size <= CACHE.limit - CACHE.used:
             CACHE.put(CacheKind.VIEW, key, shape, shape.size)
-    cameras, colours = spread(cameras), list[Float[Tensor, "cameras some 3"]]()
-    seen = partial(_seen_colours, folded, shape, cameras)
-    for found in map_pieces(seen, torch.arange(len(shape.corners)).split(_BLOCK)):
-        colours.append(found)
+    cameras = spread(cameras)
+    colours = list[Float[Tensor, "cameras block 3"]]()
+    evaluate = partial(_colours, folded, shape, cameras)
+    for block in map_pieces(evaluate, torch.arange(len(shape.corners)).split(_BLOCK)):
+        colours.append(block)
         yield
     return BakedViews(shape, tuple(cameras), torch.cat(colours, 1))
 
 
 @torch.inference_mode()
-def _seen_colours(
-    folded: FoldedField, shape: BakedShape, cameras: Sequence[Camera], part: Int[Tensor, "some"]
-) -> Float[Tensor, "cameras some 3"]:
-    points = shape.points[part]
-    towards = (functional.normalize(points - camera.pose()[:3, 3].float(), dim=-1) for camera in cameras)
-    features = shape.features.index_select(0, part.to(folded.device))
-    return torch.stack([folded.colour(features, folded.direction_bias(one.to(folded.device))).cpu() for one in towards])
+def _colours(
+    folded: FoldedField, shape: BakedShape, cameras: Sequence[Camera], block: Int[Tensor, "block"]
+) -> Float[Tensor, "cameras block 3"]:
+    """Return the colours that each camera sees at the corners with these indices."""
+    features = shape.features.index_select(0, block.to(folded.device))
+    colours = list[Float[Tensor, "block 3"]]()
+    for camera in cameras:
+        direction = functional.normalize(shape.points[block] - camera.pose()[:3, 3].float(), dim=-1)
+        colours.append(folded.colour(features, folded.direction_bias(direction.to(folded.device))).cpu())
+    return torch.stack(colours)
 
 
 def bake(instance: Instance) -> Iterator[BakedField | None]:
@@ -209,10 +223,10 @@ def _world(
 def _onto_surface(
     folded: FoldedField,
     cell: float,
-    points: Float[Tensor, "some 3"],
-    logits: Float[Tensor, "some"],
-    slope: Float[Tensor, "some 3"],
-) -> tuple[Float[Tensor, "some 3"], Float[Tensor, "some width"]]:
+    points: Float[Tensor, "points 3"],
+    logits: Float[Tensor, "points"],
+    slope: Float[Tensor, "points 3"],
+) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points width"]]:
     """Move points to the surface by Newton steps, and return them with their features.
 
     The surface is where a cell has optical depth 1. Points move only if it is near, and less if it is soft.
@@ -236,8 +250,9 @@ def _surface(density: Float[Tensor, "x y z"], thickness: Float[Tensor, "x y z"])
     deep = torch.full_like(thickness, torch.inf)
     for axis in range(3):
         through = thickness.cumsum(axis)
-        before, after = through - thickness, through.select(axis, -1).unsqueeze(axis) - through
-        deep = torch.minimum(deep, torch.minimum(before, after))
+        before = through - thickness
+        behind = through.select(axis, -1).unsqueeze(axis) - through
+        deep = torch.minimum(deep, torch.minimum(before, behind))
     near = functional.max_pool3d((density > _MIN_DENSITY)[None].float(), 3, 1, 1)[0] > 0
     return near & (deep < _BELOW)
 
@@ -247,28 +262,28 @@ def _filled_cells(density: Float[Tensor, "x y z"], cells: int, box: Box) -> Bool
     side = cells // CELLS
     most = functional.max_pool3d(density[None], side + 1, side)[0]
     filled = torch.zeros((CELLS,) * 3, dtype=torch.bool)
-    x, y, z = (slice(at // side, at // side + count) for at, count in zip(box.first, most.shape, strict=True))
+    x, y, z = (slice(start // side, start // side + count) for start, count in zip(box.first, most.shape, strict=True))
     filled[x, y, z] = most > _MIN_DENSITY
     return filled
 
 
-def _neighbours(seen: Bool[Tensor, "x y z"]) -> Int[Tensor, "seen 6"]:
+def _neighbours(visible: Bool[Tensor, "x y z"]) -> Int[Tensor, "visible 6"]:
     """Return the two neighbours along each axis; the corner itself if one of the two is not at the surface."""
-    own = torch.arange(int(seen.sum()), dtype=torch.int32)
-    number = torch.full([side + 2 for side in seen.shape], -1, dtype=torch.int32)
-    number[1:-1, 1:-1, 1:-1][seen] = own
+    own = torch.arange(int(visible.sum()), dtype=torch.int32)
+    number = torch.full([side + 2 for side in visible.shape], -1, dtype=torch.int32)
+    number[1:-1, 1:-1, 1:-1][visible] = own
     place = (number.flatten() >= 0).nonzero()[:, 0]
-    found = []
+    neighbours = []
     for stride in number.stride():
         pair = number.flatten()[place - stride], number.flatten()[place + stride]
         both = (pair[0] >= 0) & (pair[1] >= 0)
-        found += [torch.where(both, one, own) for one in pair]
-    return torch.stack(found, -1)
+        neighbours += [torch.where(both, neighbour, own) for neighbour in pair]
+    return torch.stack(neighbours, -1)
 
 
 def prefilter(
-    values: Float[Tensor, "seen channels"], neighbours: Int[Tensor, "seen 6"]
-) -> Float[Tensor, "seen channels"]:
+    values: Float[Tensor, "visible channels"], neighbours: Int[Tensor, "visible 6"]
+) -> Float[Tensor, "visible channels"]:
     """Prefilter values at corners for unbiased linear interpolation: subtract a twelfth of the second differences.
 
     L. Condat, T. Blu and M. Unser, "Beyond interpolation: optimal reconstruction by quasi-interpolation", ICIP 2005.
@@ -281,7 +296,8 @@ def prefilter(
 
 def spread(cameras: Sequence[Camera]) -> list[Camera]:
     """Choose the last camera, then the farthest from those chosen until each has one within :data:`MAX_TURN`."""
-    directions, chosen = torch.stack([_direction(camera) for camera in cameras]), [len(cameras) - 1]
+    directions = torch.stack([_direction(camera) for camera in cameras])
+    chosen = [len(cameras) - 1]
     while True:
         distance = torch.cdist(directions, directions[chosen]).amin(1)
         farthest = int(distance.argmax())

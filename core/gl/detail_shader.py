@@ -20,26 +20,27 @@ from core.detail.lookup import (
     PhotoMaps,
 )
 from core.geometry.camera import Camera
+from core.gl.camera_uniforms import camera_uniforms
 from core.models.motion import TERMS
 from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
 
 _MAPS = "fine", "mirrored", "surface"
 _PHOTO = """
     if (photos > PHOTO) {
-        float near, seen = seen_by_photo(surfacePHOTO, PHOTO, point, from, along, place, near);
+        float near, visible = photo_weights(surfacePHOTO, PHOTO, point, from, along, place, near);
         vec4 value = textureLod(finePHOTO, place, level[PHOTO]);
-        float share = max(seen * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near * clamp(2.0 * value.a, 0.0, 1.0));
-        own += (share * share + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
-        direct = max(direct, share);
-        seen = seen_by_photo(surfacePHOTO, PHOTO, point * turn, from * turn, along * turn, place, near);
+        float weight = max(visible * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near * clamp(2.0 * value.a, 0.0, 1.0));
+        own += (weight * weight + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
+        direct = max(direct, weight);
+        visible = photo_weights(surfacePHOTO, PHOTO, point * turn, from * turn, along * turn, place, near);
         value = textureLod(mirroredPHOTO, place, other_side == 2 ? level[PHOTO] : 0.0);
-        share = seen * (other_side == 2 ? clamp(2.0 * value.a - 1.0, 0.0, 1.0) : other_side == 1 ? value.a : 0.0);
-        twin += share * share * vec4(value.rgb, 1.0);
-        mirror = max(mirror, share);
+        weight = visible * (other_side == 2 ? clamp(2.0 * value.a - 1.0, 0.0, 1.0) : other_side == 1 ? value.a : 0.0);
+        twin += weight * weight * vec4(value.rgb, 1.0);
+        mirror = max(mirror, weight);
     }"""
 _EACH = "".join(_PHOTO.replace("PHOTO", str(number)) for number in range(MAX_PHOTOS))
 _SAMPLERS = ", ".join(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
-_WARP = " + ".join(f"x[{a}] * y[{b}] * z[{c}] * warp[{at}]" for at, (a, b, c) in enumerate(TERMS))
+_WARP = " + ".join(f"x[{a}] * y[{b}] * z[{c}] * warp[{term}]" for term, (a, b, c) in enumerate(TERMS))
 GLSL = f"""
 uniform float strength;
 uniform sampler2D {_SAMPLERS};
@@ -51,28 +52,28 @@ uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
 uniform vec2 photo_focal[{MAX_PHOTOS}]; // in widths and heights of the photo
 uniform float level[{MAX_PHOTOS}];
 uniform vec3 warp[{len(TERMS)}];
-float smooth_step(float zero, float one, float value) {{
-    float share = clamp((value - zero) / (one - zero), 0.0, 1.0);
-    return share * share * (3.0 - 2.0 * share);
+float smooth_step(float start, float end, float value) {{
+    float progress = clamp((value - start) / (end - start), 0.0, 1.0);
+    return progress * progress * (3.0 - 2.0 * progress);
 }}
 // The place that a point of the edited object came from, as in core.models.motion.Warp.
 vec3 warped(vec3 point) {{
-    vec3 at = clamp(point / extent, -1.0, 1.0);
-    vec4 x = vec4(1.0, at.x, at.x * at.x, at.x * at.x * at.x), y = vec4(1.0, at.y, at.y * at.y, at.y * at.y * at.y);
-    vec4 z = vec4(1.0, at.z, at.z * at.z, at.z * at.z * at.z);
+    vec3 p = clamp(point / extent, -1.0, 1.0);
+    vec4 x = vec4(1.0, p.x, p.x * p.x, p.x * p.x * p.x), y = vec4(1.0, p.y, p.y * p.y, p.y * p.y * p.y);
+    vec4 z = vec4(1.0, p.z, p.z * p.z, p.z * p.z * p.z);
     return point + {_WARP};
 }}
 // DetailMaps' two weights of a photo for a point and its origin, and the place of that in the photo.
-float seen_by_photo(
+float photo_weights(
     sampler2D surface, int photo, vec3 point, vec3 from, vec3 along, out vec2 place, out float near
 ) {{
     vec3 away = from - photo_origin[photo], local = photo_axes[photo] * away;
     place = 0.5 + vec2(local.x, -local.y) * photo_focal[photo] / max(-local.z, 1e-6);
-    vec4 found = textureLod(surface, place, 0.0);
-    float reached = length(away), behind = abs(reached - found.a);
+    vec4 hit = textureLod(surface, place, 0.0);  // normal and distance of the surface that the photo shows there
+    float reached = length(away), behind = abs(reached - hit.a);
     vec3 ray = away / max(reached, 1e-6);
-    float facing = smooth_step(0.0, {FACING}, -dot(along, found.xyz));
-    float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, found.xyz));
+    float facing = smooth_step(0.0, {FACING}, -dot(along, hit.xyz));
+    float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, hit.xyz));
     float angle = dot(normalize(point - photo_origin[photo]), along);
     float beside = smooth_step({BESIDE[0]}, {BESIDE[1]}, angle);
     float inside = local.z < 0.0 && place == clamp(place, 0.0, 1.0) ? 1.0 : 0.0;
@@ -85,8 +86,8 @@ vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec4 own = vec4(0.0), twin = vec4(0.0);
     float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
     vec3 matched = model * (gain - 1.0) + offset;
-    vec3 seen = twin.rgb / max(twin.a, 1e-6) - (other_side == 2 ? model : vec3(0.0));
-    return strength * mix(mix(matched, seen, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
+    vec3 reflected = twin.rgb / max(twin.a, 1e-6) - (other_side == 2 ? model : vec3(0.0));
+    return strength * mix(mix(matched, reflected, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
 }}
 """  # `detail(point, along, model)`: the change of the model's colour at a point seen along a unit vector
 
@@ -98,12 +99,12 @@ class DetailTextures:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._of: tuple[tuple[PhotoMaps, ...], bool] | None = None
+        self._uploaded: tuple[tuple[PhotoMaps, ...], bool] | None = None
         self._textures: list[moderngl.Texture] = []
 
     def upload(self, maps: DetailMaps | None) -> None:
         """Upload maps, which replace the previous ones; None keeps the previous ones."""
-        if maps is None or (maps.photos, maps.other_side == "soft") == self._of:
+        if maps is None or (maps.photos, maps.other_side == "soft") == self._uploaded:
             return
         self.release()
         soft = maps.other_side == "soft"
@@ -114,7 +115,7 @@ class DetailTextures:
             elif photo.mirrored is not photo.fine:
                 mirrored = self._levels(photo.mirrored)
             self._textures += [fine, mirrored, self._texture(photo.surface)]
-        self._of = maps.photos, soft
+        self._uploaded = maps.photos, soft
 
     def _levels(self, levels: tuple[torch.Tensor, ...]) -> moderngl.Texture:
         texture = self._texture(levels[0])
@@ -139,19 +140,20 @@ class DetailTextures:
         """Release the GL objects."""
         while self._textures:
             self._textures.pop().release()
-        self._of = None
+        self._uploaded = None
 
 
 def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
     """Return the uniforms of :data:`GLSL` for a camera's image, without strength and samplers."""
-    origins, axes, focals, levels = [], [], [], []
-    for at in range(MAX_PHOTOS):  # arrays must be written whole
-        photo = maps.photos[min(at, len(maps.photos) - 1)]
-        pose = photo.camera.pose().numpy()
-        # The columns of a pose are right, down and forward.
-        rows = np.stack((pose[:3, 0], -pose[:3, 1], -pose[:3, 2]))
-        origins.append(tuple(pose[:3, 3]))
-        axes.append(tuple(rows.T.ravel()))
+    origins: list[tuple[float, ...]] = []
+    axes: list[tuple[float, ...]] = []
+    focals: list[tuple[float, float]] = []
+    levels: list[float] = []
+    for index in range(MAX_PHOTOS):  # arrays must be written whole
+        photo = maps.photos[min(index, len(maps.photos) - 1)]
+        view = camera_uniforms(photo.camera)
+        origins.append(view["origin"])
+        axes.append(tuple(np.stack((view["right"], view["up"], view["backward"]), -1).ravel()))
         focals.append((photo.camera.focal / photo.camera.width, photo.camera.focal / photo.camera.height))
         levels.append(float(photo.level(camera)))
     return {

@@ -4,6 +4,7 @@ import moderngl
 import numpy as np
 
 from core.geometry.camera import Camera
+from core.gl.camera_uniforms import camera_uniforms
 from core.rendering.ground_shadow import GroundShadow
 
 VERTEX = """
@@ -15,9 +16,9 @@ out vec2 place;
 void main() {
     place = vec2(gl_VertexID & 1, gl_VertexID >> 1);
     vec3 away = vec3((2.0 * place - 1.0) * reach, height) - origin;
-    vec2 seen = vec2(dot(right, away), -dot(up, away)) * focal;
+    vec2 offset = vec2(dot(right, away), -dot(up, away)) * focal;
     float before = -dot(backward, away);
-    gl_Position = vec4(2.0 * (seen + middle * before) / size - before, 0.0, before);
+    gl_Position = vec4(2.0 * (offset + middle * before) / size - before, 0.0, before);
 }
 """
 FRAGMENT = """
@@ -48,16 +49,14 @@ class GroundShader:
             size: width and height of the framebuffer, px.
             corner: left and top of the framebuffer in the camera's image, px.
         """
-        pose = camera.pose().numpy()
-        if pose[2, 3] <= shadow.height:
+        view = camera_uniforms(camera)
+        if view["origin"][2] <= shadow.height:
             return
         self._upload(shadow)
-        # The columns of a pose are right, down and forward.
-        for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
-            self._program[name] = tuple(sign * pose[:3, column])
-        self._program["origin"], self._program["focal"], self._program["size"] = tuple(pose[:3, 3]), camera.focal, size
-        self._program["middle"] = camera.width / 2 - corner[0], camera.height / 2 - corner[1]
-        self._program["reach"], self._program["height"] = shadow.reach, shadow.height
+        middle = camera.width / 2 - corner[0], camera.height / 2 - corner[1]
+        image = {"focal": camera.focal, "size": size, "middle": middle}
+        for name, value in (view | image | {"reach": shadow.reach, "height": shadow.height}).items():
+            self._program[name] = value
         assert self._map is not None
         self._map.use(0)
         self._context.enable_only(moderngl.BLEND)
@@ -79,6 +78,6 @@ class GroundShader:
 
     def release(self) -> None:
         """Release the GL objects."""
-        for part in (self._map, self._plane, self._program):
-            if part is not None:
-                part.release()
+        for resource in (self._map, self._plane, self._program):
+            if resource is not None:
+                resource.release()

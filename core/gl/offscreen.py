@@ -55,18 +55,20 @@ class OffscreenRenderer:
             self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
         except Exception as error:  # moderngl raises bare Exception
             raise RuntimeError(f"no OpenGL 3.3 through EGL: {error}") from error
-        context, (width, height) = self._context, size
-        self._size, self._fine_size = size, (width * supersampling, height * supersampling)
+        context = self._context
+        self._size = size
+        self._fine_size = (size[0] * supersampling, size[1] * supersampling)
         self._transparent = background is None
-        self._shader, self._ground = BakedShader(context), GroundShader(context)
+        self._shader = BakedShader(context)
+        self._ground = GroundShader(context)
         self._samples = context.texture(self._fine_size, 4)
         self._fine = context.framebuffer([self._samples])
         self._result = context.framebuffer([context.renderbuffer(size, 4)])
         resolve = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         resolve["factor"] = supersampling
-        resolve["height"] = float(height if background else 0)
+        resolve["height"] = float(size[1] if background else 0)
         for name, edge in zip(("top", "bottom"), edges(background or (0, 0, 0)), strict=True):
-            resolve[name] = tuple(part / 255 for part in edge)
+            resolve[name] = tuple(channel / 255 for channel in edge)
         self._resolve = context.vertex_array(resolve, [])
 
     def __enter__(self) -> "OffscreenRenderer":
@@ -87,10 +89,10 @@ class OffscreenRenderer:
             self._shader.upload(baked)
             self._fine.use()
             self._fine.clear()
-            fine, size = camera.resized(*self._fine_size), self._fine_size
+            fine = camera.resized(*self._fine_size)
             if baked.shadow:
-                self._ground.draw(baked.shadow, fine, size)
-            self._shader.draw(fine, size)
+                self._ground.draw(baked.shadow, fine, self._fine_size)
+            self._shader.draw(fine, self._fine_size)
             self._result.use()
             context.enable_only(moderngl.NOTHING)
             self._samples.use(0)

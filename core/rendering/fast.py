@@ -30,7 +30,7 @@ _BLOCK = 4096  # points evaluated at a time, so that activations stay in cache
 
 
 def render_steps(
-    instance: Instance, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
+    instance: Instance, camera: Camera, samples: int, complete: bool = True
 ) -> Generator[None, None, Rendered]:
     """Render like :func:`core.rendering.reference.render_exact`, many times faster.
 
@@ -41,7 +41,6 @@ def render_steps(
         samples: intervals along the longest side of the scene's box; a ray has as many as fit between the first and
             the last occupied cell behind its pixel.
         complete: that of :func:`core.rendering.occupancy.shape_occupancy`.
-        cutoff: limits for skipping parts of a ray; None: :func:`tolerances` of the samples.
     """
     folded = FoldedField.of(instance)
 
@@ -49,7 +48,7 @@ def render_steps(
         with torch.inference_mode():
             return chunk, _shade(folded, chunk)
 
-    key = VisibilityKey.of(instance, camera, samples, complete, cutoff)
+    key = VisibilityKey.of(instance, camera, samples, complete)
     known: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
     seen, image = list[Chunk](), _blank(camera, instance.model.device)
@@ -72,11 +71,9 @@ def render_steps(
     return Rendered(*(part.unflatten(0, (camera.height, camera.width)) for part in image))
 
 
-def render(
-    instance: Instance, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
-) -> Rendered:
+def render(instance: Instance, camera: Camera, samples: int, complete: bool = True) -> Rendered:
     """Return the result of :func:`render_steps`, in one call."""
-    return run_to_end(render_steps(instance, camera, samples, complete, cutoff))
+    return run_to_end(render_steps(instance, camera, samples, complete))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +104,12 @@ class VisibilityKey(NamedTuple):
     camera: Camera
     samples: int
     complete: bool
-    cutoff: Tolerances | None
     outline: Outline | None
 
     @classmethod
-    def of(
-        cls, instance: Instance, camera: Camera, samples: int, complete: bool, cutoff: Tolerances | None = None
-    ) -> "VisibilityKey":
+    def of(cls, instance: Instance, camera: Camera, samples: int, complete: bool) -> "VisibilityKey":
         """Return the key of an object seen from a camera."""
-        return cls(instance.model, instance.codes.shape_key, camera, samples, complete, cutoff, outline(instance))
+        return cls(instance.model, instance.codes.shape_key, camera, samples, complete, outline(instance))
 
 
 def is_cached(instance: Instance, camera: Camera, samples: int, complete: bool = True) -> bool:
@@ -144,7 +138,7 @@ def _visibility(
         pixel = (first < last).flatten().nonzero()[:, 0]
         first, last = (part.flatten().index_select(0, pixel) for part in (first, last))
         step = 2 * float(occupancy.extent.max()) / view.samples
-        limits = view.cutoff or tolerances(view.samples)
+        limits = tolerances(view.samples)
 
     def visible(some: slice) -> Chunk:
         with torch.inference_mode():

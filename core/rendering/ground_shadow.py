@@ -50,8 +50,8 @@ class GroundShadow:
         along = (self.height - rays.origins[..., 2]) / rays.directions[..., 2]
         place = (rays.origins + along[..., None] * rays.directions)[..., :2] / torch.tensor(self.reach)
         texels = torch.from_numpy(self.darkness).float()[None, None] / 255
-        found = functional.grid_sample(texels, place.nan_to_num(9.0)[None].clamp(-9, 9), align_corners=False)[0, 0]
-        return found * ((along > 0) & (rays.origins[..., 2] > self.height))
+        darkness = functional.grid_sample(texels, place.nan_to_num(9.0)[None].clamp(-9, 9), align_corners=False)[0, 0]
+        return darkness * ((along > 0) & (rays.origins[..., 2] > self.height))
 
 
 def cast_shadow(density: Float[Tensor, "x y z"], extent: tuple[float, float, float]) -> GroundShadow | None:

@@ -22,7 +22,7 @@ which takes longer than running it and keeps up to half a megabyte."""
 
 def largest_weights(
     weights: Float[Tensor, "objects views rays samples"], kept: int, least: float
-) -> Int[Tensor, "objects some"]:
+) -> Int[Tensor, "objects top"]:
     """Return the indices of each object's samples of largest weight: ``kept`` per ray on average, or all.
 
     Indices are into the flattened (views, rays, samples). Fewer samples are returned if no object has so many whose
@@ -63,8 +63,10 @@ def render_top_samples(
         density_all = batch_density(model, points.flatten(1, 3), shape_bias, cells).reshape(depths.shape)
         weights, transmittance = compositing_weights(density_all, edges)
         top = largest_weights(weights, kept, 0.0 if differentiable else MIN_WEIGHT)
-    ray, objects = top // samples, torch.arange(len(points), device=top.device)[:, None]
-    positions, directions = points.flatten(1, 3)[objects, top], rays.directions.flatten(1, 2)
+    ray = top // samples
+    objects = torch.arange(len(points), device=top.device)[:, None]
+    positions = points.flatten(1, 3)[objects, top]
+    directions = rays.directions.flatten(1, 2)
     if differentiable:
         density, features = model.field.density(positions, shape_bias[:, None])
         density = density * (density_all.flatten(1).gather(1, top) > 0)  # empty outside of the cells
@@ -75,9 +77,18 @@ def render_top_samples(
         )
     else:
         rgb = batch_colour(model, positions, directions[objects, ray], shape_bias, texture_bias)
-    weight = weights.flatten(1).gather(1, top)[..., None]
-    light = torch.zeros(len(points), transmittance[0].numel(), 4, device=top.device)
+    return _composite(rgb, weights.flatten(1).gather(1, top)[..., None], ray, transmittance[..., None])
+
+
+def _composite(
+    rgb: Float[Tensor, "objects top 3"],
+    weight: Float[Tensor, "objects top 1"],
+    ray: Int[Tensor, "objects top"],
+    transmittance: Float[Tensor, "objects views rays 1"],
+) -> Float[Tensor, "objects views rays 4"]:
+    """Return rgb on white and opacity of rays whose light all has the mean colour of their top samples."""
+    light = torch.zeros(len(transmittance), transmittance[0].numel(), 4, device=rgb.device)
     light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((weight * rgb, weight), -1))
-    light, opacity = light.reshape(*transmittance.shape, 4), (1 - transmittance)[..., None]
+    light = light.reshape(*transmittance.shape[:-1], 4)
     colour = torch.where(light[..., 3:] > 0, light[..., :3] / light[..., 3:].clamp_min(1e-6), 1.0)
-    return torch.cat((colour * opacity + transmittance[..., None], opacity), -1)
+    return torch.cat((colour * (1 - transmittance) + transmittance, 1 - transmittance), -1)

@@ -72,29 +72,30 @@ class Occupancy:
     """
 
     def __init__(self, model: Model, folded: FoldedField, previous: "Occupancy | None" = None) -> None:
-        self.extent, self.complete = model.extent_tensor, previous is None
+        self.extent = model.extent_tensor
+        self.complete = previous is None
         self.cell = 2 * self.extent / CELLS
-        known = _corners(model, folded.dtype)
+        grid = _corners(model, folded.dtype)
         limit = _MIN_OPACITY / float(self.cell.amin())
         with torch.inference_mode():
             if previous:
-                rows = (previous._around() | known.sparse).index_select(0, known.corner).nonzero()[:, 0]
-                corners = _densities_around(folded, known, rows)
+                rows = (previous._around() | grid.sparse).index_select(0, grid.corner).nonzero()[:, 0]
+                densities = _densities_at(folded, grid, rows)
             else:
-                corners = _complete_densities(folded, known, limit)
-        self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
-        relative = (corners * (float(self.cell.amin()) / _SOLID)).cpu()
+                densities = _complete_densities(folded, grid, limit)
+        self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(densities) > limit
+        relative = (densities * (float(self.cell.amin()) / _SOLID)).cpu()
         self.shadow = None if model.white_from_network else cast_shadow(relative, model.extent)
         """The shape's shadow on the ground; None if it is empty or the network paints the background."""
         self._flat = self.cells.flatten()
-        self._min_density = -max_of_corners(-corners).flatten().bfloat16()  # rounded by 0.4 % at most, below tolerances
+        self._min_density = -max_of_corners(-densities).flatten().bfloat16()  # rounds by 0.4 %, below tolerances
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
     @property
     def size(self) -> int:
         """bytes"""
-        return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
+        return sum(value.nbytes for value in vars(self).values() if isinstance(value, Tensor))
 
     def _around(self) -> Bool[Tensor, "all"]:
         """Mark the corners of occupied cells and of all cells that touch them."""
@@ -163,12 +164,12 @@ def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
             continuously changing shapes.
     """
     key = instance.model, instance.codes.shape_key
-    known: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
-    if known is None or (complete and not known.complete):
+    occupancy: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
+    if occupancy is None or (complete and not occupancy.complete):
         previous = None if complete else _similar_occupancy(instance)
-        known = Occupancy(instance.model, FoldedField.of(instance), previous)
-        CACHE.put(CacheKind.SHAPE, key, known, known.size)
-    return known
+        occupancy = Occupancy(instance.model, FoldedField.of(instance), previous)
+        CACHE.put(CacheKind.SHAPE, key, occupancy, occupancy.size)
+    return occupancy
 
 
 def _similar_occupancy(instance: Instance) -> Occupancy | None:
@@ -200,19 +201,20 @@ def splat(
         reach: scene units, half of a cell's diagonal.
         size: px, width and height of the image.
     """
-    depth, before = local.norm(dim=-1), -local[:, 2]
-    closest = float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
+    distance = local.norm(dim=-1)
+    depth = -local[:, 2]
+    closest = float((depth.amin() if len(depth) else torch.tensor(1.0)).clamp_min(1e-3))
     side = max(1.0, reach * focal / closest)
     columns, rows = (max(1, -int(-pixels // side)) for pixels in size)
     # A margin of one tile holds centres of cells that reach in from outside; one more, all others.
     x = (points[:, 0] * (columns / size[0])).floor().long() + 1
     y = (points[:, 1] * (rows / size[1])).floor().long() + 1
-    on = (before > 1e-3) & (x >= 0) & (x < columns + 2) & (y >= 0) & (y < rows + 2)
+    on = (depth > 1e-3) & (x >= 0) & (x < columns + 2) & (y >= 0) & (y < rows + 2)
     count = (rows + 2) * (columns + 2)
-    at = torch.where(on, y * (columns + 2) + x, count)
+    tile = torch.where(on, y * (columns + 2) + x, count)
     reached = torch.full((2, count + 1), -torch.inf, device=local.device)
-    reached[0].scatter_reduce_(0, at, reach - depth, "amax")
-    reached[1].scatter_reduce_(0, at, reach + depth, "amax")
+    reached[0].scatter_reduce_(0, tile, reach - distance, "amax")
+    reached[1].scatter_reduce_(0, tile, reach + distance, "amax")
     tiles = reached[:, :-1].unflatten(1, (rows + 2, columns + 2))
     tiles = torch.maximum(torch.maximum(tiles[:, :-2], tiles[:, 1:-1]), tiles[:, 2:])
     tiles = torch.maximum(torch.maximum(tiles[..., :-2], tiles[..., 1:-1]), tiles[..., 2:])
@@ -223,9 +225,9 @@ def _cumulative_per_ray(
     values: Float[Tensor, "crossed"], first: Int[Tensor, "rays"], ray: Int[Tensor, "crossed"]
 ) -> Float[Tensor, "crossed"]:
     """Return inclusive cumulative sums along each ray, whose intervals begin at index ``first``."""
-    whole = values.cumsum(0, dtype=torch.double)
-    before = functional.pad(whole, (1, 0)).index_select(0, first)
-    return (whole - before.index_select(0, ray)).float()
+    total = values.cumsum(0, dtype=torch.double)
+    before = functional.pad(total, (1, 0)).index_select(0, first)
+    return (total - before.index_select(0, ray)).float()
 
 
 class _Corners(NamedTuple):
@@ -238,50 +240,52 @@ class _Corners(NamedTuple):
     sparse: Bool[Tensor, "all"]  # row by row: corners evaluated for every preview of a changing shape
 
 
-def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> Float[Tensor, "corners corners corners"]:
+def _complete_densities(folded: FoldedField, grid: _Corners, limit: float) -> Float[Tensor, "corners corners corners"]:
     """Return densities at all corners.
 
-    0 where not evaluated: beyond ``known.always`` unless a corner outside the likely cells is occupied.
+    0 where not evaluated: beyond ``grid.always`` unless a corner outside the likely cells is occupied.
     """
-    found = torch.zeros(len(known.corner), device=known.corner.device)
+    densities = torch.zeros(len(grid.corner), device=grid.corner.device)
 
     def evaluate(rows: slice) -> Float[Tensor, "rows"]:
-        parts = known.activations[rows].split(_BLOCK)
-        return torch.cat(list(map_pieces(lambda part: folded.unbounded_density(part)[0], parts)))
+        blocks = grid.activations[rows].split(_BLOCK)
+        return torch.cat(list(map_pieces(lambda block: folded.unbounded_density(block)[0], blocks)))
 
-    densities = evaluate(slice(0, known.always))
-    found[known.corner[: known.always]] = densities
-    if bool((densities[known.likely :] > limit).any()):
-        found[known.corner[known.always :]] = evaluate(slice(known.always, None))
-    return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+    always = evaluate(slice(0, grid.always))
+    densities[grid.corner[: grid.always]] = always
+    if bool((always[grid.likely :] > limit).any()):
+        densities[grid.corner[grid.always :]] = evaluate(slice(grid.always, None))
+    return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
-def _densities_around(
-    folded: FoldedField, known: _Corners, rows: Int[Tensor, "some"]
+def _densities_at(
+    folded: FoldedField, grid: _Corners, rows: Int[Tensor, "rows"]
 ) -> Float[Tensor, "corners corners corners"]:
-    """Return densities at the corners ``known.corner[rows]``; 0 at the others."""
-    found = torch.zeros(len(known.corner), device=rows.device)
+    """Return densities at the corners ``grid.corner[rows]``; 0 at the others."""
+    densities = torch.zeros(len(grid.corner), device=rows.device)
 
-    def evaluate(part: Int[Tensor, "rows"]) -> Float[Tensor, "rows"]:
-        return folded.unbounded_density(known.activations.index_select(0, pad_rows(part)))[0][: len(part)]
+    def evaluate(block: Int[Tensor, "block"]) -> Float[Tensor, "block"]:
+        return folded.unbounded_density(grid.activations.index_select(0, pad_rows(block)))[0][: len(block)]
 
-    found[known.corner[rows]] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
-    return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+    densities[grid.corner[rows]] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
+    return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
 @lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
 def _corners(model: Model, dtype: torch.dtype) -> _Corners:
     """Return a model's corners and their activations in a number format."""
     likely = _likely_corners(model)
-    second, fourth = torch.zeros_like(likely), torch.zeros_like(likely)
-    second[::2, ::2, ::2] = fourth[::4, ::4, ::4] = True
+    second = torch.zeros_like(likely)
+    second[::2, ::2, ::2] = True
+    fourth = torch.zeros_like(likely)
+    fourth[::4, ::4, ::4] = True
     turn = torch.where(likely, 0, torch.where(second, 1, 2)).flatten()
     corner = turn.argsort(stable=True)
     points = corner_points(model.extent_tensor, CELLS)[corner]
     folded = FoldedField(model.mean)
     assert folded.dtype == dtype
     with torch.inference_mode():
-        activations = torch.cat([folded.first_layer(part) for part in points.split(_BLOCK)])
+        activations = torch.cat([folded.first_layer(block) for block in points.split(_BLOCK)])
     sparse = torch.where(likely, second, fourth).flatten()
     return _Corners(corner, activations, int((turn == 0).sum()), int((turn < 2).sum()), sparse)
 

@@ -1,10 +1,10 @@
 """The outline of photos bounds the object, and makes it opaque inside.
 
 The field leaves fog around and between thin parts, where it is uncertain about edges; the mask of a photo shows where
-they are. A point's density is multiplied by its share in every mask: 1 inside, falling to 0 over a soft margin. Inside,
-it is multiplied by the gain that makes the fitted object opaque along the photo's ray. If the photo also colours the
-other side, and the mask is symmetric, share and gain of the mirrored point (-x, y, z) count too. Only renders are
-bounded, never the field during a fit.
+they are. A point's density is multiplied by its weight in every mask: 1 inside, falling to 0 over a soft margin.
+Inside, it is multiplied by the gain that makes the fitted object opaque along the photo's ray. If the photo also
+colours the other side, and the mask is symmetric, weight and gain of the mirrored point (-x, y, z) count too. Only
+renders are bounded, never the field during a fit.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ _GAIN_HEIGHT, _GAIN_SAMPLES = 192, 64  # height of the map of gains in px, and s
 _COHERENCE_SAMPLES = 64  # height of the image in px, and samples of a ray, for the coherence
 
 
-def shown_share(instance: Instance) -> float:
+def effective_strength(instance: Instance) -> float:
     """Return the effective strength of an object's photo detail, 0..1.
 
     Fades as the shape becomes another one, but neither along directions, with which the detail moves, nor with the
@@ -55,20 +55,20 @@ class Silhouette(NamedTuple):
     margin: float  # focal lengths
     fitted: Instance
 
-    def share(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+    def weight(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return 1 for points that project within half the margin of the mask, 0 beyond the margin, linear between."""
         camera, distances = _distances(self.view)
-        return self._share(_look_up(distances, camera, points)[0])
+        return self._weight(_look_up(distances, camera, points)[0])
 
-    def share_and_gain(
+    def weight_and_gain(
         self, points: Float[Tensor, "*batch 3"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
-        """Return :meth:`share`, and the factor, at least 1, that makes the fitted object opaque along a point's ray."""
+        """Return :meth:`weight`, and the gain (at least 1) that makes the fitted object opaque along a point's ray."""
         camera, _ = _distances(self.view)
         distance, gain = _look_up(_distances_and_gains(self.fitted, self.view), camera, points)
-        return self._share(distance), gain
+        return self._weight(distance), gain
 
-    def _share(self, distance: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+    def _weight(self, distance: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
         return (2 - 2 * distance / self.margin).clamp(0, 1)
 
 
@@ -81,14 +81,15 @@ class Outline(NamedTuple):
     warp: Warp | None = None  # to the object that was fitted to the photos
 
     def factor(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-        """Return the factor on the density of points: their share in all masks, and the largest gain."""
+        """Return the factor on the density of points: their weight in all masks, and the largest gain."""
         points = self.warp.origins(points) if self.warp else points
-        share, gain = torch.ones_like(points[..., 0]), torch.ones_like(points[..., 0])
+        weight = gain = torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
             for place in (points, _mirror(points)) if mirrored else (points,):
-                inside, more = silhouette.share_and_gain(place)
-                share, gain = share * inside, torch.maximum(gain, more)
-        return share * (1 + self.strength * (gain - 1))
+                weight_here, gain_here = silhouette.weight_and_gain(place)
+                weight = weight * weight_here
+                gain = torch.maximum(gain, gain_here)
+        return weight * (1 + self.strength * (gain - 1))
 
 
 def outline(instance: Instance) -> Outline | None:
@@ -96,7 +97,7 @@ def outline(instance: Instance) -> Outline | None:
 
     Margins widen without limit as photo detail fades, and gains shrink, so the outline vanishes with it.
     """
-    strength = shown_share(instance)
+    strength = effective_strength(instance)
     detail = instance.detail
     if not strength or detail is None:
         return None
@@ -116,8 +117,8 @@ def coherence(silhouette: Silhouette) -> float:
     wide = max(1, round(_COHERENCE_SAMPLES * camera.width / camera.height))
     rays = camera_rays(camera.resized(wide, _COHERENCE_SAMPLES), torch.tensor(silhouette.fitted.model.extent))
     points = ray_points(rays, midpoints(uniform_edges(rays, _COHERENCE_SAMPLES)))
-    on_mask = silhouette.share(points.select(-2, _COHERENCE_SAMPLES // 2)) == 1
-    crossed = (silhouette.share(_mirror(points)) > 0).any(-1)
+    on_mask = silhouette.weight(points.select(-2, _COHERENCE_SAMPLES // 2)) == 1
+    crossed = (silhouette.weight(_mirror(points)) > 0).any(-1)
     return float((on_mask & crossed).sum() / on_mask.sum().clamp_min(1))
 
 
@@ -131,12 +132,12 @@ def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns
     """Return the camera and the values of a map: focal lengths from each pixel to a photo's mask, 0 on the mask."""
     from scipy.ndimage import distance_transform_edt
 
-    height, width = _HEIGHT, max(1, round(_HEIGHT * view.camera.width / view.camera.height))
+    width = max(1, round(_HEIGHT * view.camera.width / view.camera.height))
     opacity = torch.from_numpy(view.pixels()[None, ..., 3].copy()).float() / 255
-    background = functional.adaptive_avg_pool2d(opacity, (height, width))[0].numpy() < BACKGROUND
+    background = functional.adaptive_avg_pool2d(opacity, (_HEIGHT, width))[0].numpy() < BACKGROUND
     outside = np.pad(background, _PADDING, constant_values=True)
-    camera = view.camera.resized(width, height)
-    camera = replace(camera, width=width + 2 * _PADDING, height=height + 2 * _PADDING)
+    camera = view.camera.resized(width, _HEIGHT)
+    camera = replace(camera, width=width + 2 * _PADDING, height=_HEIGHT + 2 * _PADDING)
     with torch.inference_mode(False):  # cached
         distance = torch.from_numpy(distance_transform_edt(outside).astype(np.float32))
         return camera, ((distance - 0.5).clamp_min(0) / camera.focal)[None, None]  # the edge lies between pixels
@@ -155,8 +156,8 @@ def _distances_and_gains(fitted: Instance, view: PhotoView) -> Float[Tensor, "1 
         return torch.cat((distances, functional.interpolate(gains, distances.shape[2:], mode="bilinear")), 1)
 
 
-def _optical_depth(fitted: Instance, camera: Camera, pixels: Bool[Tensor, "rows columns"]) -> Float[Tensor, "some"]:
-    """Return the optical depth of a shape along the rays of some pixels, above 0."""
+def _optical_depth(fitted: Instance, camera: Camera, pixels: Bool[Tensor, "rows columns"]) -> Float[Tensor, "rays"]:
+    """Return the optical depth of a shape along the rays of the marked pixels, above 0."""
     model = fitted.model
     rays = camera_rays(camera, model.extent_tensor)[pixels.to(model.device)]
     edges = uniform_edges(rays, _GAIN_SAMPLES)
@@ -173,10 +174,10 @@ def _look_up(
     local = camera.to_camera_axes(points)
     scale = 2 * camera.focal / (-local[..., 2]).clamp_min(1e-6)
     place = torch.stack((local[..., 0] * scale / camera.width, -local[..., 1] * scale / camera.height), -1)
-    found = functional.grid_sample(
+    sampled = functional.grid_sample(
         values.to(points.device), place.reshape(1, 1, -1, 2), padding_mode="border", align_corners=False
     )
-    return found.reshape(values.shape[1], *points.shape[:-1])
+    return sampled.reshape(values.shape[1], *points.shape[:-1])
 
 
 def _mirror(points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:

@@ -1,5 +1,6 @@
 """The exact renderer (Eq. 3): simple, slow, and the standard for all faster ones."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import torch
@@ -25,10 +26,16 @@ class Rendered:
     opacity: Float[Tensor, "*batch"]  # 0..1, one minus the transmittance
     evaluations: Int[Tensor, "*batch"] | None = None  # samples with evaluated density; None: the same for all rays
 
+    @classmethod
+    def joined(cls, bands: Iterable["Rendered"]) -> "Rendered":
+        """Join bands of rows, from top to bottom, to one image without evaluations."""
+        values = zip(*((band.colour, band.depth, band.opacity) for band in bands), strict=True)
+        return cls(*(torch.cat(pieces) for pieces in values))
+
 
 def sample_intervals(
     model: Model, rays: Rays, samples: int
-) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch samples_and_one"]]:
+) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch edges"]]:
     """Return the depths of each ray's samples and the edges of their intervals; scene units along the ray.
 
     Samples are at the middle of equal intervals. If the network paints the background (``white_from_network``), they
@@ -89,5 +96,5 @@ def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rend
     bounded = *instance.biases, outline(instance)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
-    parts = list(map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts))
-    return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))
+    bands = map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts)
+    return Rendered.joined(bands)

@@ -26,14 +26,14 @@ def shape_cells(
     if model.occupied_cells is None:
         return None
     index, points = _corners(model)
-    found = batch_density(model, points.expand(len(shape_bias), -1, -1), shape_bias)
-    density = found.new_zeros(len(found), (CELLS + 1) ** 3).index_copy_(1, index, found)
-    cells = with_neighbours(cells_at_corners(density, model.extent_tensor))
+    density = batch_density(model, points.expand(len(shape_bias), -1, -1), shape_bias)
+    on_grid = density.new_zeros(len(density), (CELLS + 1) ** 3).index_copy_(1, index, density)
+    cells = with_neighbours(cells_at_corners(on_grid, model.extent_tensor))
     return cells & model.occupied_cells.to(cells.device)
 
 
 @lru_cache(maxsize=2)
-def _corners(model: Model) -> tuple[Int[Tensor, "some"], Float[Tensor, "some 3"]]:
+def _corners(model: Model) -> tuple[Int[Tensor, "corners"], Float[Tensor, "corners 3"]]:
     """Return the indices (row-major) and positions of the corners of ``model.occupied_cells``."""
     assert model.occupied_cells is not None
     index = corners_of(model.occupied_cells).flatten().nonzero()[:, 0].to(model.device)

@@ -27,7 +27,7 @@ class _Grid(NamedTuple):
     points: Float[Tensor, "x y z 3"]  # centres of the cells
     activations: Float[Tensor, "cells width"]
     blocks: Bool[Tensor, "bx by bz"]  # blocks of 2x2x2 cells that any object of the model may occupy
-    block_activations: Float[Tensor, "some width"]  # at these blocks' centres
+    block_activations: Float[Tensor, "occupied width"]  # at these blocks' centres
 
 
 def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
@@ -58,7 +58,8 @@ def _grid(model: Model) -> _Grid:
     extent = model.extent_tensor
     cell = 2 * float(extent.max()) / _CELLS
     counts = [math.ceil(float(half) / cell) for half in extent]
-    points, middles = (_centres([side * count for count in counts], cell * 2 / side, extent.device) for side in (2, 1))
+    points = _centres([2 * count for count in counts], cell, extent.device)
+    middles = _centres(counts, 2 * cell, extent.device)
     blocks = torch.ones(counts, dtype=torch.bool, device=extent.device)
     if model.occupied_cells is not None:
         cells = model.occupied_cells[None].to(extent.device)
@@ -73,6 +74,6 @@ def _centres(counts: list[int], step: float, device: torch.device) -> Float[Tens
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
 
 
-def _density(field: FoldedField, activations: Float[Tensor, "some width"]) -> Float[Tensor, "some"]:
-    parts = activations.split(_CHUNK)
-    return torch.cat([field.unbounded_density(pad_rows(part))[0][: len(part)] for part in parts])
+def _density(field: FoldedField, activations: Float[Tensor, "points width"]) -> Float[Tensor, "points"]:
+    chunks = activations.split(_CHUNK)
+    return torch.cat([field.unbounded_density(pad_rows(chunk))[0][: len(chunk)] for chunk in chunks])

@@ -22,7 +22,7 @@ def _shape_checks(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture
 def unchecked() -> Iterator[None]:
-    """Without checks, for what runs the same calls as a test that has them."""
+    """Switch shape checks off, for calls that another test makes with checks."""
     with unchecked_shapes():
         yield
 

@@ -41,7 +41,7 @@ def test_the_lines_of_the_front_page_run(
     assert isinstance(chair, core.Instance) and chair.detail is not None
 
 
-def test_importing_the_package_is_cheap_and_its_names_are_there() -> None:
+def test_importing_the_package_is_cheap_and_offers_its_names() -> None:
     script = "import core, sys; assert not {'torch', 'numpy', 'core.api'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", script], check=True, cwd=ROOT)
     assert core.__all__ == api.__all__

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from core.export.keyframes import View
 from core.models.scene import Scene, save_image
 from viewer.activities.film_previews import FilmPreviews
 from viewer.activities.share_preview import SharePreview
@@ -17,8 +18,10 @@ class Exporting:
     """Exports one file at a time."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
-        self._jobs, self._editor = jobs, editor
-        self.preview, self.films = SharePreview(jobs, editor), FilmPreviews(jobs, editor)
+        self._jobs = jobs
+        self._editor = editor
+        self.preview = SharePreview(jobs, editor)
+        self.films = FilmPreviews(jobs, editor)
         self.path: Path | None = None  # the file being written
         self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`
         self.saved: Path | None = None  # the last written file
@@ -44,24 +47,18 @@ class Exporting:
         Nothing happens while another file is written, or for a video without keyframes. A name without an
         ending is a folder of frames; a PNG also holds the scene.
         """
-        timeline, backend = self._editor.playable, self._jobs.backend
         if settings.kind == "mesh":
-            model, camera = self._editor.model, self._editor.scene.photo_camera
-            about = settings.mesh_settings(model.metres)
-            self._begin("mesh", path, lambda scene: backend.mesh(scene.instance, path, about, camera))
+            self._begin("mesh", path, lambda scene: self._mesh(scene, path, settings))
         elif settings.kind == "page":
             self._begin("page", path, lambda scene: self._page(scene, path, settings))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
-        elif settings.kind in FILMS and (settings.kind != "video" or timeline.keys):
-            other = self._editor.film_partner
-
-            def write(scene: Scene) -> Iterator[float]:
-                views = settings.views(scene, timeline, other)
-                for done in backend.video(views, path, settings.video_settings):
-                    yield done / len(views)
-
-            self._begin(settings.kind, path, write)
+        elif settings.kind in FILMS and (settings.kind != "video" or self._editor.playable.keys):
+            timeline = self._editor.playable
+            partner = self._editor.film_partner
+            self._begin(
+                settings.kind, path, lambda scene: self._film(settings.views(scene, timeline, partner), path, settings)
+            )
 
     def cancel(self) -> None:
         """Cancel the export; no partial file stays."""
@@ -69,6 +66,14 @@ class Exporting:
             self._jobs.cancel("export")
             self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
+
+    def _mesh(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
+        mesh_settings = settings.mesh_settings(scene.instance.model.metres)
+        return self._jobs.backend.mesh(scene.instance, path, mesh_settings, scene.photo_camera)
+
+    def _film(self, views: list[View], path: Path, settings: ShareSettings) -> Iterator[float]:
+        for done in self._jobs.backend.video(views, path, settings.video_settings):
+            yield done / len(views)
 
     def _page(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         (instance, camera), *_ = settings.views(scene, self._editor.state.timeline)
@@ -78,8 +83,8 @@ class Exporting:
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(scene, self._editor.playable)[0]
-        about = settings.behind, settings.exact, settings.shows_shadow
-        for image in self._jobs.backend.pictures([view], *about):
+        images = self._jobs.backend.pictures([view], settings.behind, settings.exact, settings.shows_shadow)
+        for image in images:
             if image is not None:
                 save_image(image, path, scene)
             yield float(image is not None)
@@ -88,7 +93,10 @@ class Exporting:
         """Run a stream that yields the finished fraction of the work, unless a file is being written."""
         if self.running:
             return
-        self.kind, self.path, self.progress, self._began = kind, path, 0.0, (0.0, 0.0)
+        self.kind = kind
+        self.path = path
+        self.progress = 0.0
+        self._began = (0.0, 0.0)
         scene = self._editor.scene
 
         def changes() -> Iterator[float | None]:
@@ -105,7 +113,8 @@ class Exporting:
         self._jobs.submit(Job("export", changes, advanced, self._ended))
 
     def _ended(self, error: Exception | None) -> None:
-        path, self.path = self.path, None
+        path = self.path
+        self.path = None
         if path and error:
             self._jobs.messages.report(f"Cannot export {path.name}", error)
         elif path:

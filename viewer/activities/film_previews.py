@@ -18,29 +18,32 @@ _NAME = "film previews"  # job
 
 
 class FilmPreviews:
-    """Renders a few small frames of every film, and measures which part of them photos show."""
+    """Renders a few small frames of every film, and measures how much of them photos show."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
-        self._jobs, self._editor = jobs, editor
+        self._jobs = jobs
+        self._editor = editor
         self._frames: dict[str, list[Frame]] = {}  # by kind of film, in order
         self._lengths: dict[str, float] = {}  # s, by kind of film
-        self._shown: tuple[object, ...] = ()  # inputs of the frames
+        self._inputs: tuple[object, ...] = ()  # of the frames
 
     def update(self, settings: ShareSettings) -> None:
         """Update the previews; call once a frame while they are visible."""
-        scene, timeline, other = self._editor.scene, self._editor.playable, self._editor.film_partner
-        wanted = scene, timeline, other, settings.fill, settings.wide
-        if wanted == self._shown or self._editor.history.gesture:
+        scene = self._editor.scene
+        timeline = self._editor.playable
+        partner = self._editor.film_partner
+        inputs = scene, timeline, partner, settings.fill, settings.wide
+        if inputs == self._inputs or self._editor.history.gesture:
             return
-        self._shown = wanted
+        self._inputs = inputs
         self._frames.clear()
         height = round(_WIDTH / WIDE) if settings.wide else _WIDTH
-        kinds = [kind for kind in films_of(scene, other) if kind != "video" or timeline.keys]
+        kinds = [kind for kind in films_of(scene, partner) if kind != "video" or timeline.keys]
         films = [replace(settings, kind=kind, size=height) for kind in kinds]
 
         def stream() -> Iterator[tuple[str, Frame, float] | None]:
             for film in films:
-                views = film.views(scene, timeline, other)
+                views = film.views(scene, timeline, partner)
                 yield None
                 for index in range(_FRAMES):
                     view = views[index * len(views) // _FRAMES]
@@ -56,7 +59,7 @@ class FilmPreviews:
         self._lengths[kind] = length
 
     def frame(self, kind: str, seconds: float) -> Frame | None:
-        """Return a film's frame at a time, in a loop; its first one until all are rendered, None until one is."""
+        """Return a film's frame at a time, in a loop; the first frame until all are rendered, None before that."""
         frames = self._frames.get(kind)
         if not frames:
             return None
@@ -73,10 +76,10 @@ class FilmPreviews:
     @property
     def moving(self) -> bool:
         """True while the previews are visible and one of them is complete."""
-        return bool(self._shown) and any(len(frames) == _FRAMES for frames in self._frames.values())
+        return bool(self._inputs) and any(len(frames) == _FRAMES for frames in self._frames.values())
 
     def close(self) -> None:
         """Stop rendering."""
         self._jobs.cancel(_NAME)
         self._frames.clear()
-        self._shown = ()
+        self._inputs = ()

@@ -4,6 +4,7 @@ from core.geometry.camera import Camera
 from core.metrics import rotation_error
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
+from viewer.services.messages import Button, Messages
 from viewer.values import orbit
 from viewer.values.fit_history import Ready
 from viewer.values.objects import EditableObject
@@ -14,25 +15,28 @@ _ANOTHER_VIEWPOINT = 10.0  # degrees between cameras that show different sides
 class FitResults:
     """Adds results to the objects, and shows them unless a person is editing something else."""
 
-    def __init__(self, editor: Editor, viewport: Viewport) -> None:
-        self._editor, self._viewport = editor, viewport
+    def __init__(self, editor: Editor, viewport: Viewport, messages: Messages) -> None:
+        self._editor = editor
+        self._viewport = viewport
+        self._messages = messages
         self.checking: Ready | None = None  # preliminary result of the current fit, checked by a second search
         self.unseen: dict[str, Camera] = {}  # photos' cameras of results that were not shown yet, by name
         editor.scene_changed.connect(self._forget_seen)
 
-    def add(self, found: EditableObject, camera: Camera) -> Ready:
+    def add(self, fitted: EditableObject, camera: Camera) -> Ready:
         """Add a result to the objects and return its name and camera.
 
         Args:
             camera: camera of its photo, at the size of the model's images.
         """
         if self._viewport.following:
-            turned, own = self._viewport.turned, self._editor.scene.camera
-            ready = Ready(self._editor.add_and_show(found, own if turned else camera), camera)
+            turned = self._viewport.turned
+            own = self._editor.scene.camera
+            ready = Ready(self._editor.add_and_show(fitted, own if turned else camera), camera)
             if not turned:
                 self._viewport.frame_result()
             return ready
-        name = self._editor.objects.add(found)
+        name = self._editor.objects.add(fitted)
         self.unseen[name] = camera
         return Ready(name, camera)
 
@@ -42,10 +46,10 @@ class FitResults:
         differs = better.instance != self._editor.objects[name].original
         own = self._editor.scene.camera
         turned = not orbit.same_direction(own, handed.camera)
-        shown = self._editor.improve(name, better, own if turned else camera)
-        if shown and differs and not turned:
+        on_screen = self._editor.improve(name, better, own if turned else camera)
+        if on_screen and differs and not turned:
             self._viewport.frame_result()
-        if differs and not shown and name not in self._editor.objects.removed:
+        if differs and not on_screen and name not in self._editor.objects.removed:
             self.unseen[name] = camera
         return rotation_error(handed.camera, camera) > _ANOTHER_VIEWPOINT
 
@@ -55,6 +59,12 @@ class FitResults:
             self._editor.show_added(name, camera)
             self._viewport.frame_result()
 
+    def notify(self, text: str, ready: Ready) -> None:
+        """Report a result, with a button to show it if something else is being edited."""
+        show = Button("Show", lambda: self.show(ready.name), ready.name)
+        buttons = (show,) if ready.name in self.unseen else ()
+        self._messages.notify(text, buttons=buttons, relevant=lambda: not buttons or ready.name in self.unseen)
+
     def rename(self, name: str, to: str) -> None:
         """Follow the renaming of a result."""
         if name in self.unseen:
@@ -63,6 +73,7 @@ class FitResults:
             self.checking = Ready(to, self.checking.camera)
 
     def _forget_seen(self) -> None:
-        instance, objects = self._editor.scene.instance, self._editor.objects
+        instance = self._editor.scene.instance
+        objects = self._editor.objects
         for name in [name for name in self.unseen if objects[name].original == instance or name in objects.removed]:
             del self.unseen[name]

@@ -20,10 +20,10 @@ from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
+from viewer.values.cut_out_preview import CutOutPreview, has_rival, is_doubtful, pixels_on_white
 from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
-from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, pixels_on_white
 
-Confirmed = Mapping[PhotoSource, Callable[[], tuple[CutOut, SeenCutOut]]]
+Confirmed = Mapping[PhotoSource, Callable[[], tuple[CutOut, CutOutPreview]]]
 """Cut-outs that a person has confirmed; their photos are not read again."""
 _RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
 
@@ -34,7 +34,7 @@ class Doubt(NamedTuple):
     words: str
     model: Model | None  # model that would fit the photo; None if the category is in doubt
     cut: CutOut | None  # None if no object was found
-    seen: SeenCutOut
+    preview: CutOutPreview
     neither: bool = False  # the photo looks like none of the categories
 
 
@@ -52,42 +52,40 @@ class FitOptions:
 
 def fit_stream(
     jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, confirmed: Confirmed
-) -> Iterator[Model | Doubt | SeenCutOut | FittedPhoto | FitStep | None]:
+) -> Iterator[Model | Doubt | CutOutPreview | FittedPhoto | FitStep | None]:
     """Yield each new photo's cut-out and photo, the model unless the request names one, then the steps.
 
-    A :class:`Doubt` ends the stream. None only marks progress.
-
-    Args:
-        here: the model on screen, taken if the photo's category is unknown.
+    A :class:`Doubt` ends the stream; None marks progress. ``here``, the model on screen, is for unknown categories.
     """
-    backend, models, history = jobs.backend, jobs.models, request.history
-    model = models[history.model] if history.model else None
+    backend = jobs.backend
+    history = request.history
+    model = jobs.models[history.model] if history.model else None
     photos = [fitted.photo for fitted in history.photos]
     first = photos[0].categories if photos else {}
     for source in history.sources[len(photos) :]:
         try:
-            cut, seen = confirmed.get(source, partial(_cut_out, backend, source))()
+            cut, preview = confirmed.get(source, partial(_cut_out, backend, source))()
         except NoBackgroundError:
             yield _not_found(source, model or here)
             return
         guess = _guess(backend, cut)
-        chosen = model or _choose(models, here, guess)
+        chosen = model or _choose(jobs.models, here, guess)
         if len(photos) >= request.answered:
-            about = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
-            categories = "" if model or is_sure(guess) else _categories(models, here)
+            warning = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
+            categories = "" if model or is_sure(guess) else _categories(jobs.models, here)
             neither = source.hints is None and bool(guess) and likeliest_category(guess) is None
-            if words := _doubt(source, cut, about, categories, neither):
-                yield Doubt(words, None if categories else chosen, cut, seen, neither)
+            if words := _doubt(source, cut, warning, categories, neither):
+                yield Doubt(words, None if categories else chosen, cut, preview, neither)
                 return
         first = first or guess
-        yield seen
+        yield preview
         if model is None:
             model = chosen
             yield model
         for _ in backend.view_bank(model):
             yield None
         photos.append(backend.frame_photo(cut, model, source))
-        yield FittedPhoto.of(source, photos[-1], seen)
+        yield FittedPhoto.of(source, photos[-1], preview)
     assert model is not None, "no photo"
     job = FitJob(tuple(photos), settings, resume_from=request.resume_from)
     past = history.last.seconds if history.last else 0.0
@@ -101,21 +99,21 @@ def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
     return backend.guess_category(cut)
 
 
-def _cut_out(backend: Backend, source: PhotoSource) -> tuple[CutOut, SeenCutOut]:
+def _cut_out(backend: Backend, source: PhotoSource) -> tuple[CutOut, CutOutPreview]:
     cut = backend.cut_out(source.file, source.hints)
-    return cut, SeenCutOut.of(read_rgba(source.file), cut)
+    return cut, CutOutPreview.of(read_rgba(source.file), cut)
 
 
 def _not_found(source: PhotoSource, model: Model) -> Doubt:
-    bare = SeenCutOut(pixels_on_white(read_rgba(source.file)), ())
+    bare = CutOutPreview(pixels_on_white(read_rgba(source.file)), ())
     return Doubt("The object was not found: point at it", model, None, bare)
 
 
-def _doubt(source: PhotoSource, cut: CutOut, about: str, categories: str, neither: bool) -> str:
+def _doubt(source: PhotoSource, cut: CutOut, warning: str, categories: str, neither: bool) -> str:
     """Return the question about a cut-out; "" if it can be fitted at once.
 
     Args:
-        about: the warning about the category, if any.
+        warning: the warning about the category; may be empty.
         categories: the categories to choose from, if the photo's is in doubt.
         neither: the photo looks like none of them.
     """
@@ -130,7 +128,7 @@ def _doubt(source: PhotoSource, cut: CutOut, about: str, categories: str, neithe
         return ""
     if is_doubtful(cut):
         return "Is the whole object outlined, and nothing else?"
-    return f"{about[:1].upper()}{about[1:]}"
+    return f"{warning[:1].upper()}{warning[1:]}"
 
 
 def _categories(models: OpenModels, here: Model) -> str:

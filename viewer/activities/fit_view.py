@@ -9,22 +9,57 @@ from core.models.model import Model
 from core.models.open_models import OpenModels
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
+from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import FitHistory
-from viewer.values.seen_cut_out import SeenCutOut
+
+_MAX_KEPT = 8  # finished fits whose histories are kept
 
 
 class FitView:
-    """The history of the shown fit; its steps are rendered while the view follows it."""
+    """The history of the shown fit, whose steps are rendered while the view follows it, and finished fits."""
 
     def __init__(self, editor: Editor, viewport: Viewport, models: OpenModels) -> None:
-        self._editor, self._viewport, self._models = editor, viewport, models
+        self._editor = editor
+        self._viewport = viewport
+        self._models = models
         self.history = FitHistory()
-        self.seen: SeenCutOut | None = None  # cut-out of the photo that was read last
+        self.name = ""  # name of the object of the last finished fit that was shown
+        self._finished: dict[str, FitHistory] = {}  # by name of the object, the oldest first
+        self.preview: CutOutPreview | None = None  # cut-out of the photo that was read last
         self.from_runner_up = False  # the runner-up's camera is shown
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which is finished or about to begin."""
-        self.history, self.seen, self.from_runner_up = history, None, False
+        self.history = history
+        self.preview = None
+        self.from_runner_up = False
+
+    def kept(self, name: str) -> FitHistory:
+        """Return an object's fit; an empty one if it was not made in this run."""
+        return self._finished.get(name, FitHistory())
+
+    def keep(self, name: str) -> None:
+        """Keep the shown fit as that of an object."""
+        self.name = name
+        self._finished[name] = self.history
+        while len(self._finished) > _MAX_KEPT:
+            del self._finished[next(iter(self._finished))]
+
+    def show_kept(self, name: str) -> None:
+        """Show the fit of an object, unless it is shown or was not made in this run."""
+        if name != self.name and name in self._finished:
+            self.name = name
+            self.show(self._finished[name])
+
+    def rename(self, name: str, to: str) -> None:
+        """Follow the renaming of an object."""
+        self._finished = {to if key == name else key: history for key, history in self._finished.items()}
+        self.name = to if self.name == name else self.name
+
+    def duplicate(self, name: str, copy: str) -> None:
+        """Give a copy of an object its fit."""
+        if name in self._finished:
+            self._finished[copy] = self._finished[name]
 
     @property
     def model(self) -> Model:
@@ -47,10 +82,10 @@ class FitView:
             self.from_runner_up = runner_up
             self._editor.set_camera(self.camera)
 
-    def camera_of(self, found: FitStep | RunnerUp) -> Camera:
+    def camera_of(self, result: FitStep | RunnerUp) -> Camera:
         """Return the selected photo's camera in a step or runner-up, at the size of the model's images."""
         size = self.model.image_size
-        return found.cameras[self.history.photo_index].resized(size, size)
+        return result.cameras[self.history.photo_index].resized(size, size)
 
     def show_photo(self, index: int) -> None:
         """Select another photo."""

@@ -31,9 +31,13 @@ class FrameBudget:
 
     def __init__(self, budget: float = 1 / 30, divisor: int = 8) -> None:
         self.budget = budget  # s for the first frame during motion
-        self._level, self._floor, self._height = _DIVISORS.index(divisor), 0, 0
+        self._level = _DIVISORS.index(divisor)
+        self._floor = 0
+        self._height = 0
         self._learnt = divisor, 0  # last divisor changed to, and the image height it applies to
-        self._headroom, self._patience, self._refined = 0, _FRAMES_BEFORE_FINER, False
+        self._headroom = 0
+        self._patience = _FRAMES_BEFORE_FINER
+        self._refined = False
         self._fixed = 0.0  # s, estimated time of a frame without rays
         self._fixed_expires_in = 0  # frames until the estimate expires
         self._last = divisor, 0.0  # divisor and s of the newest frame
@@ -57,7 +61,8 @@ class FrameBudget:
         self._floor = list(high_enough).index(True)
         if height != self._height:
             self._learnt = self._learnt[0], self._learnt[1] or height
-            self._level, self._height = self._level_for(height), height
+            self._level = self._level_for(height)
+            self._height = height
             self._last = _DIVISORS[self._level], 0.0
         self._level = max(self._level, self._floor)
         return (self.divisor, *(divisor for divisor in (4, 2, 1) if divisor < self.divisor), 1)
@@ -65,8 +70,8 @@ class FrameBudget:
     def _level_for(self, height: int) -> int:
         """Return the level at which a first frame has about as many pixels as at the last learnt size."""
         divisor, learnt_height = self._learnt
-        wanted = divisor * height / learnt_height
-        return min(range(len(_DIVISORS)), key=lambda level: abs(math.log(_DIVISORS[level] / wanted)))
+        same_pixels = divisor * height / learnt_height
+        return min(range(len(_DIVISORS)), key=lambda level: abs(math.log(_DIVISORS[level] / same_pixels)))
 
     def observe(self, divisor: int, seconds: float) -> None:
         """Update the estimates with the time of a first frame, s; frames with an earlier divisor are ignored."""
@@ -80,7 +85,9 @@ class FrameBudget:
         else:
             self._headroom += 1
             if self._level + 1 < len(_DIVISORS) and self._headroom >= self._patience_for(seconds):
-                self._level, self._headroom, self._refined = self._level + 1, 0, True
+                self._level = self._level + 1
+                self._headroom = 0
+                self._refined = True
                 self._learnt = self.divisor, self._height
 
     @property
@@ -93,14 +100,18 @@ class FrameBudget:
 
         An estimate becomes 0 when it expires or is outdated (:data:`_OUTDATED`).
         """
-        (rays_before, before), (rays, now) = (self._last[0] ** -2, self._last[1]), (divisor**-2, seconds)
-        if rays_before != rays:
-            (_, coarse), (_, fine) = sorted([(rays_before, before), (rays, now)])
-            each = max(0.0, (now - before) / (rays - rays_before))
-            self._fixed = max(0.0, min(now - each * rays, before - each * rays_before))
-            self._fixed, self._fixed_expires_in = self._fixed * (fine > _OUTDATED * coarse), _FIXED_COST_EXPIRES
+        last_divisor, last_seconds = self._last
+        if divisor != last_divisor:
+            rays = divisor**-2  # relative to the full size
+            last_rays = last_divisor**-2
+            cost = max(0.0, (seconds - last_seconds) / (rays - last_rays))
+            coarse, fine = (last_seconds, seconds) if rays > last_rays else (seconds, last_seconds)
+            fixed = max(0.0, min(seconds - cost * rays, last_seconds - cost * last_rays))
+            self._fixed = fixed if fine > _OUTDATED * coarse else 0.0
+            self._fixed_expires_in = _FIXED_COST_EXPIRES
         self._fixed_expires_in -= 1
-        self._fixed = min(self._fixed, now) if self._fixed_expires_in > 0 and now > _OUTDATED * self._fixed else 0.0
+        is_valid = self._fixed_expires_in > 0 and seconds > _OUTDATED * self._fixed
+        self._fixed = min(self._fixed, seconds) if is_valid else 0.0
         self._last = divisor, seconds
 
     def _predicted(self, seconds: float, divisor: int, level: int) -> float:

@@ -15,8 +15,10 @@ class Framing:
     """Changes the camera's distance as part of the last edit, unless the scene was edited since."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
-        self._jobs, self._editor = jobs, editor
-        self._last, self._zoomed = editor.scene, False  # last scene; whether a person has zoomed since the last framing
+        self._jobs = jobs
+        self._editor = editor
+        self._last = editor.scene
+        self._zoomed = False  # a person has zoomed since the last framing
         self._panel = (0, 0)  # px, size of the view in the newest request
         editor.scene_changed.connect(self._look)
 
@@ -27,11 +29,14 @@ class Framing:
 
     def frame(self, panel: tuple[int, int]) -> None:
         """Begin to frame the scene's object in a view of ``panel`` px."""
-        editor, scene, self._zoomed = self._editor, self._editor.scene, False
-        model, self._panel = editor.model, panel
-        seen = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera
+        editor = self._editor
+        scene = self._editor.scene
+        self._zoomed = False
+        model = editor.model
+        self._panel = panel
+        panel_camera = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera
 
-        def found(distance: float) -> None:
+        def move_to(distance: float) -> None:
             nearest, farthest = orbit.reach(scene.camera, model)
             if editor.scene is scene and self._panel == panel and not editor.history.gesture:
                 camera = replace(scene.camera, distance=max(nearest, min(farthest, distance)))
@@ -39,11 +44,14 @@ class Framing:
                 editor.join(self._last)
 
         def stream() -> Iterator[float]:
-            yield self._jobs.backend.distance(scene.instance, seen, SHARE)
+            yield self._jobs.backend.distance(scene.instance, panel_camera, SHARE)
 
-        self._jobs.submit(Job("framing", stream, found, self._jobs.reporting("Cannot frame the object"), urgent=True))
+        ended = self._jobs.reporting("Cannot frame the object")
+        self._jobs.submit(Job("framing", stream, move_to, ended, urgent=True))
 
     def _look(self) -> None:
-        scene, before, self._last = self._editor.scene, self._last, self._editor.scene
+        scene = self._editor.scene
+        before = self._last
+        self._last = self._editor.scene
         if scene.instance is before.instance and scene.camera.distance != before.camera.distance:
             self._zoomed = True

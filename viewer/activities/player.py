@@ -17,7 +17,9 @@ class Player:
     """Edits the timeline and shows its scene at the playhead, which moves while playing, as a drag would."""
 
     def __init__(self, jobs: Jobs, editor: Editor, clock: Callable[[], float] = time.monotonic) -> None:
-        self._jobs, self._editor, self._clock = jobs, editor, clock
+        self._jobs = jobs
+        self._editor = editor
+        self._clock = clock
         self.seconds = 0.0  # time of the playhead
         self._began: float | None = None  # s on the clock when the playhead was at 0; None unless playing
         self._last_scene: Scene | None = None  # scene of the last tick; another one is an edit
@@ -108,7 +110,8 @@ class Player:
 
     def move_key(self, index: int, seconds: float) -> None:
         """Move a keyframe to another time and show it; :meth:`Editor.end_gesture` ends the drag."""
-        moved, gesture = self.timeline.moved(index, seconds), f"key {index}"
+        moved = self.timeline.moved(index, seconds)
+        gesture = f"key {index}"
         self.close()
         self.seconds = moved.keys[index].seconds
         self._editor.set_timeline(moved, gesture)
@@ -128,10 +131,10 @@ class Player:
 
     def stretch(self, length: float) -> None:
         """Scale the timeline to another length in seconds; :meth:`Editor.end_gesture` ends the drag."""
-        share = self.seconds / self.timeline.length
+        fraction = self.seconds / self.timeline.length
         stretched = self.timeline.stretched(length)
         self.close()
-        self.seconds = share * stretched.length
+        self.seconds = fraction * stretched.length
         self._editor.set_timeline(stretched, "timeline length")
 
     def loop(self, loop: bool) -> None:
@@ -142,4 +145,5 @@ class Player:
     def _show(self) -> None:
         view = self._editor.playable.at(self.seconds)
         self._editor.show(view.instance, view.camera, gesture=_GESTURE)
-        self._last_scene, self._last_timeline = self._editor.scene, self.timeline
+        self._last_scene = self._editor.scene
+        self._last_timeline = self.timeline

@@ -12,11 +12,11 @@ from core.photos.segmentation import CutOut, Hints, cut_out
 from viewer.services.jobs import Jobs
 from viewer.services.messages import error_text
 from viewer.services.worker import Job
+from viewer.values.cut_out_preview import CutOutPreview, pixels_on_white
 from viewer.values.fit_history import PhotoSource
-from viewer.values.seen_cut_out import SeenCutOut, pixels_on_white
 
 _SHOWN = 640  # px of the shown photo's longer side
-_SMALL = 160  # px of the longer side of the other masks
+_SMALL = 160  # px of the longer side of alternative masks
 _DIMMED = 0.25  # remaining brightness of the background, 0..1
 
 
@@ -25,9 +25,9 @@ class Segmentation:
     """The cut-out that hints give, and its images."""
 
     hints: Hints
-    found: CutOut
-    shown: UInt8[np.ndarray, "height width 3"]  # the photo with a darkened background
-    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # small images of the other masks, the next best first
+    cut: CutOut
+    image: UInt8[np.ndarray, "height width 3"]  # the photo with a darkened background
+    alternatives: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # small images of other masks, the next best first
 
 
 class Segmenting:
@@ -35,7 +35,8 @@ class Segmenting:
 
     def __init__(self, jobs: Jobs, fit: Callable[..., None]) -> None:
         """Fit segmented photos by ``fit``, which is :meth:`Fitting.fit`."""
-        self._jobs, self._fit = jobs, fit
+        self._jobs = jobs
+        self._fit = fit
         self.close()
 
     def close(self) -> None:
@@ -58,12 +59,16 @@ class Segmenting:
             model: fingerprint of the model to fit; empty chooses by the first photo's category.
         """
         self.close()
-        self._model, source = model, sources[index]
-        self.active, self.sources, self.index = True, sources, index
+        self._model = model
+        source = sources[index]
+        self.active = True
+        self.sources = sources
+        self.index = index
         self.hints = source.hints or Hints()
 
         def read(image: Image.Image) -> None:
-            self._image, self.plain = image, pixels_on_white(image, _SHOWN)
+            self._image = image
+            self.plain = pixels_on_white(image, _SHOWN)
             self._start()
 
         def ended(error: Exception | None) -> None:
@@ -90,7 +95,7 @@ class Segmenting:
             self._start()
 
     def choose(self, number: int) -> None:
-        """Choose one of the other masks by its index; strokes are dropped."""
+        """Choose an alternative mask by its index; strokes are dropped."""
         chosen = self.hints.choice
         self.begin_change()
         self.set_hints(replace(self.hints, choice=number if number < chosen else number + 1, strokes=()))
@@ -98,7 +103,8 @@ class Segmenting:
     def undo(self) -> None:
         """Return to the hints before the last step."""
         while self.past:
-            before, self.past = self.past[-1], self.past[:-1]
+            before = self.past[-1]
+            self.past = self.past[:-1]
             if before != self.hints:
                 self.set_hints(before)
                 return
@@ -107,24 +113,28 @@ class Segmenting:
         """Fit the photos with the current hints, after a running fit, and close."""
         source = self.sources[self.index]._replace(hints=self.hints)
         sources = (*self.sources[: self.index], source, *self.sources[self.index + 1 :])
-        image, result = self._image, self.result
+        image = self._image
+        result = self.result
         confirmed = {}
         if image and result and self.settled:
-            confirmed[source] = lambda: (result.found, SeenCutOut.of(image, result.found))
+            confirmed[source] = lambda: (result.cut, CutOutPreview.of(image, result.cut))
         self._fit(*sources, model=self._model, confirmed=confirmed)
         self.close()
 
     def _start(self) -> None:
-        image, hints = self._image, self.hints
+        image = self._image
+        hints = self.hints
         if image is None:
             return
 
         def keep(result: Segmentation) -> None:
-            self.result, self.problem = result, ""
+            self.result = result
+            self.problem = ""
 
         def ended(error: Exception | None) -> None:
             if isinstance(error, ValueError):
-                self.result, self.problem = None, error_text(error)
+                self.result = None
+                self.problem = error_text(error)
             elif error:
                 self._jobs.messages.report("Cannot segment the photo", error)
 
@@ -132,15 +142,15 @@ class Segmenting:
 
 
 def _segment(image: Image.Image, hints: Hints) -> Segmentation:
-    found, shown = cut_out(image, hints), pixels_on_white(image, _SHOWN)
+    cut = cut_out(image, hints)
     small = pixels_on_white(image, _SMALL)
-    others = tuple(_dimmed(small, other.mask) for other in found.alternatives)
-    return Segmentation(hints, found, _dimmed(shown, found.mask), others)
+    alternatives = tuple(_dimmed(small, alternative.mask) for alternative in cut.alternatives)
+    return Segmentation(hints, cut, _dimmed(pixels_on_white(image, _SHOWN), cut.mask), alternatives)
 
 
 def _dimmed(
-    shown: UInt8[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "h w"]
+    pixels: UInt8[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "height width 3"]:
     """Return the image with the background darkened; the mask may have another size."""
-    inside = np.asarray(Image.fromarray(mask).resize(shown.shape[1::-1]))
-    return (shown * np.where(inside[..., None], 1, _DIMMED)).astype(np.uint8)
+    inside = np.asarray(Image.fromarray(mask).resize(pixels.shape[1::-1]))
+    return (pixels * np.where(inside[..., None], 1, _DIMMED)).astype(np.uint8)

@@ -17,24 +17,27 @@ class SharePreview:
     """Renders the file's first frame whenever its inputs change, except during a drag."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
-        self._jobs, self._editor = jobs, editor
+        self._jobs = jobs
+        self._editor = editor
         self.image: Image | None = None  # on transparent; None until it is rendered
         self.seconds: float | None = None  # estimated time of saving the file; None if unknown
-        self._shown: tuple[object, ...] = ()  # inputs of the current or next image
+        self._inputs: tuple[object, ...] = ()  # of the current or next image
 
     def update(self, settings: ShareSettings) -> None:
         """Update the preview; call once a frame while it is visible. A video without keyframes has none."""
-        scene, timeline = self._editor.scene, self._editor.playable
-        other, about = self._editor.film_partner, (settings.size, settings.exact, settings.shows_shadow)
-        wanted = scene, timeline, other, settings.kind, settings.fill, settings.wide, *about
-        unwanted = settings.kind == "video" and not timeline.keys
-        if unwanted or wanted == self._shown or self._editor.history.gesture:
+        scene = self._editor.scene
+        timeline = self._editor.playable
+        partner = self._editor.film_partner
+        looks = settings.kind, settings.fill, settings.wide, settings.size, settings.exact, settings.shows_shadow
+        inputs = scene, timeline, partner, *looks
+        is_empty = settings.kind == "video" and not timeline.keys
+        if is_empty or inputs == self._inputs or self._editor.history.gesture:
             return
-        self._shown = wanted
+        self._inputs = inputs
         self.seconds = None
 
         def stream() -> Iterator[tuple[Image, float | None] | None]:
-            views = settings.views(scene, timeline, other)
+            views = settings.views(scene, timeline, partner)
             work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views, settings.exact))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))
@@ -55,4 +58,4 @@ class SharePreview:
     def close(self) -> None:
         """Stop rendering."""
         self._jobs.cancel(_NAME)
-        self._shown = ()
+        self._inputs = ()

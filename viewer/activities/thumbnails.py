@@ -55,8 +55,8 @@ def _key(instance: Instance, camera: Camera, samples: int) -> _Key:
 def _detail_digest(detail: PhotoDetail) -> bytes:
     views = "".join(f"{hashlib.blake2b(view.image).hexdigest()} {view.camera} {view.erased}" for view in detail.views)
     fitted = f"{detail.fitted.shape_key} {detail.fitted.texture_key}"
-    about = f"{views} {fitted} {detail.strength} {detail.other_side}"
-    return hashlib.blake2b(about.encode(), digest_size=16).digest()
+    text = f"{views} {fitted} {detail.strength} {detail.other_side}"
+    return hashlib.blake2b(text.encode(), digest_size=16).digest()
 
 
 def digest(instance: Instance, camera: Camera) -> str:
@@ -86,7 +86,7 @@ class Thumbnails:
     def __init__(self, jobs: Jobs, stored: Mapping[str, Pixels] | None = None) -> None:
         """Begin with images of the last launch, by digest; larger ones are no thumbnails."""
         self._jobs = jobs
-        self._stored = {digest: one for digest, one in (stored or {}).items() if len(one) <= SIZE}
+        self._stored = {digest: pixels for digest, pixels in (stored or {}).items() if len(pixels) <= SIZE}
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()  # cached thumbnails, the least recently used first
         self._queue: dict[_Key, Instance] = {}  # requests of this frame
         self.rendered = 0  # thumbnails so far
@@ -106,28 +106,29 @@ class Thumbnails:
         return self._get(_key(instance, camera, _SAMPLES), instance, soon)
 
     def _get(self, key: _Key, instance: Instance, soon: bool = False) -> Frame | None:
-        if key not in self._frames and (found := self._stored.get(key.digest)) is not None:
-            self._frames[key] = frame_of(found, key.samples)
+        if key not in self._frames and (pixels := self._stored.get(key.digest)) is not None:
+            self._frames[key] = frame_of(pixels, key.samples)
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
-        wanted = {key: instance}
-        self._queue = wanted | self._queue if soon else self._queue | wanted
+        request = {key: instance}
+        self._queue = request | self._queue if soon else self._queue | request
         return None
 
     @property
     def newest(self) -> dict[str, Pixels]:
         """The newest images to store for the next launch, by digest."""
-        found = self._stored | {key.digest: pixels_of(frame) for key, frame in self._frames.items()}
-        return dict([*found.items()][-_STORED:])
+        images = self._stored | {key.digest: pixels_of(frame) for key, frame in self._frames.items()}
+        return dict([*images.items()][-_STORED:])
 
     def tick(self) -> None:
         """Begin to render a batch of the requests since the last call; call once a frame."""
         if self._jobs.busy("thumbnails"):
             self._queue = {}
             return
-        due = [one for one in self._queue.items() if one[0] not in self._frames and one[0] not in self._failed]
-        batch, self._queue = due[:_BATCH], {}
+        due = [key for key in self._queue if key not in self._frames and key not in self._failed]
+        batch = [(key, self._queue[key]) for key in due[:_BATCH]]
+        self._queue = {}
         if not batch:
             return
 

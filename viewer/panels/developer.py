@@ -52,7 +52,8 @@ class DeveloperPanel(Panel):
 
 def _draw_camera(context: PanelContext) -> None:
     """Draw the camera as numbers to drag or to type."""
-    editor, camera = context.session.editor, context.session.editor.scene.camera
+    editor = context.session.editor
+    camera = context.session.editor.scene.camera
     numbers = {
         "azimuth": (math.degrees(camera.azimuth), 1.0, (-360.0, 360.0), "%.1f°"),
         "elevation": (math.degrees(camera.elevation), 0.5, (-_STEEPEST, _STEEPEST), "%.1f°"),
@@ -84,7 +85,8 @@ def _draw_speed(context: PanelContext) -> None:
 
 
 def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
-    budget, device = context.session.viewport.budget, context.session.editor.model.device
+    budget = context.session.viewport.budget
+    device = context.session.editor.model.device
     baked = context.session.viewport.baked if context.session.viewport.settings.baked else None
     evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
     width, height = frame.resolution
@@ -102,7 +104,8 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
 
 def _draw_candidates(context: PanelContext) -> None:
     """Draw the hypotheses of a fit, the best first; a click prefers one to all others."""
-    fitting, side = context.session.fitting, _TILE * hello_imgui.em_size()
+    fitting = context.session.fitting
+    side = _TILE * hello_imgui.em_size()
     steps = fitting.history.steps
     if not steps:
         caption(context, "While a photo is fitted: the cameras and shapes that are tried for it, the best first")
@@ -115,8 +118,9 @@ def _draw_candidates(context: PanelContext) -> None:
 
 
 def _draw_candidate(context: PanelContext, hypothesis: Hypothesis, rank: int, side: float) -> None:
-    fitting, corner = context.session.fitting, imgui.get_cursor_screen_pos()
-    preferable = fitting.can_resume(hypothesis)
+    fitting = context.session.fitting
+    corner = imgui.get_cursor_screen_pos()
+    preferable = fitting.history.can_resume(hypothesis)
     if object_tiles.tile_button(f"candidate {rank + 1}", (side, side)) and preferable:
         fitting.resume(hypothesis)
     tooltip(_label(hypothesis, rank, preferable))

@@ -71,13 +71,15 @@ def _draw_earlier(context: PanelContext) -> None:
 
 def _draw_status(context: PanelContext) -> None:
     """Draw on the right the current export, and a thin bar of a fit."""
-    session, em = context.session, hello_imgui.em_size()
+    session = context.session
+    em = hello_imgui.em_size()
     exporting = _EXPORT * em if session.exporting.running else 0.0
     bar = _BAR * em if session.fitting.running else 0.0
     imgui.same_line()
     width = exporting + bar + 2 * em
     if imgui.get_content_region_avail().x < width:  # it would cover the menus
-        bar, width = 0.0, min(imgui.get_content_region_avail().x, exporting + 2 * em)
+        bar = 0.0
+        width = min(imgui.get_content_region_avail().x, exporting + 2 * em)
     imgui.same_line(imgui.get_window_width() - width)
     if exporting:
         draw_progress(context, width=_EXPORT)

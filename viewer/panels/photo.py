@@ -61,14 +61,15 @@ class PhotoPanel(Panel):
     def draw(self, context: PanelContext) -> None:
         """Draw the question, the photo with its controls or, without a photo, an invitation."""
         fitting = context.session.fitting
-        shown, question = fitting.shown, fitting.question
-        sources = question.request.history.sources if question else shown.sources
+        history = fitting.shown
+        question = fitting.question
+        sources = question.request.history.sources if question else history.sources
         if any(request.history.sources is not sources for request in fitting.pending):
             waiting_tiles.draw_row(context)
         if question:
             draw_question(context, question)
-        elif shown.sources or context.session.photo_view:
-            _draw_object(context, shown)
+        elif history.sources or context.session.photo_view:
+            _draw_object(context, history)
         else:
             heading(context, "Photo")
             imgui.text_wrapped(
@@ -79,27 +80,29 @@ class PhotoPanel(Panel):
             draw_paint(context)
 
 
-def _draw_object(context: PanelContext, shown: FitHistory) -> None:
+def _draw_object(context: PanelContext, history: FitHistory) -> None:
     """Draw the photo of the object on screen and, once it is fitted, its controls."""
-    session, fitting, photo = context.session, context.session.fitting, shown.photo
-    heading(context, shown.name or session.editor.state.mix.a.shape)
-    _draw_photos(fitting, shown)
-    seen = photo.seen if photo else fitting.view.seen if shown is fitting.history else None
+    session = context.session
+    fitting = context.session.fitting
+    photo = history.photo
+    heading(context, history.name or session.editor.state.mix.a.shape)
+    _draw_photos(fitting, history)
+    preview = photo.preview if photo else fitting.view.preview if history is fitting.history else None
     fits = fitting.running and session.viewport.following
     view = None if fits else session.photo_view  # that of the object on screen
-    pixels = seen.pixels if seen else object_pixels(view.image) if view else photo.pixels if photo else None
+    pixels = preview.pixels if preview else object_pixels(view.image) if view else photo.pixels if photo else None
     if pixels is not None:
-        boxes = seen.boxes if seen else ()
-        draw_cut_out(context, pixels, boxes, partial(fitting.choose, shown.sources, shown.photo_index))
-    if button("Point at it###point at it", POINT_HELP if shown.sources else _LOST_HELP, enabled=photo is not None):
-        session.segmenting.open(shown.sources, shown.photo_index, shown.model)
+        boxes = preview.boxes if preview else ()
+        draw_cut_out(context, pixels, boxes, partial(fitting.choose, history.sources, history.photo_index))
+    if button("Point at it###point at it", POINT_HELP if history.sources else _LOST_HELP, enabled=photo is not None):
+        session.segmenting.open(history.sources, history.photo_index, history.model)
     if fits:
         _draw_progress(context)
         return
-    if shown.photos:
+    if history.photos:
         imgui.same_line()
-        _draw_again(context, fitting, shown)
-    _draw_verdict(context, fitting, shown)
+        _draw_again(context, fitting, history)
+    _draw_verdict(context, fitting, history)
     if detail := session.editor.scene.instance.detail:
         _draw_tools(context, detail)
     draw_paint(context)
@@ -107,15 +110,15 @@ def _draw_object(context: PanelContext, shown: FitHistory) -> None:
         _draw_detail(context, detail)
 
 
-def _draw_photos(fitting: Fitting, shown: FitHistory) -> None:
+def _draw_photos(fitting: Fitting, history: FitHistory) -> None:
     """Draw the choice among several photos, if there are several."""
-    if len(shown.sources) < 2:
+    if len(history.sources) < 2:
         return
-    for number, source in enumerate(shown.sources):
+    for number, source in enumerate(history.sources):
         if number:
             imgui.same_line()
-        imgui.begin_disabled(number >= len(shown.photos) or shown is not fitting.history)
-        if imgui.radio_button(f"{number + 1}###photo {number + 1}", shown.photo_index == number):
+        imgui.begin_disabled(number >= len(history.photos) or history is not fitting.history)
+        if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
             fitting.view.show_photo(number)
         imgui.end_disabled()
         tooltip(source.name)
@@ -125,25 +128,25 @@ def _draw_progress(context: PanelContext) -> None:
     fitting = context.session.fitting
     last = fitting.history.last
     imgui.same_line()
-    later = "; you can go on later" if fitting.resume_point else ""
+    later = "; you can go on later" if fitting.history.resume_point else ""
     if button("Stop###stop fit", f"End here and keep what has been found{later}"):
         fitting.stop()
     if last is not None:
         search = "Checking from other sides" if last.restart else "Finding camera, shape and texture"
         label = "Taking its own shape" if last.is_free else search
     else:
-        label = "Looking for the camera …" if fitting.history.photo or fitting.view.seen else "Cutting out …"
+        label = "Looking for the camera …" if fitting.history.photo or fitting.view.preview else "Cutting out …"
     imgui.progress_bar(fitting.history.progress, (-1, 0), label)
 
 
-def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> None:
+def _draw_again(context: PanelContext, fitting: Fitting, history: FitHistory) -> None:
     """Draw the menu of ways to fit the same object again."""
     if button(f"{_AGAIN}###again", "Fit the same photo once more"):
         imgui.open_popup("again")
     if not imgui.begin_popup("again"):
         return
-    more = FileRequest("Another photo of the same object", partial(fitting.add_photo, shown), IMAGE_SUFFIXES)
-    can_resume = shown is fitting.history and not fitting.running and fitting.resume_point is not None
+    more = FileRequest("Another photo of the same object", partial(fitting.add_photo, history), IMAGE_SUFFIXES)
+    can_resume = history is fitting.history and not fitting.running and fitting.history.resume_point is not None
     ways: list[tuple[str, str, Callable[[], None], bool]] = [
         ("From the beginning###restart", "The whole search once more", fitting.refit, True),
         ("From the camera in the view###resume from view", _VIEW_HELP, fitting.resume_from_view, can_resume),
@@ -152,7 +155,7 @@ def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> N
     ways += [
         (f"As a {as_label(model.noun)}###as {model.category}", "", partial(fitting.refit, model), True)
         for model in context.session.listed_models
-        if model.fingerprint != shown.model
+        if model.fingerprint != history.model
     ]
     for label, text, act, enabled in ways:
         if imgui.menu_item_simple(label, enabled=enabled):
@@ -162,13 +165,15 @@ def _draw_again(context: PanelContext, fitting: Fitting, shown: FitHistory) -> N
     imgui.end_popup()
 
 
-def _draw_verdict(context: PanelContext, fitting: Fitting, shown: FitHistory) -> None:
+def _draw_verdict(context: PanelContext, fitting: Fitting, history: FitHistory) -> None:
     """Draw the camera's confidence, in doubt with another viewpoint, or several photos' agreement."""
-    step, confidence = shown.last, context.session.editor.objects[context.session.editor.state.mix.a.shape].confidence
-    if len(shown.photos) > 1 and step is not None:
-        first, *others = (fitted.photo.categories for fitted in shown.photos)
-        agree = explained(step.psnr) > _AGREE and not any(describe_difference(first, one) for one in others)
-        words = f"{len(shown.photos)} photos {'agree' if agree else 'disagree'}"
+    step = history.last
+    confidence = context.session.editor.objects[context.session.editor.state.mix.a.shape].confidence
+    if len(history.photos) > 1 and step is not None:
+        first, *later = (fitted.photo.categories for fitted in history.photos)
+        differ = any(describe_difference(first, categories) for categories in later)
+        agree = explained(step.psnr) > _AGREE and not differ
+        words = f"{len(history.photos)} photos {'agree' if agree else 'disagree'}"
         _draw_dot_and_words(context, words, "sure" if agree else "doubtful")
         tooltip("Whether one object, seen from the cameras that were found, explains all of them")
         return
@@ -177,7 +182,7 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, shown: FitHistory) ->
     sure = in_words(confidence)
     _draw_dot_and_words(context, f"Camera: {sure}", sure)
     tooltip(f"{confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees")
-    if sure != "sure" and shown is fitting.history and step and step.runner_up:
+    if sure != "sure" and history is fitting.history and step and step.runner_up:
         imgui.same_line()
         if button("Other viewpoint###viewpoint", _VIEWPOINT_HELP):
             fitting.view.show_viewpoint(not fitting.view.from_runner_up)
@@ -185,7 +190,8 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, shown: FitHistory) ->
 
 def _draw_dot_and_words(context: PanelContext, words: str, sure: str) -> None:
     """Draw a line of text behind a dot in the colour of a confidence, as on tiles."""
-    em, corner = hello_imgui.em_size(), imgui.get_cursor_screen_pos()
+    em = hello_imgui.em_size()
+    corner = imgui.get_cursor_screen_pos()
     middle = corner + ImVec2(0.4 * em, imgui.get_frame_height() / 2)
     imgui.get_window_draw_list().add_circle_filled(middle, 0.34 * em, packed(user_objects.COLOURS[sure]))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em)
@@ -211,8 +217,9 @@ def _draw_tools(context: PanelContext, detail: PhotoDetail) -> None:
 
 def _draw_detail(context: PanelContext, detail: PhotoDetail) -> None:
     """Draw the strength of the photo detail and the choice for the unseen side."""
-    editor, shown = context.session.editor, f"{detail.strength:.0%}"
-    changed, strength = labelled_slider("photo detail", "Photo detail", detail.strength, (0.0, 1.0), shown, (6, 3))
+    editor = context.session.editor
+    percent = f"{detail.strength:.0%}"
+    changed, strength = labelled_slider("photo detail", "Photo detail", detail.strength, (0.0, 1.0), percent, (6, 3))
     if changed:
         editor.set_detail(replace(detail, strength=strength), "photo detail")
     end_gesture(context)

@@ -31,12 +31,14 @@ class SegmentingDialog:
         self._brush = 0.03  # radius as a fraction of the photo's longer side
         self._before = Hints()  # hints at the start of the current drag
         self._start = (0.0, 0.0)  # start of the drag, fractions of the photo's width and height
-        self._zoom, self._left, self._top = 1.0, 0.0, 0.0  # zoom factor; fractions beyond the left and upper edge
+        self._zoom = 1.0
+        self._left, self._top = 0.0, 0.0  # fractions of the photo beyond the left and upper edge
         self._line: tuple[tuple[float, float], ...] = ()  # points of the current stroke, fractions
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog; call once a frame."""
-        segmenting, viewport = context.session.segmenting, imgui.get_main_viewport()
+        segmenting = context.session.segmenting
+        viewport = imgui.get_main_viewport()
         if segmenting.active and not imgui.is_popup_open(_TITLE):
             imgui.open_popup(_TITLE)
             self._zoom = 1.0
@@ -62,7 +64,7 @@ class SegmentingDialog:
         imgui.begin_group()
         if imgui.begin_child("tools", (0, -imgui.get_frame_height_with_spacing())):
             self._draw_tools(segmenting)
-            _draw_others(context, segmenting)
+            _draw_alternatives(context, segmenting)
         imgui.end_child()
         _draw_end(context, segmenting)  # below the tools, visible even in a low window
         imgui.end_group()
@@ -71,26 +73,32 @@ class SegmentingDialog:
         if segmenting.plain is None or context.images is None:
             imgui.text_disabled("Reading the photo …")
             return
-        room, (height, width) = imgui.get_content_region_avail(), segmenting.plain.shape[:2]
+        room = imgui.get_content_region_avail()
+        height, width = segmenting.plain.shape[:2]
         scale = min(room.x / width, room.y / height)
-        size, corner = ImVec2(width * scale, height * scale), imgui.get_cursor_screen_pos()
+        size = ImVec2(width * scale, height * scale)
+        corner = imgui.get_cursor_screen_pos()
         corner += ImVec2((room.x - size.x) / 2, 0)
         imgui.set_cursor_screen_pos(corner)
         imgui.invisible_button("canvas", size)
-        origin, whole = self._zoomed(corner, size)
-        self._react(segmenting, origin, whole)
-        shown = segmenting.result.shown if segmenting.result else segmenting.plain
+        origin, extent = self._zoomed(corner, size)
+        self._react(segmenting, origin, extent)
+        image = segmenting.result.image if segmenting.result else segmenting.plain
         draw = imgui.get_window_draw_list()
         draw.push_clip_rect(corner, corner + size, True)
-        draw.add_image(context.images.texture(shown, context.palette), origin, origin + whole)
+        draw.add_image(context.images.texture(image, context.palette), origin, origin + extent)
         if segmenting.hints.box:
             left, top, right, bottom = segmenting.hints.box
-            low, high = ImVec2(left * whole.x, top * whole.y), ImVec2(right * whole.x, bottom * whole.y)
-            draw.add_rect(origin + low, origin + high, packed(WARM), thickness=2.0)
-        for x, y in segmenting.hints.points:
-            draw.add_circle(origin + ImVec2(x * whole.x, y * whole.y), 5.0, packed(WARM), thickness=2.0)
+            draw.add_rect(
+                origin + extent * ImVec2(left, top),
+                origin + extent * ImVec2(right, bottom),
+                packed(WARM),
+                thickness=2.0,
+            )
+        for point in segmenting.hints.points:
+            draw.add_circle(origin + extent * ImVec2(*point), 5.0, packed(WARM), thickness=2.0)
         if imgui.is_item_hovered() and self._tool != "Box":
-            radius = self._brush * max(whole.x, whole.y)
+            radius = self._brush * max(extent)
             colour = context.palette.accent if self._tool == "Add" else context.palette.error
             draw.add_circle(imgui.get_mouse_pos(), radius, packed(colour), thickness=2.0)
         draw.pop_clip_rect()
@@ -99,39 +107,40 @@ class SegmentingDialog:
         """Apply wheel and middle drag; return corner and size of the whole photo, px on screen."""
         io = imgui.get_io()
         if imgui.is_item_hovered() and io.mouse_wheel:
-            at = imgui.get_mouse_pos() - corner
-            mouse = at.x / size.x, at.y / size.y
-            before, self._zoom = self._zoom, max(1.0, min(_MAX_ZOOM, self._zoom * 1.2**io.mouse_wheel))
-            self._left, self._top = (
-                place + share * (1 / before - 1 / self._zoom)
-                for place, share in zip((self._left, self._top), mouse, strict=True)
-            )
+            mouse = (imgui.get_mouse_pos() - corner) / size
+            before = self._zoom
+            self._zoom = max(1.0, min(_MAX_ZOOM, self._zoom * 1.2**io.mouse_wheel))
+            self._left += mouse.x * (1 / before - 1 / self._zoom)
+            self._top += mouse.y * (1 / before - 1 / self._zoom)
         if imgui.is_item_hovered() and imgui.is_mouse_down(imgui.MouseButton_.middle):
             self._left -= io.mouse_delta.x / (size.x * self._zoom)
             self._top -= io.mouse_delta.y / (size.y * self._zoom)
         most = 1 - 1 / self._zoom
-        self._left, self._top = max(0.0, min(most, self._left)), max(0.0, min(most, self._top))
-        whole = size * self._zoom
-        return corner - ImVec2(self._left * whole.x, self._top * whole.y), whole
+        self._left = max(0.0, min(most, self._left))
+        self._top = max(0.0, min(most, self._top))
+        extent = size * self._zoom
+        return corner - extent * ImVec2(self._left, self._top), extent
 
     def _react(self, segmenting: Segmenting, corner: ImVec2, size: ImVec2) -> None:
         """Change the hints: a drag makes a box or a stroke, a click a point."""
         mouse = imgui.get_mouse_pos() - corner
-        at = min(1.0, max(0.0, mouse.x / size.x)), min(1.0, max(0.0, mouse.y / size.y))
+        point = min(1.0, max(0.0, mouse.x / size.x)), min(1.0, max(0.0, mouse.y / size.y))
         if imgui.is_item_activated():
             segmenting.begin_change()
-            self._before, self._start, self._line = segmenting.hints, at, ()
+            self._before = segmenting.hints
+            self._start = point
+            self._line = ()
         if imgui.is_item_deactivated() and self._tool == "Box" and segmenting.hints == self._before:
-            points = (*self._before.points, at) if imgui.get_io().key_shift else (at,)
+            points = (*self._before.points, point) if imgui.get_io().key_shift else (point,)
             segmenting.set_hints(replace(self._before, box=None, points=points, choice=0, strokes=()))
         if not imgui.is_item_active():
             return
         if self._tool == "Box":
-            (left, right), (top, bottom) = (sorted(pair) for pair in zip(self._start, at, strict=True))
+            (left, right), (top, bottom) = (sorted(pair) for pair in zip(self._start, point, strict=True))
             if min(right - left, bottom - top) > _LEAST:
                 segmenting.set_hints(replace(self._before, box=(left, top, right, bottom), points=()))
-        elif not self._line or at != self._line[-1]:
-            self._line = (*self._line, at)
+        elif not self._line or point != self._line[-1]:
+            self._line = (*self._line, point)
             stroke = Stroke(self._line, self._brush, self._tool == "Add")
             segmenting.set_hints(replace(self._before, strokes=(*self._before.strokes, stroke)))
 
@@ -152,17 +161,17 @@ class SegmentingDialog:
             imgui.text_wrapped(f"{problem[:1].upper()}{problem[1:]}" if problem else "Cutting …")
 
 
-def _draw_others(context: PanelContext, segmenting: Segmenting) -> None:
-    """Draw the other masks; a click chooses one."""
-    if context.images is None or not (segmenting.result and segmenting.result.others):
+def _draw_alternatives(context: PanelContext, segmenting: Segmenting) -> None:
+    """Draw the alternative masks; a click chooses one."""
+    if context.images is None or not (segmenting.result and segmenting.result.alternatives):
         return
     side = hello_imgui.em_size((_COLUMN - 3) / 2)
-    for number, shown in enumerate(segmenting.result.others):
+    for number, image in enumerate(segmenting.result.alternatives):
         if number:
             imgui.same_line()
-        height, width = shown.shape[:2]
+        height, width = image.shape[:2]
         size = ImVec2(width, height) * (side / max(width, height))
-        if imgui.image_button(f"other {number}", context.images.texture(shown, context.palette), size):
+        if imgui.image_button(f"other {number}", context.images.texture(image, context.palette), size):
             segmenting.choose(number)
         tooltip("Take this mask instead")
 

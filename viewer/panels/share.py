@@ -59,24 +59,26 @@ class ShareDialog:
     """The Share dialog."""
 
     def __init__(self) -> None:
-        self._shown: tuple[Image, Background | None, np.ndarray] | None = None  # image, background, their composite
+        self._composite: tuple[Image, Background | None, np.ndarray] | None = None  # image, background, both as one
         self._more = False  # further choices are unfolded
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog while it is open."""
-        preview, films = context.session.exporting.preview, context.session.exporting.films
+        preview = context.session.exporting.preview
+        films = context.session.exporting.films
         if not context.share_open:
             preview.close()
             films.close()
             return
-        shown, context.share_open = begin_dialog("Share")
-        if shown:
+        visible, context.share_open = begin_dialog("Share")
+        if visible:
             preview.update(_as_in_view(context, context.preferences.share))
             self._draw_content(context)
         imgui.end()
 
     def _draw_content(self, context: PanelContext) -> None:
-        settings, em = context.preferences.share, hello_imgui.em_size()
+        settings = context.preferences.share
+        em = hello_imgui.em_size()
         changed = replace(settings, kind=_draw_kinds(settings.kind))
         if changed.kind not in FILMS:
             context.session.exporting.films.close()
@@ -114,10 +116,11 @@ class ShareDialog:
         if image is None or context.images is None:
             imgui.dummy((side, side / WIDE if settings.wide else side))
             return
-        if self._shown is None or self._shown[0] is not image or self._shown[1] != settings.behind:
-            self._shown = image, settings.behind, _on_background(image, settings.behind)
-        corner, size = imgui.get_cursor_screen_pos(), ImVec2(side, side * image.shape[0] / image.shape[1])
-        imgui.image(context.images.texture(self._shown[2], context.palette), size)
+        if self._composite is None or self._composite[0] is not image or self._composite[1] != settings.behind:
+            self._composite = image, settings.behind, _on_background(image, settings.behind)
+        corner = imgui.get_cursor_screen_pos()
+        size = ImVec2(side, side * image.shape[0] / image.shape[1])
+        imgui.image(context.images.texture(self._composite[2], context.palette), size)
         if context.session.exporting.preview.stale:
             veil = packed(context.palette.panel, object_tiles.DIMMED)
             imgui.get_window_draw_list().add_rect_filled(corner, corner + size, veil)
@@ -133,7 +136,7 @@ def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings
 
 
 def _rgb(colour: Colour) -> Rgb:
-    red, green, blue = (round(255 * part) for part in colour)
+    red, green, blue = (round(255 * channel) for channel in colour)
     return red, green, blue
 
 
@@ -178,13 +181,15 @@ def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> 
     Args:
         room: em of all films.
     """
-    editor, previews = context.session.editor, context.session.exporting.films
-    seen = _as_in_view(context, settings)
-    previews.update(seen)
-    kinds, corner = films_of(editor.scene, editor.film_partner), imgui.get_cursor_screen_pos()
+    editor = context.session.editor
+    previews = context.session.exporting.films
+    film = _as_in_view(context, settings)
+    previews.update(film)
+    kinds = films_of(editor.scene, editor.film_partner)
+    corner = imgui.get_cursor_screen_pos()
     width = room / len(kinds)
-    size = ImVec2(width, width / WIDE if seen.wide else width) * hello_imgui.em_size()
-    chosen = seen.kind
+    size = ImVec2(width, width / WIDE if film.wide else width) * hello_imgui.em_size()
+    chosen = film.kind
     for number, kind in enumerate(kinds):
         place = corner + ImVec2(number * (size.x + hello_imgui.em_size(0.3)), 0)
         imgui.set_cursor_screen_pos(place)
@@ -201,7 +206,7 @@ def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> 
         tooltip("Sources of the colours in this film. What neither the photo nor its mirror image shows is the model's")
     if previews.moving:
         context.session.jobs.worker.wake()
-    return settings if chosen == seen.kind else replace(settings, kind=chosen)
+    return settings if chosen == film.kind else replace(settings, kind=chosen)
 
 
 def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
@@ -214,7 +219,7 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
     if settings.kind == "picture":
         settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
     else:
-        formats = {name: one.label for name, one in VIDEOS.items()}
+        formats = {name: video.label for name, video in VIDEOS.items()}
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
         settings = _row(settings, "video", "Format", formats, text)
     _label("Exact")
@@ -234,23 +239,23 @@ def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
     _label("Longest side")
     imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
-    shown = settings.mesh_settings(usual).metres or 1.0
-    changed, metres = imgui.drag_float("##metres", shown, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
+    side = settings.mesh_settings(usual).metres or 1.0
+    changed, metres = imgui.drag_float("##metres", side, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
     tooltip("The object stands on the ground, this large. Drag, or Ctrl+click to type")
     return replace(settings, metres=metres) if changed else settings
 
 
 def _draw_background(settings: ShareSettings) -> ShareSettings:
     able = {name: label for name, label in BACKGROUNDS.items() if name != "transparent" or settings.can_be_transparent}
-    shown = settings.background if settings.background in able else "white"
+    current = settings.background if settings.background in able else "white"
     _label("Background")
-    width = _WIDTH - 2.5 if shown == "colour" else _WIDTH
-    chosen = choose("background", shown, able, "What is behind the object; mp4 and jpg cannot be transparent", width)
-    if chosen != shown:
+    width = _WIDTH - 2.5 if current == "colour" else _WIDTH
+    chosen = choose("background", current, able, "What is behind the object; mp4 and jpg cannot be transparent", width)
+    if chosen != current:
         settings = replace(settings, background=chosen)
     if settings.background == "colour":
         imgui.same_line()
-        colour = [part / 255 for part in settings.colour]
+        colour = [channel / 255 for channel in settings.colour]
         red, green, blue = imgui.color_edit3("##colour", colour, imgui.ColorEditFlags_.no_inputs)[1]
         settings = replace(settings, colour=_rgb((red, green, blue)))
     return settings
@@ -274,11 +279,13 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     exporting = context.session.exporting
     if not draw_progress(context, *KINDS):
         ready = settings.kind != "video" or bool(context.session.editor.playable.keys)
-        idle, accent = ready and not exporting.running, context.palette.accent
+        idle = ready and not exporting.running
+        accent = context.palette.accent
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
-            share = partial(exporting.share, settings=_as_in_view(context, settings))
-            title, name = f"Save the {settings.kind} as", f"{context.file_name}-{settings.kind}{settings.suffix}"
-            context.files.ask(FileRequest(title, share, (settings.suffix,), True, name))
+            save = partial(exporting.share, settings=_as_in_view(context, settings))
+            title = f"Save the {settings.kind} as"
+            name = f"{context.file_name}-{settings.kind}{settings.suffix}"
+            context.files.ask(FileRequest(title, save, (settings.suffix,), True, name))
         if ready and (seconds := exporting.preview.seconds) is not None:
             imgui.same_line()
             imgui.align_text_to_frame_padding()

@@ -10,8 +10,10 @@ from viewer.screen.theme import mixed, packed
 from viewer.widgets import missing_tiles, object_tiles
 from viewer.widgets.controls import action_button, button, end_gesture, flow, tooltip
 
-_PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
-_ADD, _VIDEO = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_FILM
+_PLAY = icons_fontawesome_4.ICON_FA_PLAY
+_PAUSE = icons_fontawesome_4.ICON_FA_PAUSE
+_ADD = icons_fontawesome_4.ICON_FA_PLUS
+_VIDEO = icons_fontawesome_4.ICON_FA_FILM
 _LENGTH = 4.5  # em, width of the field for the timeline's length
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
@@ -25,7 +27,8 @@ class TimelinePanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """Draw the buttons, the ruler and the keyframes."""
-        player, gap = context.session.player, hello_imgui.em_size(0.3)
+        player = context.session.player
+        gap = hello_imgui.em_size(0.3)
         action_button(context, "play", _PAUSE if player.playing else _PLAY)
         imgui.same_line(0, gap)
         action_button(context, "add_key", _ADD)
@@ -37,8 +40,8 @@ class TimelinePanel(Panel):
             player.loop(on)
         tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
         flow(f"{_VIDEO}  Share…")
-        there = bool(player.timeline.keys)
-        if button(f"{_VIDEO}  Share…###share video", "Save the timeline as a video", enabled=there):
+        has_keys = bool(player.timeline.keys)
+        if button(f"{_VIDEO}  Share…###share video", "Save the timeline as a video", enabled=has_keys):
             context.share("video")
         _draw_line(context, player)
 
@@ -53,10 +56,14 @@ def _draw_length(context: PanelContext, player: Player) -> None:
 
 
 def _draw_line(context: PanelContext, player: Player) -> None:
-    timeline, em = player.timeline, hello_imgui.em_size()
-    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    ruler, side = 1.4 * em, max(2 * em, min(4 * em, room.y - 1.8 * em))
-    left, width = corner.x + side / 2, max(1.0, room.x - side)
+    timeline = player.timeline
+    em = hello_imgui.em_size()
+    corner = imgui.get_cursor_screen_pos()
+    room = imgui.get_content_region_avail()
+    ruler = 1.4 * em
+    side = max(2 * em, min(4 * em, room.y - 1.8 * em))
+    left = corner.x + side / 2
+    width = max(1.0, room.x - side)
     imgui.invisible_button("time", (room.x, ruler))
     if imgui.is_item_active():
         player.seek((imgui.get_mouse_pos().x - left) / width * timeline.length)
@@ -103,10 +110,13 @@ def _draw_key(
 def _paint_ruler(
     context: PanelContext, player: Player, corner: ImVec2, width: float, height: float, side: float
 ) -> None:
-    draw, palette, length = imgui.get_window_draw_list(), context.palette, player.timeline.length
+    draw = imgui.get_window_draw_list()
+    palette = context.palette
+    length = player.timeline.length
     opposite = corner + ImVec2(width, height)
     draw.add_rect_filled(corner, opposite, packed(palette.raised), object_tiles.rounding())
-    line, text = packed(mixed(palette.raised, palette.text, 0.35)), packed(mixed(palette.raised, palette.text, 0.6))
+    line = packed(mixed(palette.raised, palette.text, 0.35))
+    text = packed(mixed(palette.raised, palette.text, 0.6))
     least = length * 4 * hello_imgui.em_size() / width
     step = next((step for step in (0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60) if step >= least), 120)
     for number in range(int(length / step) + 1):

@@ -28,19 +28,20 @@ class BakedCanvas:
     """Draws an object from any camera at every pixel of the view, on the view's background."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        self._target, self._backdrop = Target(context), Backdrop(context)
+        self._target = Target(context)
+        self._backdrop = Backdrop(context)
         self._shader = BakedShader(context)
-        self._shown: tuple[Any, ...] = ()
+        self._inputs: tuple[Any, ...] = ()  # of the drawn texture
 
     def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette) -> imgui.ImTextureRef:
         """Return a texture of the crop's size, redrawn only after a change."""
-        if (baked, crop, palette) != self._shown:
+        if (baked, crop, palette) != self._inputs:
             size = crop.width, crop.height
             with self._target.of_size(size):
                 self._backdrop.draw(palette, baked.shadow, crop)
                 self._shader.upload(baked)
                 self._shader.draw(crop.camera, size, (crop.left, crop.top))
-            self._shown = baked, crop, palette
+            self._inputs = baked, crop, palette
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
@@ -60,7 +61,9 @@ def is_fast(context: moderngl.Context, limit: float = _FAST) -> bool:
 
     One fast image of a few suffices, as other programs take time; two far slower images end the test.
     """
-    canvas, baked, least = BakedCanvas(context), _ball(), math.inf
+    canvas = BakedCanvas(context)
+    baked = _ball()
+    least = math.inf
     for number in range(_PROBES + 1):
         crop = PanelCrop(Camera(0.1 * number, 0.3, 2.0, 1.5 * _PROBE, _PROBE, _PROBE), _PROBE, _PROBE)
         context.finish()

@@ -106,19 +106,22 @@ class Backdrop:
 
     def release(self) -> None:
         """Release the GL objects."""
-        for part in (self._ground, self._pass, self._program):
-            part.release()
+        self._ground.release()
+        self._pass.release()
+        self._program.release()
 
 
 class Canvas:
     """The newest frame, scaled to the view, with the view's background in place of white."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        self._context, self._target, self._backdrop = context, Target(context), Backdrop(context)
+        self._context = context
+        self._target = Target(context)
+        self._backdrop = Backdrop(context)
         self._program = context.program(vertex_shader=SCREEN, fragment_shader=_FRAGMENT)
         self._pass = context.vertex_array(self._program, [])
         self._image: moderngl.Texture | None = None
-        self._shown: tuple[Any, ...] = ()
+        self._inputs: tuple[Any, ...] = ()  # of the drawn texture
 
     def draw(
         self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, shadow: bool
@@ -129,8 +132,8 @@ class Canvas:
             size: width and height of the texture, px.
             shadow: draw the frame's shadow on the ground, if the frame has one.
         """
-        wanted = (frame, crop, size, palette, shadow)
-        if wanted != self._shown:
+        inputs = (frame, crop, size, palette, shadow)
+        if inputs != self._inputs:
             self._upload(frame)
             with self._target.of_size(size):
                 self._backdrop.draw(palette, None, crop)
@@ -138,7 +141,7 @@ class Canvas:
                 if shadow and frame.shadow:
                     self._backdrop.cast(frame.shadow, crop)
                 self._fill()
-            self._shown = wanted
+            self._inputs = inputs
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def release(self) -> None:

@@ -117,7 +117,9 @@ class FileDialog:
             self._dialog = self._open_native(request, self.folder)
         else:
             start = f"{self.folder / request.name}{'' if request.name else os.sep}"
-            self._text, self._fresh, self._to_replace = printable(start), True, None
+            self._text = printable(start)
+            self._fresh = True
+            self._to_replace = None
 
     def draw(self) -> None:
         """Poll the native dialog or draw the input line; call once a frame."""
@@ -161,7 +163,8 @@ class FileDialog:
         label = "Open" if not request.save else "Replace" if asked else "Save"
         chosen = imgui.button(f"{label}###choose", size) or entered
         if chosen and request.save and not asked and is_there(request.path(self._text)):
-            self._to_replace, chosen = request.path(self._text), False
+            self._to_replace = request.path(self._text)
+            chosen = False
         imgui.same_line()
         cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)
         if chosen or cancelled:
@@ -192,7 +195,9 @@ class FileDialog:
         return " / ".join(request.suffixes) if is_there(path) else "Type the path of a file"
 
     def _close(self, answer: str) -> None:
-        request, self._request, self._dialog = self._request, None, None
+        request = self._request
+        self._request = None
+        self._dialog = None
         if request and answer:
             path = request.path(answer)
             self.folder = path.parent

@@ -57,9 +57,9 @@ LIGHT = Palette(
 )
 
 
-def mixed(first: Colour, second: Colour, share: float) -> Colour:
-    """Interpolate between two colours: ``share`` 0 is the first, 1 the second."""
-    red, green, blue = (a + (b - a) * share for a, b in zip(first, second, strict=True))
+def mixed(first: Colour, second: Colour, amount: float) -> Colour:
+    """Interpolate between two colours: ``amount`` 0 is the first, 1 the second."""
+    red, green, blue = (a + (b - a) * amount for a, b in zip(first, second, strict=True))
     return red, green, blue
 
 
@@ -71,7 +71,8 @@ def contrast(first: Colour, second: Colour) -> float:
 
 def on(colour: Colour) -> Colour:
     """Return black or white, whichever is easier to read on a colour."""
-    dark, light = (0.04, 0.05, 0.06), (1.0, 1.0, 1.0)
+    dark = (0.04, 0.05, 0.06)
+    light = (1.0, 1.0, 1.0)
     return dark if contrast(dark, colour) > contrast(light, colour) else light
 
 
@@ -104,13 +105,15 @@ def apply(palette: Palette) -> None:
     style.set_color_(imgui.Col_.text_selected_bg, ImVec4(*palette.accent, 0.35))
     style.set_color_(imgui.Col_.docking_preview, ImVec4(*palette.accent, 0.4))
     plots = implot.get_style()
-    plots.plot_padding, plots.plot_border_size = ImVec2(6, 6), 0.0
+    plots.plot_padding = ImVec2(6, 6)
+    plots.plot_border_size = 0.0
     implot.style_colors_auto()
 
 
 def colours(p: Palette) -> dict[str, Colour]:
     """Return the colours of widget parts by their names in imgui."""
-    quiet, lit = mixed(p.raised, p.panel, 0.35), mixed(p.raised, p.text, 0.1)
+    quiet = mixed(p.raised, p.panel, 0.35)
+    lit = mixed(p.raised, p.text, 0.1)
     strong = mixed(p.raised, p.accent, 0.45)
     return {
         "text": p.text, "text_disabled": p.quiet,
@@ -133,8 +136,10 @@ def colours(p: Palette) -> dict[str, Colour]:
 def set_spacing() -> None:
     """Set roundings and paddings in px at 96 ppi, which the runner scales to the screen."""
     style = imgui.get_style()
-    style.window_padding, style.frame_padding = ImVec2(12, 10), ImVec2(9, 5)
-    style.item_spacing, style.item_inner_spacing = ImVec2(8, 7), ImVec2(6, 4)
+    style.window_padding = ImVec2(12, 10)
+    style.frame_padding = ImVec2(9, 5)
+    style.item_spacing = ImVec2(8, 7)
+    style.item_inner_spacing = ImVec2(6, 4)
     style.window_rounding, style.frame_rounding, style.popup_rounding = 6, 5, 6
     style.grab_rounding, style.tab_rounding, style.child_rounding = 4, 5, 6
     style.scrollbar_rounding, style.scrollbar_size, style.grab_min_size = 6, 11, 11

@@ -125,11 +125,13 @@ def limit_size() -> None:
 def shrink_to_monitor() -> None:
     """Shrink a window that is larger than its monitor, such as one last used at another scale of the screen."""
     window = glfw_utils.glfw_window_hello_imgui()
-    (x, y), (width, height) = glfw.get_window_pos(window), glfw.get_window_size(window)
+    (x, y) = glfw.get_window_pos(window)
+    (width, height) = glfw.get_window_size(window)
 
     def overlap(area: tuple[int, int, int, int]) -> int:
         left, top, across, down = area
-        wide, high = min(x + width, left + across) - max(x, left), min(y + height, top + down) - max(y, top)
+        wide = min(x + width, left + across) - max(x, left)
+        high = min(y + height, top + down) - max(y, top)
         return max(0, wide) * max(0, high)
 
     areas = map(glfw.get_monitor_workarea, glfw.get_monitors())

@@ -32,14 +32,14 @@ class Clipboard:
             yield named
             return
         try:
-            found = ImageGrab.grabclipboard()
+            content = ImageGrab.grabclipboard()
         except (OSError, NotImplementedError) as error:  # Linux needs wl-paste or xclip
             raise ValueError(f"the clipboard cannot be read ({error})") from None
-        if isinstance(found, list):
-            yield tuple(map(Path, found))
-        elif found is not None:
+        if isinstance(content, list):
+            yield tuple(map(Path, content))
+        elif content is not None:
             path = self._free_path()
-            found.save(path)
+            content.save(path)
             yield (path,)
         else:
             raise ValueError("there is no image in the clipboard")
@@ -48,10 +48,10 @@ class Clipboard:
         """Return a new path and delete the oldest files beyond the limit."""
         self._folder.mkdir(parents=True, exist_ok=True)
         numbers = {path: path.stem.removeprefix("pasted ") for path in self._folder.glob("pasted *.png")}
-        there = {int(number): path for path, number in numbers.items() if number.isdecimal()}
-        for number in sorted(there)[: -_MAX_KEPT + 1]:
-            there[number].unlink(missing_ok=True)
-        return self._folder / f"pasted {max(there, default=0) + 1}.png"
+        pasted = {int(number): path for path, number in numbers.items() if number.isdecimal()}
+        for number in sorted(pasted)[: -_MAX_KEPT + 1]:
+            pasted[number].unlink(missing_ok=True)
+        return self._folder / f"pasted {max(pasted, default=0) + 1}.png"
 
 
 def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:

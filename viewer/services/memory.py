@@ -6,7 +6,9 @@ from contextlib import suppress
 
 _LARGE = 8 * 2**20  # bytes of a block that is returned at once; with 1 MiB a fit takes a fifth longer
 _ARENAS = 2  # glibc's default is eight per core
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # from glibc's malloc.h
+_M_TRIM_THRESHOLD = -1  # this and the next two: from glibc's malloc.h
+_M_MMAP_THRESHOLD = -3
+_M_ARENA_MAX = -8
 
 
 def keep_little_free_memory() -> None:

@@ -94,7 +94,7 @@ class Messages:
         if "detail" in more:
             more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
-        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.lasts]
+        passing = [message for message in left if message.kind is not MessageKind.PROBLEM and not message.lasts]
         gone = [message for message in passing if message.faded or message not in passing[-_MAX_OLDER:]]
         newest = Message(text, kind, **more)
         self.all = [*(message for message in left if message not in gone), newest][-_LOGGED:]
@@ -114,7 +114,7 @@ class Messages:
 
     def dismiss(self, message: Message) -> None:
         """Remove a message."""
-        self.all = [other for other in self.all if other is not message]
+        self.all = [kept for kept in self.all if kept is not message]
 
 
 def error_text(error: Exception) -> str:

@@ -17,7 +17,8 @@ Pixels = UInt8[np.ndarray, "height width 4"]  # RGB on white, and opacity
 def read_pictures(path: Path) -> dict[str, Pixels]:
     """Return a file's pictures by name; none if the file is missing or damaged."""
     with suppress(OSError, SafetensorError, ValueError):
-        return {key: one for key, one in load_file(path).items() if one.dtype == np.uint8 and one.shape[2:] == (4,)}
+        arrays = load_file(path)
+        return {key: array for key, array in arrays.items() if array.dtype == np.uint8 and array.shape[2:] == (4,)}
     return {}
 
 

@@ -33,7 +33,9 @@ class SingleInstance:
 
     def __init__(self, folder: Path, lock: FileLock) -> None:
         """Watch a folder whose lock is held, until :meth:`close` or the end of the process."""
-        self._folder, self._lock, self._ends = folder, lock, False
+        self._folder = folder
+        self._lock = lock
+        self._ends = False
 
     def starts(self) -> Iterator[Start]:
         """Yield and remove the second starts since the last call; none after :meth:`end`."""
@@ -64,7 +66,8 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
     """
     own = folder / f"window-{_display() if display is None else display}"
     own.mkdir(parents=True, exist_ok=True)
-    lock, wish = FileLock(own / "lock"), own / f"{secrets.token_hex(8)}.json"
+    lock = FileLock(own / "lock")
+    wish = own / f"{secrets.token_hex(8)}.json"
     until = time.monotonic() + _PATIENCE
     write_json(wish, start._asdict())
     try:

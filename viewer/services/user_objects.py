@@ -23,7 +23,7 @@ from viewer.values.objects import EditableObject, unique_name
 
 class _Stored(NamedTuple):
     path: Path
-    about: EditableObject
+    content: EditableObject
 
 
 class UserObjects:
@@ -55,19 +55,24 @@ class UserObjects:
         return self._read_again(unchanged, lambda instance: models.find(instance.fingerprint) is None)
 
     def _read_again(
-        self, adopt: Callable[[Instance], Instance], is_wanted: Callable[[Instance], bool]
+        self, adopt: Callable[[Instance], Instance], is_read: Callable[[Instance], bool]
     ) -> tuple[EditableObject, ...]:
-        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses."""
+        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses.
+
+        Args:
+            is_read: returns whether an object, if it was read before, is read again.
+        """
         with self._lock:
-            self._stored = {name: one for name, one in self._stored.items() if not is_wanted(one.about.instance)}
-            found = list[EditableObject]()
+            stored = self._stored.items()
+            self._stored = {name: item for name, item in stored if not is_read(item.content.instance)}
+            objects = list[EditableObject]()
             files = self._folder.glob("*.json") if self._folder else ()
             for path in sorted(files, key=lambda path: path.stat().st_mtime):
-                if one := optional(partial(_read, path, adopt)):
-                    name = unique_name(one.name, self._stored)  # another window may have used the same name
-                    found.append(replace(one, name=name))
-                    self._stored[name] = _Stored(path, found[-1])
-            return tuple(found)
+                if content := optional(partial(_read, path, adopt)):
+                    name = unique_name(content.name, self._stored)  # another window may have used the same name
+                    objects.append(replace(content, name=name))
+                    self._stored[name] = _Stored(path, objects[-1])
+            return tuple(objects)
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
         """Store new and changed objects of open models, and delete the files of other objects that were read.
@@ -77,13 +82,13 @@ class UserObjects:
         if self._folder is None:
             return
         with self._lock:
-            wanted = {one.name: one for one in objects}
-            for one in wanted.values():
-                self._keep(models, one, self._folder)
-            originals = {id(one.original) for one in wanted.values()}
-            for name in self._stored.keys() - wanted.keys():
-                its = self._stored[name].about.original
-                if models.find(its.fingerprint) or id(its) not in originals:  # else it has another name here
+            kept = {item.name: item for item in objects}
+            for item in kept.values():
+                self._keep(models, item, self._folder)
+            originals = {id(item.original) for item in kept.values()}
+            for name in self._stored.keys() - kept.keys():
+                original = self._stored[name].content.original
+                if models.find(original.fingerprint) or id(original) not in originals:  # else it has another name here
                     self._stored.pop(name).path.unlink(missing_ok=True)
 
     def update(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
@@ -91,20 +96,20 @@ class UserObjects:
         if self._folder is None:
             return
         with self._lock:
-            for one in objects:
-                stored = self._stored.get(one.name)
-                if stored and stored.about.original == one.original:
-                    self._keep(models, one, self._folder)
+            for item in objects:
+                stored = self._stored.get(item.name)
+                if stored and stored.content.original == item.original:
+                    self._keep(models, item, self._folder)
 
-    def _keep(self, models: OpenModels, one: EditableObject, folder: Path) -> None:
+    def _keep(self, models: OpenModels, item: EditableObject, folder: Path) -> None:
         """Store an object unless its file has it, or its model is missing."""
-        stored = self._stored.get(one.name)
-        is_new = stored is None or not _is_same(stored.about, one)
-        if is_new and not any(version.is_missing for version in one.versions):
-            path = stored.path if stored else folder / _file_name(one.name)
-            model = one.instance.model
-            _write(path, one, model, models.files.get(model.fingerprint, ""))
-            self._stored[one.name] = _Stored(path, one)
+        stored = self._stored.get(item.name)
+        is_new = stored is None or not _is_same(stored.content, item)
+        if is_new and not any(version.is_missing for version in item.versions):
+            path = stored.path if stored else folder / _file_name(item.name)
+            model = item.instance.model
+            _write(path, item, model, models.files.get(model.fingerprint, ""))
+            self._stored[item.name] = _Stored(path, item)
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
@@ -117,15 +122,15 @@ def _file_name(name: str) -> str:
     return f"{re.sub(r'[^A-Za-z0-9]+', '-', name)[:40].strip('-').lower()}-{secrets.token_hex(3)}.json"
 
 
-def _write(path: Path, one: EditableObject, model: Model, model_file: str) -> None:
-    about = _scene(one.instance, model)
-    about |= {"name": one.name, "confidence": one.confidence, "model_file": model_file}
-    if one.unedited:
-        about["unedited"] = _scene(one.unedited, model)
+def _write(path: Path, item: EditableObject, model: Model, model_file: str) -> None:
+    fields = _scene(item.instance, model)
+    fields |= {"name": item.name, "confidence": item.confidence, "model_file": model_file}
+    if item.unedited:
+        fields["unedited"] = _scene(item.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
     before = path.stat() if path.exists() else None
     with atomic_file(path, partial(_read, adopt=partial(adopted, model))) as written:
-        written.write_text(json.dumps(about))
+        written.write_text(json.dumps(fields))
     if before:  # an edited object keeps its place in the order
         os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
@@ -134,7 +139,7 @@ def _scene(instance: Instance, model: Model) -> dict:
     return json.loads(Scene(instance, orbit.home(model)).to_json())
 
 
-class _About(NamedTuple):
+class _Fields(NamedTuple):
     """JSON fields of an object beside its scene."""
 
     name: str
@@ -144,16 +149,16 @@ class _About(NamedTuple):
 
 
 def _model_file(path: Path) -> str:
-    about = optional(lambda: typed(_About, parse_json(read_text(path)), name="object"))
-    return about.model_file if about else ""
+    fields = optional(lambda: typed(_Fields, parse_json(read_text(path)), name="object"))
+    return fields.model_file if fields else ""
 
 
 def _read(path: Path, adopt: Callable[[Instance], Instance]) -> EditableObject:
     with reading(path, "an object"):
         text = read_text(path)
-        about = typed(_About, parse_json(text), name="object")
+        fields = typed(_Fields, parse_json(text), name="object")
         instance = adopt(Scene.without_model(text).instance)
-        unedited = about.unedited and adopt(Scene.without_model(json.dumps(about.unedited)).instance)
+        unedited = fields.unedited and adopt(Scene.without_model(json.dumps(fields.unedited)).instance)
         if unedited and unedited.detail == instance.detail:
             unedited = unedited.changed(detail=instance.detail)  # photos take memory
-        return EditableObject(about.name, instance, True, about.confidence, unedited)
+        return EditableObject(fields.name, instance, True, fields.confidence, unedited)

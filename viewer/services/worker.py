@@ -34,7 +34,7 @@ class _Running:
     job: Job
     spent: float  # worker's time, s, divided by the job's share; the least is stepped next
     stream: Iterator | None = None  # None until the first step
-    shown: bool = False  # a callback was posted
+    posted: bool = False  # a callback was posted
     over: bool = False  # not to be stepped again
     muted: bool = False  # pending callbacks are dropped
 
@@ -55,7 +55,10 @@ class Worker:
             at_rest: called after a second without work.
             clock: time in s, read before and after every step.
         """
-        self.wake, self._at_rest, self._clock, self._rests = wake, at_rest, clock, False
+        self.wake = wake
+        self._at_rest = at_rest
+        self._clock = clock
+        self._rests = False
         self._running: list[_Running] = []
         self._next: dict[str, Job] = {}
         self._delivery: deque[tuple[_Running, Callable[[], None]]] = deque()
@@ -68,7 +71,7 @@ class Worker:
         """Start a job in place of an older one of its name; after the first value of an urgent one."""
         with self._changed:
             current = self._find(job.name)
-            if current and current.job.urgent and not current.shown:
+            if current and current.job.urgent and not current.posted:
                 self._next[job.name] = job
             else:
                 self._begin(job, current)
@@ -114,7 +117,8 @@ class Worker:
 
     def _begin(self, job: Job, old: _Running | None) -> None:
         if old:  # an urgent job's pending frame is still worth seeing; other results would mislead
-            old.over, old.muted = True, not old.job.urgent
+            old.over = True
+            old.muted = not old.job.urgent
         least = min((entry.spent for entry in self._running if not entry.over), default=0.0)
         self._running.append(_Running(job, least))
 
@@ -140,7 +144,7 @@ class Worker:
                 quiet = not (self._running or ended or self._closing)
                 if quiet:
                     quiet = not self._changed.wait(None if self._rests else _REST)
-                order = sorted(self._running, key=lambda it: (it.shown or not it.job.urgent, it.spent))
+                order = sorted(self._running, key=lambda entry: (entry.posted or not entry.job.urgent, entry.spent))
             for entry in ended:
                 _close(entry.stream)
             if order:
@@ -178,7 +182,9 @@ class Worker:
     def _post(self, entry: _Running, callback: Callable[[], None], over: bool = False) -> None:
         with self._changed:
             self._delivery.append((entry, callback))
-            replaced, entry.shown, entry.over = entry.over, True, entry.over or over
+            replaced = entry.over
+            entry.posted = True
+            entry.over = entry.over or over
             if not replaced and (newer := self._next.pop(entry.job.name, None)):  # else it waits for its predecessor
                 self._begin(newer, entry)
         self.wake()

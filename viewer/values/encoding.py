@@ -94,15 +94,15 @@ def encode(value: Any, store: BlobStore) -> Any:
     if is_dataclass(value) or hasattr(value, "_fields"):
         return _encode_fields(value, store)
     if isinstance(value, tuple | frozenset):
-        return [encode(one, store) for one in (sorted(value) if isinstance(value, frozenset) else value)]
+        return [encode(item, store) for item in (sorted(value) if isinstance(value, frozenset) else value)]
     return str(value) if isinstance(value, Path) else value
 
 
 def _encode_shared(value: Any, store: BlobStore) -> Any:
-    about = _encode_fields(value, store)
+    record = _encode_fields(value, store)
     if isinstance(value, PhotoView):
-        about["image"] = store.number(value.image, store.photos, lambda: value.image)
-    return about
+        record["image"] = store.number(value.image, store.photos, lambda: value.image)
+    return record
 
 
 def decode(kind: Any, value: Any, store: BlobStore) -> Any:
@@ -110,7 +110,7 @@ def decode(kind: Any, value: Any, store: BlobStore) -> Any:
 
     Raises ``ValueError`` for other content.
     """
-    return typed(kind, value, lambda one: _reader(one, store), getattr(kind, "__name__", "it"))
+    return typed(kind, value, lambda inner: _reader(inner, store), getattr(kind, "__name__", "it"))
 
 
 def _reader(kind: Any, store: BlobStore) -> Callable[[Any], Any] | None:
@@ -162,44 +162,44 @@ _BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error"
 """Fields of a photo that a PNG cannot store."""
 
 
-def _decode_photo(about: Any, store: BlobStore) -> Photo:
+def _decode_photo(record: Any, store: BlobStore) -> Photo:
     kinds = field_types(Photo)
-    beside = {name: decode(kinds[name], about[name], store) for name in _BESIDE_IMAGE if name in about}
-    photo = decode_photo(_part(store.photos, about["image"]), min(_MAX_PHOTO, store.left), **beside)
+    beside = {name: decode(kinds[name], record[name], store) for name in _BESIDE_IMAGE if name in record}
+    photo = decode_photo(_part(store.photos, record["image"]), min(_MAX_PHOTO, store.left), **beside)
     store.left -= 4 * photo.mask.numel()
-    if about.get("fine") is None:
+    if record.get("fine") is None:
         return photo
-    fine = _part(store.photos, about["fine"])
+    fine = _part(store.photos, record["fine"])
     decompressed(fine)  # raises if damaged
     return replace(photo, fine=fine)
 
 
-def _decode_view(about: dict, store: BlobStore) -> PhotoView:
+def _decode_view(record: dict, store: BlobStore) -> PhotoView:
     kinds = field_types(PhotoView)
-    beside = {name: decode(kinds[name], about[name], store) for name in kinds if name in about and name != "image"}
-    view = PhotoView(_part(store.photos, about["image"]), **beside)
+    beside = {name: decode(kinds[name], record[name], store) for name in kinds if name in record and name != "image"}
+    view = PhotoView(_part(store.photos, record["image"]), **beside)
     view.pixels()  # raises if damaged
     return view
 
 
-def _decode_fitted_photo(about: Any, store: BlobStore) -> FittedPhoto:
-    source = decode(field_types(FittedPhoto)["source"], about["source"], store)
-    return FittedPhoto.of(source, _decode_photo(about["photo"], store))
+def _decode_fitted_photo(record: Any, store: BlobStore) -> FittedPhoto:
+    source = decode(field_types(FittedPhoto)["source"], record["source"], store)
+    return FittedPhoto.of(source, _decode_photo(record["photo"], store))
 
 
-def _decode_original(about: Any, store: BlobStore) -> Original:
-    about = typed(dict, about, name="original")
-    reasons = decode(tuple[str, ...], about["reasons"], store)
-    return Original(str(about["name"]), reasons, _part(store.photos, about["content"]))
+def _decode_original(record: Any, store: BlobStore) -> Original:
+    record = typed(dict, record, name="original")
+    reasons = decode(tuple[str, ...], record["reasons"], store)
+    return Original(str(record["name"]), reasons, _part(store.photos, record["content"]))
 
 
-def _decode_instance(about: Any, store: BlobStore) -> Instance:
+def _decode_instance(record: Any, store: BlobStore) -> Instance:
     """Decode an object of its open model or of one that extends it; without a model if that is missing.
 
     Raises ``ValueError`` if the codes do not fit their model.
     """
-    fingerprint = typed(str, typed(dict, about, name="codes").get("model", ""), name="codes.model") or store.model
-    instance = MissingInstance(fingerprint, _decode_in_place(Codes, about, store))
+    fingerprint = typed(str, typed(dict, record, name="codes").get("model", ""), name="codes.model") or store.model
+    instance = MissingInstance(fingerprint, _decode_in_place(Codes, record, store))
     assert store.models is not None, "no models"
     if model := store.models.find(fingerprint):
         return adopted(model, instance)
@@ -207,22 +207,22 @@ def _decode_instance(about: Any, store: BlobStore) -> Instance:
     return instance
 
 
-def _decode_shared(kind: Any, about: Any, store: BlobStore) -> Any:
+def _decode_shared(kind: Any, record: Any, store: BlobStore) -> Any:
     """Return the same value for the same number. Some files of November 2026 hold the JSON in its place."""
-    if isinstance(about, dict):
-        return _decode_in_place(kind, about, store)
-    found = _part(store.timelines, about)
-    if not isinstance(found, kind):
-        found = store.timelines[about] = _decode_in_place(kind, found, store)
-    return found
+    if isinstance(record, dict):
+        return _decode_in_place(kind, record, store)
+    value = _part(store.timelines, record)
+    if not isinstance(value, kind):
+        value = store.timelines[record] = _decode_in_place(kind, value, store)
+    return value
 
 
-def _decode_in_place(kind: Any, about: Any, store: BlobStore) -> Any:
+def _decode_in_place(kind: Any, record: Any, store: BlobStore) -> Any:
     if kind is PhotoView:
-        return _decode_view(typed(dict, about, name="view"), store)
-    if kind in _OF_AN_INSTANCE and isinstance(about, dict):
-        about = {"instance" if name == "codes" else name: value for name, value in about.items()}
-    return typed(kind, about, lambda one: None if one is kind else _reader(one, store), kind.__name__.lower())
+        return _decode_view(typed(dict, record, name="view"), store)
+    if kind in _OF_AN_INSTANCE and isinstance(record, dict):
+        record = {"instance" if name == "codes" else name: value for name, value in record.items()}
+    return typed(kind, record, lambda inner: None if inner is kind else _reader(inner, store), kind.__name__.lower())
 
 
 def _part(stored: list, number: Any) -> Any:
@@ -235,7 +235,7 @@ def _part(stored: list, number: Any) -> Any:
 _SPECIAL: dict[Any, Callable[[Any, BlobStore], Any]] = {
     Photo: _decode_photo,
     FittedPhoto: _decode_fitted_photo,
-    PhotoDetail: lambda about, store: readable(store, partial(_decode_in_place, PhotoDetail, about, store)),
+    PhotoDetail: lambda record, store: readable(store, partial(_decode_in_place, PhotoDetail, record, store)),
     Original: _decode_original,
     Instance: _decode_instance,
 }
@@ -246,7 +246,7 @@ _SPECIAL |= {tuple[kind, ...]: partial(_decode_separately, kind) for kind in _SE
 
 @cache
 def _names(kind: Any) -> tuple[str, ...]:
-    return tuple(one.name for one in fields(kind)) if is_dataclass(kind) else kind._fields
+    return tuple(item.name for item in fields(kind)) if is_dataclass(kind) else kind._fields
 
 
 def _encode_fields(value: Any, store: BlobStore) -> dict:

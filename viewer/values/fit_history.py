@@ -18,8 +18,8 @@ from core.photos.decode import IMAGE_SUFFIXES, upright_size
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
 from core.runtime.reading import optional
+from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.printable import printable
-from viewer.values.seen_cut_out import SeenCutOut
 
 MAX_STEPS = 800  # limit of kept steps, at which every other step is dropped
 
@@ -49,12 +49,12 @@ class FittedPhoto:
     source: PhotoSource
     photo: Photo
     pixels: UInt8[np.ndarray, "height width 3"]  # of the photo, as bytes
-    seen: SeenCutOut | None = None  # the whole photo with its outline; not saved with a project
+    preview: CutOutPreview | None = None  # the whole photo with its outline; not saved with a project
 
     @classmethod
-    def of(cls, source: PhotoSource, photo: Photo, seen: SeenCutOut | None = None) -> FittedPhoto:
+    def of(cls, source: PhotoSource, photo: Photo, preview: CutOutPreview | None = None) -> FittedPhoto:
         """Return a fitted photo with the pixels of ``photo`` as bytes."""
-        return cls(source, photo, to_bytes(photo.pixels), seen)
+        return cls(source, photo, to_bytes(photo.pixels), preview)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,16 @@ class FitHistory:
     def progress(self) -> float:
         """The finished fraction of the fit's steps, 0..1."""
         return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
+
+    @property
+    def resume_point(self) -> Hypothesis | None:
+        """The best hypothesis of the newest step; None if the fit cannot be resumed yet."""
+        best = self.last.hypotheses[0] if self.last and self.last.hypotheses else None
+        return best if best and self.can_resume(best) else None
+
+    def can_resume(self, hypothesis: Hypothesis) -> bool:
+        """Return whether the fit can continue from a hypothesis, which needs a camera per photo."""
+        return len(hypothesis.cameras) == len(self.photos)
 
     def converted(self, change: Callable[[Instance], Instance]) -> FitHistory:
         """Return the history with changed objects; the same one if none is missing its model."""
@@ -121,9 +131,14 @@ class Question(NamedTuple):
     request: FitRequest
     words: str
     cut: CutOut | None = None  # None if no object was found, or the fit failed
-    seen: SeenCutOut | None = None  # None if the fit failed before the photo was read
+    preview: CutOutPreview | None = None  # None if the fit failed before the photo was read
     model: str = ""  # fingerprint of the model that would fit the photo; empty if the category is in doubt
     neither: bool = False  # the photo looks like none of the categories
+
+    @classmethod
+    def of_failure(cls, request: FitRequest, preview: CutOutPreview | None = None) -> Question:
+        """Return the question whether to try a failed fit again."""
+        return cls(request, f"Cannot fit this photo: {request.problem}", None, preview, request.history.model)
 
     @property
     def number(self) -> int:

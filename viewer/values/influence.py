@@ -22,8 +22,8 @@ class CodeInfluence:
     @classmethod
     def between(cls, low: Frame, high: Frame) -> "CodeInfluence":
         """Compare renders at two values of a slider."""
-        moved = np.abs(low.image.astype(float) - high.image).max(-1) / 255
+        change = np.abs(low.image.astype(float) - high.image).max(-1) / 255
         leak = float(np.abs(low.opacity - high.opacity).max())
-        share = moved / max(moved.max(), _VISIBLE)
-        opacity = (255 * _OVER * np.minimum(1.0, 3 * share)).astype(np.uint8)
-        return cls(np.dstack((colour_map(share), opacity)), leak)
+        relative = change / max(change.max(), _VISIBLE)
+        opacity = (255 * _OVER * np.minimum(1.0, 3 * relative)).astype(np.uint8)
+        return cls(np.dstack((colour_map(relative), opacity)), leak)

@@ -57,9 +57,9 @@ def seen_from(camera: Camera, view: str) -> Camera:
     return replace(camera, azimuth=azimuth, elevation=elevation)
 
 
-def same_direction(one: Camera, other: Camera) -> bool:
-    """True if both cameras see the object from the same side, at any distance."""
-    return (one.azimuth, one.elevation) == (other.azimuth, other.elevation)
+def same_direction(first: Camera, second: Camera) -> bool:
+    """Return whether both cameras see the object from the same side, at any distance."""
+    return (first.azimuth, first.elevation) == (second.azimuth, second.elevation)
 
 
 def photo_camera(photo: Camera, model: Model) -> Camera:
@@ -70,21 +70,21 @@ def photo_camera(photo: Camera, model: Model) -> Camera:
 
 
 def photo_box(
-    photo: Camera, seen: Camera, panel: tuple[float, float], pan: tuple[float, float]
+    photo: Camera, view: Camera, panel: tuple[float, float], pan: tuple[float, float]
 ) -> tuple[float, float, float, float] | None:
     """Return a photo's left, top, right and bottom (px) in a panel; None unless seen from its camera.
 
     Args:
         photo: camera of the photo.
-        seen: camera of the panel.
+        view: camera of the panel.
         panel: width and height in px.
         pan: shift of the object, as in :func:`fit_to_panel`.
     """
-    if not same_direction(photo, seen) or not math.isclose(photo.distance, seen.distance):
+    if not same_direction(photo, view) or not math.isclose(photo.distance, view.distance):
         return None
     shorter = min(panel)
-    x, y = (side / 2 + shorter * share for side, share in zip(panel, pan, strict=True))
-    across, down = (seen.focal / seen.height * shorter / photo.focal * side / 2 for side in (photo.width, photo.height))
+    x, y = (side / 2 + shorter * shift for side, shift in zip(panel, pan, strict=True))
+    across, down = (view.focal / view.height * shorter / photo.focal * side / 2 for side in (photo.width, photo.height))
     return x - across, y - down, x + across, y + down
 
 
@@ -115,8 +115,9 @@ class PanelCrop:
         height, width = (max(1, round(scale * size)) for size in (self.height, self.width))
         top = min(round(scale * self.top), frame.image.shape[0] - height)
         left = min(round(scale * self.left), frame.image.shape[1] - width)
-        rows, columns = slice(top, top + height), slice(left, left + width)
-        image, depth, opacity = (part[rows, columns] for part in (frame.image, frame.depth, frame.opacity))
+        rows = slice(top, top + height)
+        columns = slice(left, left + width)
+        image, depth, opacity = (array[rows, columns] for array in (frame.image, frame.depth, frame.opacity))
         evaluations = None if frame.evaluations is None else frame.evaluations[rows, columns]
         return replace(frame, image=image, depth=depth, opacity=opacity, evaluations=evaluations)
 
@@ -133,7 +134,7 @@ def fit_to_panel(
     """
     shorter = max(1, min(width, height))
     across, down = (max(1, round(detail * side / shorter)) for side in (width, height))
-    right, below = (round(detail * share) for share in pan)
+    right, below = (round(detail * shift) for shift in pan)
     full = across + 2 * abs(right), down + 2 * abs(below)
     full_camera = replace(camera, focal=camera.focal * detail / camera.height, width=full[0], height=full[1])
     return PanelCrop(full_camera, across, down, abs(right) - right, abs(below) - below)

@@ -35,9 +35,9 @@ class PaintRequest(NamedTuple):
     paint: Paint
 
 
-def paints_of(part: str) -> dict[str, str]:
+def paints_of(part_name: str) -> dict[str, str]:
     """Return twelve paints that suit a part, such as #c3202a, by name."""
-    return _OF.get(part, _CAR)
+    return _OF.get(part_name, _CAR)
 
 
 def rgb(paint: str) -> Rgb:
@@ -61,5 +61,6 @@ def as_paint(colour: Rgb) -> str:
 
 def square_colour(across: float, down: float) -> Rgb:
     """Return a colour of the square: greys at the left, hues to the right; white at the top, black at the bottom."""
-    hue, saturation = (across - _GREYS) / (1 - _GREYS), _VIVID if across >= _GREYS else 0.0
+    hue = (across - _GREYS) / (1 - _GREYS)
+    saturation = _VIVID if across >= _GREYS else 0.0
     return colorsys.hls_to_rgb(max(0.0, hue), 1 - down, saturation)

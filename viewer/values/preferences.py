@@ -33,11 +33,11 @@ class Preferences:
     def with_recent(self, path: Path) -> "Preferences":
         """Return the preferences with a file at the head of the recent ones."""
         name = str(path.absolute())
-        return replace(self, recent=(name, *(other for other in self.recent if other != name))[:_RECENT])
+        return replace(self, recent=(name, *(older for older in self.recent if older != name))[:_RECENT])
 
     def with_paint(self, paint: str) -> "Preferences":
         """Return the preferences with a paint at the head of the chosen ones."""
-        return replace(self, paints=(paint, *(other for other in self.paints if other != paint))[:_COLOURS])
+        return replace(self, paints=(paint, *(older for older in self.paints if older != paint))[:_COLOURS])
 
     def save(self, folder: Path) -> None:
         """Write the preferences to a folder, creating it. Raises ``ValueError`` or ``OSError`` on failure."""
@@ -47,8 +47,8 @@ class Preferences:
     @classmethod
     def load(cls, folder: Path) -> "Preferences":
         """Read the preferences of a folder; the initial ones where the file is missing or invalid."""
-        about = optional(lambda: typed(dict, read_json(folder / _FILE))) or {}
-        kinds = {name: kind for name, kind in field_types(Preferences).items() if name in about}
-        values = {name: optional(partial(typed, kind, about[name])) for name, kind in kinds.items()}
+        record = optional(lambda: typed(dict, read_json(folder / _FILE))) or {}
+        kinds = {name: kind for name, kind in field_types(Preferences).items() if name in record}
+        values = {name: optional(partial(typed, kind, record[name])) for name, kind in kinds.items()}
         stored = cls(**{name: value for name, value in values.items() if value is not None})
         return replace(stored.with_text_size(stored.text), recent=stored.recent[:_RECENT])

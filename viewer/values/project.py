@@ -24,7 +24,7 @@ from viewer.values.objects import EditableObject, unique_name
 from viewer.values.paints import PaintRequest
 
 SUFFIX = ".codenerf"
-_ABOUT, _TENSORS = "project.json", "tensors.safetensors"
+_JSON, _TENSORS = "project.json", "tensors.safetensors"
 _ANY_FORMAT = "codenerf-project-"
 _FORMATS = "codenerf-project-1", "codenerf-project-2", "codenerf-project-3"  # known ones, the newest last
 _MAX_ORIGINAL = 50_000_000  # limit of a file that is kept because something in it could not be read
@@ -61,16 +61,17 @@ class Project:
 
     def after(self, earlier: "Project") -> "Project":
         """Return both projects as one: the states of ``earlier`` come first; its objects are renamed on a clash."""
-        taken, names = {one.name for one in self.objects}, dict[str, str]()
-        for one in earlier.objects:
-            names[one.name] = unique_name(one.name, taken)
-            taken.add(names[one.name])
+        taken = {item.name for item in self.objects}
+        names = dict[str, str]()
+        for item in earlier.objects:
+            names[item.name] = unique_name(item.name, taken)
+            taken.add(names[item.name])
         history = self.history.after(earlier.history.renamed(names))
         removed = frozenset[str]().union(*(state.removed for state, _ in history.steps))
         return replace(
             self,
             history=history.everywhere(lambda state: replace(state, removed=removed)),
-            objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
+            objects=(*(replace(item, name=names[item.name]) for item in earlier.objects), *self.objects),
             fit=self.fit if self.fit.sources else earlier.fit,
             pending=(*self.pending, *earlier.pending),
             model_files=earlier.model_files | self.model_files,
@@ -80,11 +81,11 @@ class Project:
         """Write the project atomically. Raises ``ValueError`` if it cannot be written or read back."""
         store = BlobStore()
         bare = replace(self, fit=_shortened(self.fit), pending=tuple(map(_request, self.pending)))
-        about = {"format": _FORMATS[-1], "project": encode(bare, store), "timelines": store.timelines}
+        record = {"format": _FORMATS[-1], "project": encode(bare, store), "timelines": store.timelines}
         with atomic_file(path, partial(_check, models=models)) as written, zipfile.ZipFile(written, "w") as file:
-            file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
+            file.writestr(_JSON, json.dumps(record), zipfile.ZIP_DEFLATED)
             # Cloned because safetensors refuses tensors that share memory.
-            file.writestr(_TENSORS, save({str(number): one.clone() for number, one in enumerate(store.tensors)}))
+            file.writestr(_TENSORS, save({str(number): tensor.clone() for number, tensor in enumerate(store.tensors)}))
             for number, photo in enumerate(store.photos):
                 file.writestr(_photo(number), photo)
 
@@ -105,11 +106,11 @@ class Project:
 
     def _moved(self, move: Callable[[Path], Path]) -> "Project":
         """Apply ``move`` to the paths of photos that were read."""
-        pending = tuple(one._replace(history=_moved(one.history, move)) for one in self.pending)
+        pending = tuple(request._replace(history=_moved(request.history, move)) for request in self.pending)
         return replace(self, fit=_moved(self.fit, move), pending=pending)
 
 
-class _About(NamedTuple):
+class _ProjectJson(NamedTuple):
     """The JSON of a project.
 
     The first format had a session per model instead of one project, the second a history without branches.
@@ -135,31 +136,31 @@ def _read(path: Path, store: BlobStore, open_models: bool) -> Project:
     """Read a project without its unreadable parts, for which the store has the reasons."""
     assert store.models is not None
     with open_zip(path, _MAX_BYTES) as file:
-        about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
-        if not about.format.startswith(_ANY_FORMAT):
-            raise ValueError(f"{about.format} is no format of this program")
-        if about.format not in _FORMATS:
+        record = typed(_ProjectJson, parse_json(file.read(_JSON)), name="project")
+        if not record.format.startswith(_ANY_FORMAT):
+            raise ValueError(f"{record.format} is no format of this program")
+        if record.format not in _FORMATS:
             store.unreadable.append("a newer version of this program has written it")
         tensors = load(file.read(_TENSORS))
         store.tensors = [tensors[str(number)] for number in range(len(tensors))]
         count = sum(name.startswith("photos/") for name in file.namelist())
         members = (partial(file.read, _photo(number)) for number in range(count))
         store.photos = [readable(store, member) or b"" for member in members]
-    store.timelines = about.timelines
+    store.timelines = record.timelines
     if open_models:
-        models = {"models": [session["model"] for session in about.sessions]}
-        _open_models(about.project or models, store.models, path.parent)
-    project = _first_format(about, store) if about.project is None else _decoded(about.project, store)
+        models = {"models": [session["model"] for session in record.sessions]}
+        _open_models(record.project or models, store.models, path.parent)
+    project = _first_format(record, store) if record.project is None else _decoded(record.project, store)
     if open_models:
         _expect_missing(project.models, store)
     return project
 
 
-def _open_models(about: dict, models: OpenModels, folder: Path) -> None:
+def _open_models(record: dict, models: OpenModels, folder: Path) -> None:
     """Open the models of a project from their files, or from files of the same name beside the project."""
-    for fingerprint, name in decode(dict[str, str], about.get("model_files", {}), BlobStore()).items():
+    for fingerprint, name in decode(dict[str, str], record.get("model_files", {}), BlobStore()).items():
         models.expect(fingerprint, name)
-    for name in decode(tuple[str, ...], about.get("models", []), BlobStore()):
+    for name in decode(tuple[str, ...], record.get("models", []), BlobStore()):
         for path in (name, str(folder / Path(name).name)):
             with suppress(ValueError):
                 models.open(path)
@@ -174,25 +175,25 @@ def _expect_missing(names: tuple[str, ...], store: BlobStore) -> None:
         store.models.expect(fingerprint, likely)
 
 
-def _decoded(about: dict, store: BlobStore) -> Project:
+def _decoded(record: dict, store: BlobStore) -> Project:
     """Decode a project without its unreadable parts."""
-    history = _decode_history(about, store)
-    fit = readable(store, lambda: _checked(decode(FitHistory, about.get("fit", {}), store)))
-    project: Project = decode(Project, about | {"history": {"steps": []}, "fit": {}}, store)
+    history = _decode_history(record, store)
+    fit = readable(store, lambda: _checked(decode(FitHistory, record.get("fit", {}), store)))
+    project: Project = decode(Project, record | {"history": {"steps": []}, "fit": {}}, store)
     pending = [request for request in project.pending if readable(store, partial(_checked, request.history))]
     return replace(project, history=history, fit=fit or FitHistory(), pending=tuple(pending))
 
 
-def _decode_history(about: dict, store: BlobStore) -> History:
+def _decode_history(record: dict, store: BlobStore) -> History:
     """Decode a project's history without unreadable states; readable ones are consecutive if they are no tree."""
-    stored = _branching(about, store)
+    stored = _branching(record, store)
     steps = _listed(stored, "steps", store)
     states = [readable(store, partial(_decode_state, step, store)) for step in steps]
     unreadable = {number for number, state in enumerate(states) if state is None}
     if len(unreadable) == len(states):
         return History.of(_first_state(store))
-    some = next(filter(None, states))  # in place of unreadable ones
-    states = [state or some for state in states]
+    substitute = next(filter(None, states))  # in place of unreadable ones
+    states = [state or substitute for state in states]
     return (readable(store, partial(_tree, stored, states)) or History.of(*states)).without(unreadable)
 
 
@@ -219,29 +220,29 @@ def _first_state(store: BlobStore) -> State:
     return State(Scene(model.first, orbit.home(model)), Mix(Pair(name, name), name), is_a=True)
 
 
-def _branching(about: dict, store: BlobStore) -> dict:
+def _branching(record: dict, store: BlobStore) -> dict:
     """Return a project's history; of the first two formats, with consecutive states and removed objects beside it."""
-    history: dict = typed(dict, about.get("history", {}), name="history")
+    history: dict = typed(dict, record.get("history", {}), name="history")
     if "steps" in history:
         return history
     past, future = (_listed(history, name, store) for name in ("past", "future"))
-    later = {"removed": _listed(about, "removed", store), "is_a": None}
+    later = {"removed": _listed(record, "removed", store), "is_a": None}
     states = [state | later if isinstance(state, dict) else state for state in (*past, history.get("now"), *future)]
     steps = [{"state": state, "parent": number - 1} for number, state in enumerate(states)]
     return {"steps": steps, "current": len(past), "tip": len(steps) - 1}
 
 
-def _listed(about: dict, name: str, store: BlobStore) -> list:
+def _listed(record: dict, name: str, store: BlobStore) -> list:
     """Return a list in JSON; an empty one if it is missing or unreadable."""
-    return readable(store, partial(typed, list, about.get(name, []), name=name)) or []
+    return readable(store, partial(typed, list, record.get(name, []), name=name)) or []
 
 
-def _first_format(about: _About, store: BlobStore) -> Project:
+def _first_format(record: _ProjectJson, store: BlobStore) -> Project:
     """Join the sessions of all models; the current model's comes last."""
     project: Project | None = None
-    for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
-        if part := readable(store, partial(_session_of_first_format, session, about.path, store)):
-            project = part.after(project) if project else part
+    for session in sorted(record.sessions, key=lambda session: session["model"] == record.model):
+        if decoded := readable(store, partial(_session_of_first_format, session, record.path, store)):
+            project = decoded.after(project) if project else decoded
     if project is None:
         raise ValueError(*store.unreadable[:1] or ("the project is empty",))
     return project
@@ -251,26 +252,26 @@ def _session_of_first_format(session: dict, path: Path | None, store: BlobStore)
     """Decode the session of one model, whose fingerprint its codes lack."""
     assert store.models is not None
     store.model = session["history"]["now"]["scene"]["model"]
-    part = _decoded(_completed(session, store) | {"models": [session["model"]]}, store)
-    found = store.models.find(store.model)
-    model = found.fingerprint if found else store.model  # the open model may extend the stored one
-    pending = tuple(request._replace(history=_of_model(request.history, model)) for request in part.pending)
-    return replace(part, fit=_of_model(part.fit, model), pending=pending, path=path)
+    project = _decoded(_completed(session, store) | {"models": [session["model"]]}, store)
+    model = store.models.find(store.model)
+    fingerprint = model.fingerprint if model else store.model  # the open model may extend the stored one
+    pending = tuple(request._replace(history=_of_model(request.history, fingerprint)) for request in project.pending)
+    return replace(project, fit=_of_model(project.fit, fingerprint), pending=pending, path=path)
 
 
 def _completed(value: Any, store: BlobStore) -> Any:
     """Add fields that the oldest files lack to JSON of the first format."""
     if isinstance(value, list):
-        return [_completed(one, store) for one in value]
+        return [_completed(item, store) for item in value]
     if not isinstance(value, dict):
         return value
-    found = {name: _completed(one, store) for name, one in value.items()}
-    if {"name", "codes", "photo"} <= found.keys() and not isinstance(found["photo"], str):
-        found |= {"fitted": found["photo"] is not None}  # an object held its photo
-    if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
-        found["crop_transform"] = len(store.tensors)
-        store.tensors.append(torch.zeros(len(found["cameras"]), 4))
-    return found
+    record = {name: _completed(item, store) for name, item in value.items()}
+    if {"name", "codes", "photo"} <= record.keys() and not isinstance(record["photo"], str):
+        record["fitted"] = record["photo"] is not None  # an object held its photo
+    if {"origin", "cameras"} <= record.keys() and "crop_transform" not in record and "step" not in record:
+        record["crop_transform"] = len(store.tensors)
+        store.tensors.append(torch.zeros(len(record["cameras"]), 4))
+    return record
 
 
 def _of_model(fit: FitHistory, model: str) -> FitHistory:
@@ -293,8 +294,8 @@ def _checked(fit: FitHistory) -> FitHistory:
     """Return a fit. Raises ``ValueError`` if its cameras differ in image size from its photos."""
     sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
     for step in fit.steps:
-        for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
-            if not {(camera.width, camera.height) for camera in cameras} <= sizes:
+        for result in (step, *step.hypotheses, step.runner_up):
+            if result and not {(camera.width, camera.height) for camera in result.cameras} <= sizes:
                 raise ValueError("the cameras have another size than the photos")
     return fit
 

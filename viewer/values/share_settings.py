@@ -49,7 +49,7 @@ class ShareSettings:
         for chosen, among in choices:
             if chosen not in among:
                 raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
-        if not all(0 <= part <= 255 for part in self.colour):
+        if not all(0 <= channel <= 255 for channel in self.colour):
             raise ValueError(f"a colour has parts of 0 to 255, got {self.colour}")
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
@@ -101,47 +101,47 @@ class ShareSettings:
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
-    def film_of(self, scene: Scene, other: Instance | None) -> "ShareSettings":
+    def film_of(self, scene: Scene, partner: Instance | None) -> "ShareSettings":
         """Return the settings with a film that the object can have: the first one if it cannot have the chosen one.
 
         Args:
-            other: see :meth:`views`.
+            partner: see :meth:`views`.
         """
-        films = films_of(scene, other)
+        films = films_of(scene, partner)
         return self if self.kind not in FILMS or self.kind in films else replace(self, kind=films[0])
 
-    def views(self, scene: Scene, timeline: Timeline, other: Instance | None = None) -> list[View]:
+    def views(self, scene: Scene, timeline: Timeline, partner: Instance | None = None) -> list[View]:
         """Return the views to render, in order. Pages and films, but for the timeline, start at the photo's camera.
 
         With ``fill``, a video's cameras share one zoom in, and a turntable's start no nearer than the training
         distance. A page has its first view alone.
 
         Args:
-            other: the object that ``morph`` leads to and back from.
+            partner: the object that ``morph`` leads to and back from.
         """
         if self.kind == "page":
             first = first_camera(scene.instance, scene.photo_camera)
             return [View(scene.instance, first.resized(self.size, self.size))]
-        shots = timeline.views(RATE) if self.kind == "video" else self._shots(scene, other)
+        shots = timeline.views(RATE) if self.kind == "video" else self._shots(scene, partner)
         width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
         shots = [shot._replace(camera=shot.camera.resized(width, self.size)) for shot in shots]
         return filling_frame(shots, zoom_out=self.kind != "video") if self.fill else shots
 
-    def _shots(self, scene: Scene, other: Instance | None) -> list[View]:
+    def _shots(self, scene: Scene, partner: Instance | None) -> list[View]:
         """Return the views of an image or of a film around the object, at the size of its camera."""
         if self.kind == "picture":
             return [View(scene.instance, scene.camera)]
-        camera, known = scene.camera, scene.photo_camera
+        camera = scene.photo_camera
         if self.fill:
-            camera = replace(known, distance=max(scene.instance.model.distance, known.distance))
+            camera = replace(camera, distance=max(scene.instance.model.distance, camera.distance))
         else:
-            camera = replace(camera, azimuth=known.azimuth, elevation=known.elevation)
-        if self.kind == "morph" and other is not None:
-            return morph(scene.instance, other, camera)
+            camera = replace(scene.camera, azimuth=camera.azimuth, elevation=camera.elevation)
+        if self.kind == "morph" and partner is not None:
+            return morph(scene.instance, partner, camera)
         return swing(scene.instance, camera) if self.kind == "swing" else turntable(scene.instance, camera)
 
 
-def films_of(scene: Scene, other: Instance | None) -> tuple[str, ...]:
+def films_of(scene: Scene, partner: Instance | None) -> tuple[str, ...]:
     """Return the films that an object can have, the usual one first: a swing needs a photo, a turn with B a B."""
-    missing = ("swing",) * (scene.instance.detail is None) + ("morph",) * (other is None)
+    missing = ("swing",) * (scene.instance.detail is None) + ("morph",) * (partner is None)
     return tuple(kind for kind in FILMS if kind not in missing)

@@ -42,15 +42,16 @@ def readable(name: str) -> str:
     ('Chair, another look', 'my photo-2')
     """
     if generated := _GENERATED.match(name):
-        other = generated[3] not in (None, generated[2])
-        return generated[1].removesuffix("s").capitalize() + (", another look" if other else "")
+        look = "" if generated[3] in (None, generated[2]) else ", another look"
+        return generated[1].removesuffix("s").capitalize() + look
     source = _SOURCE.match(name)
     if not source:
         return name
-    plain, variant = name[source.end() :], ""
-    if found := _VARIANT.search(plain):
-        variant = re.sub(r"-([a-z]+)(\d+)", r", \1 \2", found[0])
-        plain = plain[: found.start()]
+    plain = name[source.end() :]
+    variant = ""
+    if suffix := _VARIANT.search(plain):
+        variant = re.sub(r"-([a-z]+)(\d+)", r", \1 \2", suffix[0])
+        plain = plain[: suffix.start()]
     plain = re.sub(r"_\d{3,}$", "", plain)  # the number of a mesh is no name
     words = _NOUN.sub(" ", re.sub(r"(?<=[a-z])(\d+)$", r" \1", plain.replace("_", " ")))
     return words[:1].upper() + words[1:] + variant
@@ -67,4 +68,5 @@ def families(names: Sequence[str], codes: Float[Tensor, "names latent"]) -> dict
         members.setdefault(family(name), []).append(index)
     groups = list(members.values())
     heads = codes[[group[0] for group in groups]] if groups else codes
-    return {names[groups[at][0]]: tuple(names[index] for index in groups[at][1:]) for at in farthest_first(heads)}
+    ordered = (groups[index] for index in farthest_first(heads))
+    return {names[head]: tuple(names[index] for index in variants) for head, *variants in ordered}

@@ -51,12 +51,14 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
     view = camera.resized(width, height)
     centres = pixel_centres(width, height).double()
     points = frame.depth[..., None] * camera_directions(centres, view.focal, (width, height)).numpy()
-    there = frame.opacity > _OPAQUE
-    inner = there.copy()
-    inner[1:-1, 1:-1] &= there[:-2, 1:-1] & there[2:, 1:-1] & there[1:-1, :-2] & there[1:-1, 2:]
+    is_object = frame.opacity > _OPAQUE
+    inner = is_object.copy()
+    inner[1:-1, 1:-1] &= is_object[:-2, 1:-1] & is_object[2:, 1:-1] & is_object[1:-1, :-2] & is_object[1:-1, 2:]
     inner[[0, -1]] = inner[:, [0, -1]] = False
-    across, down = np.zeros_like(points), np.zeros_like(points)
-    across[:, 1:-1], down[1:-1] = points[:, 2:] - points[:, :-2], points[2:] - points[:-2]
+    across = np.zeros_like(points)
+    down = np.zeros_like(points)
+    across[:, 1:-1] = points[:, 2:] - points[:, :-2]
+    down[1:-1] = points[2:] - points[:-2]
     facing = np.cross(down, across)
     length = np.linalg.norm(facing, axis=-1, keepdims=True)
     angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
@@ -66,10 +68,11 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
 
 def _depth(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
     """Show depth within the object's range; bright is near."""
-    there = frame.opacity > _OPAQUE
-    if not there.any():
+    is_object = frame.opacity > _OPAQUE
+    if not is_object.any():
         return np.full_like(frame.image, 255)
-    near, far = frame.depth[there].min(), frame.depth[there].max()
+    near = frame.depth[is_object].min()
+    far = frame.depth[is_object].max()
     nearness = 1 - (frame.depth - near).clip(0, far - near) / max(far - near, 1e-6)
     return _on_white(frame, colour_map(0.1 + 0.9 * nearness.astype(float)))
 
@@ -82,8 +85,8 @@ def _opacity(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"
 
 def _normal(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
     """Show the world axes of normals as red, green and blue."""
-    found = normals(frame, camera)
-    colours = np.where(found.any(-1, keepdims=True), 127.5 * (found + 1) + 0.5, 255.0)
+    directions = normals(frame, camera)
+    colours = np.where(directions.any(-1, keepdims=True), 127.5 * (directions + 1) + 0.5, 255.0)
     return _on_white(frame, colours.clip(0, 255).astype(np.uint8))
 
 

@@ -17,18 +17,20 @@ class Comparison:
     """The tool that shows the photo at the left of a line and the render at its right."""
 
     def __init__(self) -> None:
-        self._share = 0.5  # place of the line as a fraction of the photo's width
+        self._line = 0.5  # place of the line as a fraction of the photo's width
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw the photo over the view, imgui's last item; return whether the tool takes the mouse."""
-        found = photo_place(context, corner, size)
-        if found is None or context.images is None:
+        place = photo_place(context, corner, size)
+        if place is None or context.images is None:
             return False
-        view, low, high = found
+        view, low, high = place
         if imgui.is_item_active():
-            self._share = min(1.0, max(0.0, (imgui.get_mouse_pos().x - low.x) / (high.x - low.x)))
-        draw, edge = imgui.get_window_draw_list(), low.x + self._share * (high.x - low.x)
-        bottom, background = corner.y + size.y, mixed(*context.palette.background, 0.35)
+            self._line = min(1.0, max(0.0, (imgui.get_mouse_pos().x - low.x) / (high.x - low.x)))
+        draw = imgui.get_window_draw_list()
+        edge = low.x + self._line * (high.x - low.x)
+        bottom = corner.y + size.y
+        background = mixed(*context.palette.background, 0.35)
         draw.push_clip_rect(corner, (edge, bottom), True)
         draw.add_rect_filled(corner, (edge, bottom), packed(background))
         draw.add_image(context.images.texture(photo_pixels(view.image), context.palette), low, high)
@@ -45,7 +47,8 @@ def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[Ph
     session = context.session
     if (view := session.photo_view) is None or session.viewport.source != "scene":
         return None
-    offset, camera = session.viewport.settings.offset, session.editor.scene.camera
+    offset = session.viewport.settings.offset
+    camera = session.editor.scene.camera
     box = orbit.photo_box(view.camera, camera, (size.x, size.y), offset)
     return (view, corner + ImVec2(*box[:2]), corner + ImVec2(*box[2:])) if box else None
 

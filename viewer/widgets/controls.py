@@ -62,12 +62,13 @@ def _keep_off_messages() -> None:
 
 def begin_dialog(title: str) -> tuple[bool, bool]:
     """Begin a window in the middle; return whether it is drawn and stays open. Afterwards call imgui's ``end``."""
-    viewport, flags = imgui.get_main_viewport(), imgui.WindowFlags_
+    viewport = imgui.get_main_viewport()
+    flags = imgui.WindowFlags_
     imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
     imgui.set_next_window_size_constraints((0, 0), viewport.work_size)  # a low window scrolls
     unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
-    shown, stays = imgui.begin(title, True, unmoved)
-    return shown, bool(stays)
+    visible, stays = imgui.begin(title, True, unmoved)
+    return visible, bool(stays)
 
 
 def end_gesture(context: PanelContext) -> None:
@@ -85,8 +86,8 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colo
     """
     if colour:
         imgui.push_style_color(imgui.Col_.button, (*colour, 1.0))
-        for part in (imgui.Col_.button_hovered, imgui.Col_.button_active):
-            imgui.push_style_color(part, (*emphasised(colour), 1.0))
+        for state in (imgui.Col_.button_hovered, imgui.Col_.button_active):
+            imgui.push_style_color(state, (*emphasised(colour), 1.0))
         imgui.push_style_color(imgui.Col_.text, (*on(colour), 1.0))
     imgui.begin_disabled(not enabled)
     pressed = imgui.button(label, (hello_imgui.em_size(width) if width > 0 else width, 0))
@@ -98,14 +99,13 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colo
 
 
 def action_button(
-    context: PanelContext, action: str, label: str = "", width: float = 0.0, colour: Colour | None = None
+    context: PanelContext, name: str, label: str = "", width: float = 0.0, colour: Colour | None = None
 ) -> None:
-    """Draw a button that runs an action of the table, given by its id; the default label is its words."""
-    found = ACTIONS[action]
-    hint = found.hint()
-    text = f"{label or found.words}###{action}"
-    if button(text, hint[:1].upper() + hint[1:], width, found.enabled(context), colour):
-        found.run(context)
+    """Draw a button that runs an action of the table by its id, ``name``; the default label is its words."""
+    action = ACTIONS[name]
+    hint = action.hint()
+    if button(f"{label or action.words}###{name}", hint[:1].upper() + hint[1:], width, action.enabled(context), colour):
+        action.run(context)
 
 
 def draw_choice(choices: dict[str, str], chosen: str) -> str:
@@ -133,7 +133,7 @@ def flow(label: str, width: float = 0.0) -> None:
 
 
 def labelled_slider(
-    name: str, label: str, value: float, limits: tuple[float, float], shown: str, columns: tuple[float, float] = (4, 3)
+    name: str, label: str, value: float, limits: tuple[float, float], text: str, columns: tuple[float, float] = (4, 3)
 ) -> tuple[bool, float]:
     """Draw a slider between its label and its value; return whether it moved, and its value.
 
@@ -141,22 +141,26 @@ def labelled_slider(
 
     Args:
         name: id of the slider.
-        shown: the value as text.
+        text: the value as text.
         columns: widths in em of label and value.
     """
-    em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
-    before, after = columns[0] * em, columns[1] * em
+    em = hello_imgui.em_size()
+    room = imgui.get_content_region_avail().x
+    before = columns[0] * em
+    after = columns[1] * em
     if before + after > 0.6 * room:  # narrow: the label has a line of its own
         imgui.text(label)
         before = 0.0
     left = imgui.get_cursor_pos_x()
     imgui.align_text_to_frame_padding()
-    corner, width = imgui.get_cursor_screen_pos(), imgui.calc_text_size(shown).x
-    draw, colour = imgui.get_window_draw_list(), imgui.get_color_u32(imgui.Col_.text)
+    corner = imgui.get_cursor_screen_pos()
+    width = imgui.calc_text_size(text).x
+    draw = imgui.get_window_draw_list()
+    colour = imgui.get_color_u32(imgui.Col_.text)
     down = imgui.get_style().frame_padding.y
     if before:
         draw.add_text(corner + ImVec2(0, down), colour, label)
-    draw.add_text(corner + ImVec2(room - width, down), colour, shown)
+    draw.add_text(corner + ImVec2(room - width, down), colour, text)
     imgui.set_cursor_pos_x(left + before)
     imgui.set_next_item_width(max(em, room - before - after))
     return imgui.slider_float(f"##{name}", value, *limits, "", imgui.SliderFlags_.always_clamp)
@@ -209,7 +213,8 @@ def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> boo
     exporting = context.session.exporting
     if exporting.path is None or (kinds and exporting.kind not in kinds):
         return False
-    left, name = exporting.remaining, printable(exporting.path.name)
+    left = exporting.remaining
+    name = printable(exporting.path.name)
     done = f"{exporting.progress:.0%}   {duration(left)} left" if left is not None else "Preparing …"
     moving = -float(imgui.get_time())  # which imgui draws as a bar that runs to and fro
     imgui.progress_bar(exporting.progress or moving, (hello_imgui.em_size(width - 7), 0), f"{done}   {as_label(name)}")

@@ -25,9 +25,11 @@ def draw_cut_out(
     """Draw the photo and, unless there is only one, the boxes; a click calls ``choose`` with the box's index."""
     if context.images is None:
         return
-    (height, width), room = pixels.shape[:2], imgui.get_content_region_avail().x
+    height, width = pixels.shape[:2]
+    room = imgui.get_content_region_avail().x
     scale = min(room / width, _TALLEST * imgui.get_window_height() / height)
-    size, corner = ImVec2(width * scale, height * scale), imgui.get_cursor_screen_pos()
+    size = ImVec2(width * scale, height * scale)
+    corner = imgui.get_cursor_screen_pos()
     corner += ImVec2((room - size.x) / 2, 0)
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
@@ -40,7 +42,7 @@ def draw_cut_out(
     if context.tool == "pick":
         pick(context, pixels, corner, size)
     elif len(boxes) > 1:
-        for number, box in sorted(enumerate(boxes), key=lambda one: -_area(one[1])):  # smaller boxes over larger ones
+        for number, box in sorted(enumerate(boxes), key=lambda item: -_area(item[1])):  # smaller boxes over larger ones
             _draw_box(context, number, box, (corner, size), choose)
     imgui.set_cursor_screen_pos(after)
     imgui.dummy((0, 0))

@@ -21,21 +21,26 @@ class Eraser:
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw stroke and brush over the view, imgui's last item; return whether the tool takes the mouse."""
-        found, detail = photo_place(context, corner, size), context.session.editor.scene.instance.detail
-        if found is None or detail is None:
+        place = photo_place(context, corner, size)
+        detail = context.session.editor.scene.instance.detail
+        if place is None or detail is None:
             self._points = []
             return False
-        view, low, high = found
-        mouse, extent = imgui.get_mouse_pos(), high - low
+        view, low, high = place
+        mouse = imgui.get_mouse_pos()
+        extent = high - low
         if imgui.is_item_hovered() and (wheel := imgui.get_io().mouse_wheel):
             self._radius = max(_BRUSH[0], min(_BRUSH[2], self._radius * _WHEEL**wheel))
         if imgui.is_item_active():
             self._extend((mouse.x - low.x) / extent.x, (mouse.y - low.y) / extent.y)
         elif self._points:
-            stroke, self._points = Erasure(tuple(self._points), self._radius), []
+            stroke = Erasure(tuple(self._points), self._radius)
+            self._points = []
             erased = detail.erasing(detail.views.index(view), (*view.erased, stroke))
             context.session.editor.set_detail(erased)
-        draw, reach, warm = imgui.get_window_draw_list(), self._radius * max(extent), context.palette.warm
+        draw = imgui.get_window_draw_list()
+        reach = self._radius * max(extent)
+        warm = context.palette.warm
         for x, y in self._points:
             draw.add_circle_filled(low + ImVec2(x * extent.x, y * extent.y), reach, packed(warm, 0.4))
         if imgui.is_item_hovered():

@@ -22,7 +22,7 @@ def draw_fit_numbers(context: PanelContext) -> None:
     if (last := fitting.history.last) is not None and not fitting.running:
         sure = "" if last.confidence is None else f"    camera {last.confidence:.0%}"
         caption(context, f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB{sure}")
-        can_resume = fitting.resume_point is not None
+        can_resume = fitting.history.resume_point is not None
         if button("Go on###resume", "Improve it for a third of the steps of a new search", enabled=can_resume):
             fitting.resume()
     if fitting.history.steps:

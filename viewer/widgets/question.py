@@ -22,14 +22,16 @@ _Answer = tuple[str, str, Callable[[], None]]  # label, tooltip and action of a 
 
 def draw_question(context: PanelContext, question: Question) -> None:
     """Draw a photo in question, and its answers."""
-    fitting, history = context.session.fitting, question.request.history
+    fitting = context.session.fitting
+    history = question.request.history
     heading(context, question.source.name)
     imgui.push_style_color(imgui.Col_.text, (*context.palette.warm, 1.0))
     imgui.text_wrapped(question.words)
     imgui.pop_style_color()
-    seen, boxes = question.seen, question.seen.boxes if question.seen else ()
+    preview = question.preview
+    boxes = preview.boxes if preview else ()
     photo = history.photo.pixels if history.photo else context.session.photo_thumbnails.get(question.source.file)
-    pixels = seen.pixels if seen else photo
+    pixels = preview.pixels if preview else photo
     if pixels is not None:
         choose_object = partial(fitting.choose, history.sources, question.number, model=history.model)
         draw_cut_out(context, pixels, boxes, choose_object)
@@ -48,7 +50,8 @@ def draw_question(context: PanelContext, question: Question) -> None:
 
 def _answers(context: PanelContext, question: Question) -> list[_Answer]:
     """Return a question's buttons, the likeliest answer first."""
-    fitting, history = context.session.fitting, question.request.history
+    fitting = context.session.fitting
+    history = question.request.history
     point = partial(context.session.segmenting.open, history.sources, question.number, history.model)
     answers: list[_Answer] = [("Point at it###point at it", POINT_HELP, point)]
     if question.is_failed and fitting.needs_file(question) and not is_there(question.source.file):
@@ -61,9 +64,10 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
         for model in reversed(_categories(context, question)):
             likely = model.fingerprint == question.model and not question.neither
             label = "This one###this one" if likely else f"As a {as_label(model.noun)}###as {model.category}"
-            text, act = f"Fit what is outlined, as a {model.noun}", partial(fitting.answer, question, model.fingerprint)
+            text = f"Fit what is outlined, as a {model.noun}"
+            act = partial(fitting.answer, question, model.fingerprint)
             answers.insert(0, (label, text, act))
-    several = question.is_about_category or (question.seen is not None and len(question.seen.boxes) > 1)
+    several = question.is_about_category or (question.preview is not None and len(question.preview.boxes) > 1)
     words = "None of these" if question.neither or several else "Leave it"
     leave = f"{words}###leave photo", "Do not fit this photo", partial(fitting.leave, question)
     return [leave, *answers] if question.neither else [*answers, leave]
@@ -72,20 +76,24 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
 def _categories(context: PanelContext, question: Question) -> list[Model]:
     """Return a listed model per category, the likely one first."""
     models = dict[str, Model]()
-    for model in sorted(context.session.listed_models, key=lambda one: one.fingerprint != question.model):
+    for model in sorted(context.session.listed_models, key=lambda listed: listed.fingerprint != question.model):
         models.setdefault(model.category, model)
     return [*models.values()]
 
 
 def _draw_categories(context: PanelContext, question: Question) -> None:
     """Draw an object per category; a click fits the photo as one of them."""
-    models, objects, em = _categories(context, question), context.session.editor.objects, hello_imgui.em_size()
-    gap, room = 0.4 * em, imgui.get_content_region_avail().x
+    models = _categories(context, question)
+    objects = context.session.editor.objects
+    em = hello_imgui.em_size()
+    gap = 0.4 * em
+    room = imgui.get_content_region_avail().x
     side = min(_PICTURE * em, (room - gap * (len(models) - 1)) / len(models))
     for number, model in enumerate(models):
         if number:
             imgui.same_line(0, gap)
-        corner, height = imgui.get_cursor_screen_pos(), side + small_height()
+        corner = imgui.get_cursor_screen_pos()
+        height = side + small_height()
         if object_tiles.tile_button(f"as {model.category}", (side, height)):
             context.session.fitting.answer(question, model.fingerprint)
         hovered = imgui.is_item_hovered()

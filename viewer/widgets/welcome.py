@@ -25,8 +25,10 @@ class Welcome:
     @staticmethod
     def is_due(context: PanelContext) -> bool:
         """Return whether nothing was made, edited or begun yet; turning the object is no edit."""
-        editor, fitting = context.session.editor, context.session.fitting
-        first, timeline = editor.history.states[0].scene.instance, editor.state.timeline
+        editor = context.session.editor
+        fitting = context.session.fitting
+        first = editor.history.states[0].scene.instance
+        timeline = editor.state.timeline
         edited = timeline.keys or any(state.scene.instance is not first for state, _ in editor.history.steps)
         return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
 
@@ -81,8 +83,10 @@ def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
     Args:
         largest: limit of a photo's side, px.
     """
-    em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
-    paths, room = context.session.samples, imgui.get_content_region_avail().x
+    em = hello_imgui.em_size()
+    gap = _GAP * hello_imgui.em_size()
+    paths = context.session.samples
+    room = imgui.get_content_region_avail().x
     if not paths:
         return
     across = len(paths) if room > len(paths) * (_SAMPLE * em + gap) else -(-len(paths) // 2)

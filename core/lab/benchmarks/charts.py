@@ -9,17 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from core.lab.benchmarks import fit_charts, rendering_charts, tables
+from core.lab.benchmarks import fit_charts, tables
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.candidates import Judgement
 from core.lab.benchmarks.csv_files import Results, read_results, write_results
-from core.lab.benchmarks.detail_gains import DetailView
 from core.lab.benchmarks.drawing import DPI
 from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.rendering import RenderTiming
 from core.lab.benchmarks.robustness import RobustnessTrial
-from core.lab.benchmarks.videos import VideoTiming
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,12 +66,9 @@ def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
 
 
 CHARTS = {
-    "render": Chart(_rows_of(RenderTiming), tables.rendering_table, rendering_charts.rendering_chart),
-    "videos": Chart(_rows_of(VideoTiming), tables.videos_table, rendering_charts.videos_chart),
     "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
     "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
     "candidates": Chart(_rows_of(Judgement), tables.candidates_table),
-    "photo_detail": Chart(_rows_of(DetailView), tables.photo_detail_table, fit_charts.photo_detail_chart),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
 }  # by file name

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, unfitted_views
 from core.lab.benchmarks.drawing import draw_frontier, error_bars, log_ticks, new_figure
 from core.lab.benchmarks.fits import FitTrial, summarise_presets
 from core.lab.benchmarks.robustness import SUCCESS_DEGREES, RobustnessTrial, success_rates
@@ -103,37 +102,3 @@ def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]]
     axes.set_xlabel(STRESSORS[name].unit if name in STRESSORS else "", fontsize=8)
     axes.grid(alpha=0.3, axis="y")
     axes.set_axisbelow(True)
-
-
-def photo_detail_chart(results: Results[DetailView]) -> "Figure":
-    """Draw the gain of other views against their angle from the photo, a panel per category and camera."""
-    groups = sorted({(row.category, row.camera) for row in results.rows})
-    figure, panels = new_figure(len(groups), width=3.8)
-    for axes, group in zip(panels, groups, strict=True):
-        rows = [row for row in unfitted_views(results.rows) if (row.category, row.camera) == group]
-        for number, renderer in enumerate(dict.fromkeys(row.renderer for row in rows)):
-            own = [row for row in rows if row.renderer == renderer]
-            for score, style in (("full", "o-"), ("direct", "s:")):
-                bins = {middle: [row for row in own if abs(row.angle - middle) <= _BIN / 2] for middle in _MIDDLES}
-                gains = {middle: gain_by_object(binned, score) for middle, binned in bins.items() if binned}
-                label = f"{renderer}{'' if score == 'full' else ', not mirrored'}"
-                values = list(gains.values())
-                axes.errorbar(
-                    list(gains),
-                    [gain.mean for gain in values],
-                    error_bars(values) if score == "full" else None,
-                    fmt=style,
-                    color=f"C{number}",
-                    capsize=2,
-                    label=label,
-                )
-        axes.axhline(0.0, color="black", linewidth=0.8)
-        axes.set(title=f"{group[0]}, camera {group[1]}", xlabel="degrees from the photo", ylabel="gain (dB)")
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=7)
-    figure.suptitle(results.common["machine"], fontsize=9)
-    return figure
-
-
-_BIN = 30.0  # degrees
-_MIDDLES = tuple(_BIN * (number + 0.5) for number in range(6))

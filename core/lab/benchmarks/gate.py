@@ -22,7 +22,7 @@ from core.fitting.fit import PRESETS, FitJob
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings
 from core.lab.benchmarks.csv_files import read_records
-from core.lab.benchmarks.held_out_views import evenly_spaced_objects, render_on_white
+from core.lab.benchmarks.held_out_views import render_on_white
 from core.models.library import sample_images
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -51,7 +51,7 @@ class Ratio:
 
 def measure_ratios(model: Model) -> Iterator[Ratio]:
     """Yield each ratio; takes under a minute on an idle machine."""
-    (instance,) = evenly_spaced_objects(model, 1)
+    instance = model.first
     camera = model.camera(0.9, 0.4)
     with use_dtype(torch.float32):
         exact = _timed(lambda: render_exact(instance, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time)

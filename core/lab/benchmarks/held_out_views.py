@@ -74,11 +74,6 @@ def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch
         yield HeldOutView(views, index, last.instance, full_size)
 
 
-def evenly_spaced_objects(model: Model, count: int) -> list[Instance]:
-    """Return ``count`` evenly spaced objects of the model, without those of collapsed training."""
-    return [model[index] for index in evenly_spaced(model.codes.valid, count)]
-
-
 def random_camera(model: Model, generator: torch.Generator) -> Camera:
     """Return a camera whose direction is uniform on the upper hemisphere."""
     turn, height = torch.rand(2, generator=generator).tolist()

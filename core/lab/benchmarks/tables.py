@@ -10,10 +10,8 @@ from core.fitting.confidence import auroc
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.candidates import SHIPPED, Judgement
 from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.detail_gains import DetailView, gain_by_object, object_gains, unfitted_views
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.rendering import RenderTiming, median_turns
 from core.lab.benchmarks.robustness import (
     ROUGH_DEGREES,
     SUCCESS_DEGREES,
@@ -23,9 +21,8 @@ from core.lab.benchmarks.robustness import (
     success_rates,
 )
 from core.lab.benchmarks.stressors import STRESSORS
-from core.lab.benchmarks.videos import VideoTiming
 from core.lab.evaluation.protocol import ViewScore
-from core.lab.evaluation.statistics import Mean, format_difference, format_fraction, fraction_within, mean_of
+from core.lab.evaluation.statistics import Mean, format_difference, format_fraction, mean_of
 
 _SURE = 0.9  # a wrong camera of more confidence misleads
 _THRESHOLDS = (0.0, 0.5, 0.8, _SURE)  # confidences from which a camera may be believed
@@ -56,58 +53,6 @@ def _cell(row: Any, key: str | Callable[[Any], Any], form: str | Callable[[Any],
 def _text(heading: str, *blocks: str) -> str:
     """Join tables and sentences below a heading line, with empty lines between them."""
     return "\n\n".join((heading, *blocks)) + "\n"
-
-
-# Rendering
-
-
-def rendering_table(results: Results[RenderTiming]) -> str:
-    """Format milliseconds and PSNR by recipe, of the ablations, and by image size."""
-    curves = median_turns(results.rows)
-    naive = curves["naive"][-1]
-    full = curves["ablation"][0]
-    renderers: list[Column] = [
-        ("renderer", "recipe", "{}"),
-        ("samples", "samples", "{}"),
-        ("ms", "ms", "{:.1f}"),
-        (f"times naive {naive.samples}", lambda timing: naive.ms / timing.ms, "{:.0f}"),
-        ("PSNR (dB)", "psnr", "{:.1f}"),
-        ("worst view", "worst_view", "{:.1f}"),
-        ("worst pixel", "worst_pixel", "{:.3f}"),
-    ]
-    ablations: list[Column] = [
-        ("ablation, default settings", "recipe", "{}"),
-        ("ms", "ms", "{:.1f}"),
-        ("difference", lambda timing: timing.ms - full.ms, "{:+.1f} ms"),
-        ("PSNR (dB)", "psnr", "{:.1f}"),
-        ("difference", lambda timing: timing.psnr - full.psnr, "{:+.1f} dB"),
-    ]
-    return _text(
-        f"{results.common['machine']}; {results.common['views']} views; PSNR against 256 exact samples in float32.",
-        markdown_table(renderers, [row for curve in ("naive", "fast", "float32", "baked") for row in curves[curve]]),
-        markdown_table(ablations, curves["ablation"]),
-        markdown_table(_SIZES, curves["sizes"]),
-    )
-
-
-def videos_table(results: Results[VideoTiming]) -> str:
-    """Format seconds and PSNR of each way to render a video, against the exact one."""
-    exact = {row.shown: row for row in sorted(results.rows, key=attrgetter("setting")) if row.recipe == "exact"}
-    columns: list[Column] = [
-        ("shown", "shown", "{}"),
-        ("frames", "recipe", "{}"),
-        ("samples or cells", "setting", "{:g}"),
-        ("s", "seconds", "{:.1f}"),
-        ("times as fast as exact", lambda timing: exact[timing.shown].seconds / timing.seconds, "{:.1f}"),
-        ("PSNR (dB)", "psnr", "{:.1f}"),
-        ("worst frame", "worst", "{:.1f}"),
-    ]
-    conditions = "{machine}; {category}, {objects} objects, {frames} frames of {size} px, an image of {image} px"
-    heading = f"{conditions.format(**results.common)}; processor time without writing them."
-    return _text(heading, markdown_table(columns, results.rows))
-
-
-_SIZES: list[Column] = [("size (px)", "size", "{}"), ("ms", "ms", "{:.1f}"), ("PSNR (dB)", "psnr", "{:.1f}")]
 
 
 # Fits
@@ -272,43 +217,6 @@ def _misleads(trial: RobustnessTrial) -> bool:
 def _size_error(trials: Sequence[RobustnessTrial]) -> str:
     sizes = [abs(trial.size_error) for trial in trials if trial.size_error is not None]
     return f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
-
-
-def photo_detail_table(results: Results[DetailView]) -> str:
-    """Format a line per category, renderer and camera: other views, and the photo itself."""
-    groups: dict[tuple[str, str, str], list[DetailView]] = {}
-    for row in results.rows:
-        groups.setdefault(row.key[:3], []).append(row)
-    columns: list[Column] = [
-        ("category", lambda rows: rows[0].category, "{}"),
-        ("drawn by", lambda rows: rows[0].renderer, "{}"),
-        ("camera", lambda rows: rows[0].camera, "{}"),
-        ("objects", lambda rows: len({row.name for row in rows}), "{}"),
-        ("other views (dB)", lambda rows: statistics.mean(row.plain for row in unfitted_views(rows)), "{:.1f}"),
-        ("with detail", lambda rows: gain_by_object(unfitted_views(rows)), format_difference),
-        ("worst object", lambda rows: min(object_gains(unfitted_views(rows))), "{:+.2f}"),
-        ("not mirrored", lambda rows: gain_by_object(unfitted_views(rows), "direct"), format_difference),
-        ("within 45°", lambda rows: [row for row in unfitted_views(rows) if row.angle < 45], _gain_or_nothing),
-        ("the photo itself (dB)", lambda rows: _photo_itself(rows, "plain"), "{:.1f}"),
-        ("with detail", lambda rows: _photo_itself(rows, "full"), "{:.1f}"),
-        ("bound", lambda rows: _photo_itself(rows, "bound"), "{:.1f}"),
-        ("35 dB", lambda rows: fraction_within([-row.full for row in _right(rows)], -35.0), format_fraction),
-    ]
-    notes = "with 95 % intervals over objects; the photo itself: of cameras within 10°; bound: the photo's own colours."
-    return _text(f"{results.common['machine']}; {notes}", markdown_table(columns, groups.values()))
-
-
-def _gain_or_nothing(rows: Sequence[DetailView]) -> str:
-    return format_difference(gain_by_object(rows)) if rows else ""
-
-
-def _right(rows: Sequence[DetailView]) -> list[DetailView]:
-    """Return the photos themselves whose camera is right."""
-    return [row for row in rows if row.bound is not None and row.rotation <= SUCCESS_DEGREES]
-
-
-def _photo_itself(rows: Sequence[DetailView], score: str) -> float:
-    return statistics.mean([getattr(row, score) for row in _right(rows)] or [float("nan")])
 
 
 # Photographs

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from core.lab.datasets.categories import Split
 from core.lab.datasets.mesh_variants import deformed, pairs, recoloured
 from core.lab.datasets.rasteriser import Surface
 from core.lab.datasets.render_objects import RenderTask
-from core.lab.datasets.splits import evenly_spaced, held_out_meshes
+from core.lab.datasets.splits import held_out_meshes
 from core.runtime.reading import read_json, reading, typed
 
 TURN_TO_FRONT = {
@@ -67,19 +66,6 @@ def mesh_tasks(folder: Path | str, category: str, split: Split, variants: int = 
         raise ValueError(f"the number of variants must not be negative, got {variants}")
     meshes = select_meshes(folder, category, split)
     return tuple(_render_task(entry, *pair) for entry in meshes for pair in pairs(variants))
-
-
-def pair_tasks(folder: Path | str, category: str, variants: int, count: int) -> tuple[RenderTask, ...]:
-    """Return render tasks of all shapes of ``count`` training meshes in all their recolourings.
-
-    A model trained on :func:`mesh_tasks` with as many variants has seen about half of these pairs. Raises
-    ``ValueError`` for less than two variants, where it has seen them all.
-    """
-    if variants < 2:
-        raise ValueError(f"untrained pairs need at least 2 variants of each mesh, got {variants}")
-    meshes = evenly_spaced(select_meshes(folder, category, "train"), count)
-    table = tuple(product(range(variants + 1), range(variants)))
-    return tuple(_render_task(entry, *pair) for entry in meshes for pair in table)
 
 
 def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:

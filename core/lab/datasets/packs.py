@@ -76,7 +76,9 @@ def write_pack(path: Path, category: str, objects: Iterable[PackedObject], quali
     Args:
         quality: of the compressed colours, 1 to 100; masks are kept exactly.
     """
-    entries, images, cameras = list[PackEntry](), list[bytes](), list[Camera]()
+    entries = list[PackEntry]()
+    images = list[bytes]()
+    cameras = list[Camera]()
     for packed in objects:
         entries.append(PackEntry(*packed[:3], views=len(packed.images)))
         images.append(_encode(packed.images, packed.masks, quality))
@@ -148,7 +150,8 @@ def _encode(
     images: UInt8[np.ndarray, "views side side 3"], masks: Bool[np.ndarray, "views side side"], quality: int
 ) -> bytes:
     """Compress the views as tiles; ``exact`` keeps the antialiased colours that the mask leaves out."""
-    side, columns = images.shape[1], _columns(len(images))
+    side = images.shape[1]
+    columns = _columns(len(images))
     rows = math.ceil(len(images) / columns)
     tiles = np.full((rows * columns, side, side, 4), 255, np.uint8)
     tiles[: len(images), ..., :3] = images

@@ -1,1 +1,1 @@
-"""The paper's evaluation protocol and its tests of disentanglement."""
+"""The paper's evaluation protocol."""

@@ -5,14 +5,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from PIL import Image
-
-from core.lab.evaluation.disentanglement import PairScore, summarise_pairs
 from core.lab.evaluation.protocol import EvaluationProtocol, EvaluationSummary, ObjectScore, PoseSummary, summarise
 from core.lab.evaluation.statistics import Mean
-from core.runtime.files import atomic_file, is_stream, write_json
-
-_SHEET = 24  # pairs on the contact sheet, at most
+from core.runtime.files import write_json
 
 
 def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) -> str:
@@ -36,54 +31,6 @@ def write_report(
     objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
     content = origin | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
     write_json(path, content)
-
-
-def format_disentanglement(scores: Sequence[PairScore]) -> str:
-    """Format scores of held-out and trained pairs, effects of a texture edit, and leaks of codes."""
-    summary = summarise_pairs(scores)
-    rows = (
-        ("held-out pairs, codes of two objects", summary.recombined, summary.recombined_ssim, summary.recombined_pairs),
-        ("the same, codes fitted to other views", summary.refitted, summary.refitted_ssim, summary.recombined_pairs),
-        ("trained pairs, their own codes", summary.trained, summary.trained_ssim, summary.trained_pairs),
-    )
-    lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'pairs':>9}"]
-    lines += [
-        f"{name:38}{_interval(psnr, 2):>22}{_interval(ssim, 3):>24}{count:>9}"
-        for name, psnr, ssim, count in rows
-        if not math.isnan(psnr.mean)
-    ]
-    lines.append(f"\nanother texture changes the silhouette by at most {summary.opacity_change:.2g} of full opacity")
-    lines.append(f"and the background by at most {summary.background_change:.2g} of full colour")
-    if summary.probes:
-        lines.append(f"\n{'predicted from fitted codes':38}{'correct (%)':>22}{'chance (%)':>24}{'pairs':>9}")
-    for name, probe in summary.probes.items():
-        cells = (_interval(probe.accuracy, 0, 100), f"{100 * probe.chance:.1f}", probe.pairs) if probe else ("-",) * 3
-        lines.append(f"{name:38}{cells[0]:>22}{cells[1]:>24}{cells[2]:>9}")
-    return "\n".join(lines)
-
-
-def write_disentanglement_report(path: Path, scores: Sequence[PairScore], origin: dict[str, str]) -> None:
-    """Write the numbers as JSON, per pair too, and true and rendered views as PNG beside it, held-out pairs first."""
-    pairs = [
-        {
-            "name": score.pair.entry.name,
-            "trained": score.pair.trained,
-            "psnr": score.psnr,
-            "ssim": score.ssim,
-            "refitted": score.refitted,
-        }
-        for score in scores
-    ]
-    write_json(path, origin | {"summary": asdict(summarise_pairs(scores)), "pairs": pairs})
-    if is_stream(path):
-        return
-    first = sorted(scores, key=lambda score: score.pair.trained)[:_SHEET]
-    height, width = first[0].images.shape[:2]
-    sheet = Image.new("RGB", (width * min(4, len(first)), height * math.ceil(len(first) / 4)), "white")
-    for index, score in enumerate(first):
-        sheet.paste(Image.fromarray(score.images), (index % 4 * width, index // 4 * height))
-    with atomic_file(path.with_suffix(".png")) as partial:
-        sheet.save(partial)
 
 
 def _row(name: str, summary: EvaluationSummary) -> str:

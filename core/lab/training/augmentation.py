@@ -44,7 +44,7 @@ def mirror(
     images: Crops, azimuth: Float[Tensor, "images"], generator: torch.Generator
 ) -> tuple[Crops, Float[Tensor, "images"]]:
     """Mirror half of the images: a mirrored object is seen from the other side of its front."""
-    mirrored = _some(len(images), 0.5, generator)
+    mirrored = _chosen(len(images), 0.5, generator)
     turned = torch.where(mirrored[:, None, None, None], images.flip(-1), images)
     return turned, torch.where(mirrored, 2 * FRONT_AZIMUTH - azimuth, azimuth)
 
@@ -62,7 +62,8 @@ def recrop(images: Crops) -> Crops:
     size = torch.where(visible.any((1, 2)), size, 1.0)
     affine = torch.zeros(len(images), 2, 3)
     affine[:, 0, 0] = affine[:, 1, 1] = size
-    affine[:, 0, 2], affine[:, 1, 2] = x.mean(1), y.mean(1)
+    affine[:, 0, 2] = x.mean(1)
+    affine[:, 1, 2] = y.mean(1)
     return _resample(images, affine)
 
 
@@ -75,7 +76,7 @@ def _extent(occupied: Bool[Tensor, "images side"], side: int) -> Float[Tensor, "
     return torch.where(occupied.any(1)[:, None], ends, torch.tensor([-1.0, 1.0]))
 
 
-def _some(count: int, probability: float, generator: torch.Generator) -> Bool[Tensor, "count"]:
+def _chosen(count: int, probability: float, generator: torch.Generator) -> Bool[Tensor, "count"]:
     """Choose each image with this probability."""
     return torch.rand(count, generator=generator) < probability
 
@@ -86,7 +87,7 @@ def _change_colours(images: Crops, generator: torch.Generator) -> Crops:
     mixing = torch.eye(3) + _COLOUR_STD * torch.randn(count, 3, 3, generator=generator)
     shift = _BRIGHTNESS_STD * torch.randn(count, 3, 1, 1, generator=generator)
     colours = torch.einsum("nij,njhw->nihw", mixing, images[:, :3] - 0.5) + 0.5 + shift
-    inverted = _some(count, _INVERT_PROBABILITY, generator)[:, None, None, None]
+    inverted = _chosen(count, _INVERT_PROBABILITY, generator)[:, None, None, None]
     return _on_white(torch.where(inverted, 1 - colours, colours).clamp(0, 1), images[:, 3:])
 
 
@@ -100,34 +101,35 @@ def _shade(images: Crops, generator: torch.Generator) -> Crops:
 
 def _hide(images: Crops, generator: torch.Generator) -> Crops:
     """Occlude some objects; the mask excludes the occluder or mistakes it for the object."""
-    count, side = len(images), images.shape[-1]
+    count = len(images)
     low, high = _HIDDEN
-    axis = torch.linspace(-1, 1, side).expand(count, side)
-    share = low + (high - low) * torch.rand(count, 2, generator=generator)
-    centre = 2 * torch.rand(count, 2, generator=generator) - 1
-    across, down = ((axis - centre[:, one : one + 1]).abs() < share[:, one : one + 1] for one in (0, 1))
+    axis = torch.linspace(-1, 1, images.shape[-1])
+    half_size = low + (high - low) * torch.rand(count, 2, 1, generator=generator)
+    centre = 2 * torch.rand(count, 2, 1, generator=generator) - 1
+    spans = ((axis - centre).abs() < half_size).unbind(1)
     # A third are bands from edge to edge, like posts, branches and image borders.
-    across, down = (part | _some(count, 1 / 6, generator)[:, None] for part in (across, down))
+    across, down = (span | _chosen(count, 1 / 6, generator)[:, None] for span in spans)
     covered = (across[:, None, :] & down[:, :, None])[:, None]
     left = (images[:, 3:] * ~covered).sum((1, 2, 3)) / images[:, 3:].sum((1, 2, 3)).clamp_min(1)
-    covered = covered & (_some(count, _HIDE_PROBABILITY, generator) & (left > _MIN_VISIBLE))[:, None, None, None]
-    mistaken = _some(count, 1 / 3, generator)[:, None, None, None]
+    covered = covered & (_chosen(count, _HIDE_PROBABILITY, generator) & (left > _MIN_VISIBLE))[:, None, None, None]
+    mistaken = _chosen(count, 1 / 3, generator)[:, None, None, None]
     near = functional.max_pool2d(images[:, 3:], 5, 1, 2) * mistaken
     mask = torch.where(covered, near, images[:, 3:])
-    others = images[torch.randperm(count, generator=generator), :3].mean((2, 3), keepdim=True)
-    return _on_white(torch.where(covered, others, images[:, :3]), mask)
+    occluder = images[torch.randperm(count, generator=generator), :3].mean((2, 3), keepdim=True)
+    return _on_white(torch.where(covered, occluder, images[:, :3]), mask)
 
 
 def _corrupt_masks(images: Crops, generator: torch.Generator) -> Crops:
     """Dilate or erode some masks by a pixel or two; wrongly included pixels get any colour."""
-    count, mask = len(images), images[:, 3:]
-    wrong = _some(count, _MASK_PROBABILITY, generator)[:, None, None, None]
+    count = len(images)
+    mask = images[:, 3:]
+    wrong = _chosen(count, _MASK_PROBABILITY, generator)[:, None, None, None]
     wide = functional.max_pool2d(mask, 3, 1, 1)
     narrow = -functional.max_pool2d(-mask, 3, 1, 1)
     narrow = torch.where(
         narrow.sum((1, 2, 3), keepdim=True) > _MIN_VISIBLE * mask.sum((1, 2, 3), keepdim=True), narrow, mask
     )
-    changed = torch.where(_some(count, 0.5, generator)[:, None, None, None], wide, narrow)
+    changed = torch.where(_chosen(count, 0.5, generator)[:, None, None, None], wide, narrow)
     ground = torch.rand(count, 3, 1, 1, generator=generator)
     colours = torch.where(mask > 0.5, images[:, :3], ground)
     return torch.where(wrong, _on_white(colours, changed), images)
@@ -150,18 +152,18 @@ def _place(images: Crops, generator: torch.Generator) -> Crops:
 
 def _reduce(images: Crops, generator: torch.Generator) -> Crops:
     """Reduce some images to a resolution down to ``_MIN_SIDE`` px."""
-    count, side = len(images), images.shape[-1]
-    if not bool(_some(1, _BLUR_PROBABILITY * 2, generator)):
+    side = images.shape[-1]
+    if not bool(_chosen(1, _BLUR_PROBABILITY * 2, generator)):
         return images
     low = int(torch.randint(_MIN_SIDE, side, (1,), generator=generator))
     reduced = functional.interpolate(images, low, mode="area")
     coarse = functional.interpolate(reduced, side, mode="bilinear", align_corners=False)
-    return torch.where(_some(count, 0.5, generator)[:, None, None, None], coarse, images)
+    return torch.where(_chosen(len(images), 0.5, generator)[:, None, None, None], coarse, images)
 
 
 def _add_noise(images: Crops, generator: torch.Generator) -> Crops:
     std = _MAX_NOISE * torch.rand(len(images), 1, 1, 1, generator=generator)
-    std = std * _some(len(images), _NOISE_PROBABILITY, generator)[:, None, None, None]
+    std = std * _chosen(len(images), _NOISE_PROBABILITY, generator)[:, None, None, None]
     noise = torch.randn(images[:, :3].shape, generator=generator)
     return torch.cat(((images[:, :3] + std * noise * images[:, 3:]).clamp(0, 1), images[:, 3:]), 1)
 
@@ -174,5 +176,5 @@ def _on_white(colours: Float[Tensor, "images 3 side side"], mask: Float[Tensor, 
 def _resample(images: Crops, affine: Float[Tensor, "images 2 3"]) -> Crops:
     """Resample images; ``affine`` maps output coordinates (-1 to 1) to input coordinates."""
     grid = functional.affine_grid(affine, list(images.shape), align_corners=False)
-    found = functional.grid_sample(torch.cat((images[:, :3] - 1, images[:, 3:]), 1), grid, align_corners=False)
-    return torch.cat((found[:, :3] + 1, found[:, 3:]), 1)
+    sampled = functional.grid_sample(torch.cat((images[:, :3] - 1, images[:, 3:]), 1), grid, align_corners=False)
+    return torch.cat((sampled[:, :3] + 1, sampled[:, 3:]), 1)

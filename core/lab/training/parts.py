@@ -4,7 +4,7 @@ The other model labels the triangles of its surfaces. Each point on the new mode
 nearest triangle.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
@@ -24,7 +24,8 @@ from core.streams import run_to_end
 _RESOLUTION = 96  # cells along the longest side of both surfaces
 _PLACES = 1000  # points on each object's surface
 _DEPTH = 0.004  # scene units below the surface
-_STEPS, _WEIGHT_DECAY = 60, 1e-4  # of L-BFGS; of the squared norm of the weights
+_STEPS = 60  # of L-BFGS
+_WEIGHT_DECAY = 1e-4  # of the squared norm of the weights
 
 Places = tuple[Float[Tensor, "places width"], Int[Tensor, "places"]]  # field features, part indices
 
@@ -39,21 +40,22 @@ def labelled_places(model: Model, teacher: Model, count: int) -> Iterator[Places
     """
     if not teacher.part_head:
         raise ValueError("the model that labels parts has no part head")
-    known = {teacher.codes.objects[index].name: index for index in teacher.codes.valid}
+    labelled = {teacher.codes.objects[index].name: index for index in teacher.codes.valid}
     shapes = {model.codes.objects[index].shape: index for index in model.codes.valid}
-    shared = [index for index in shapes.values() if model.codes.objects[index].name in known]
+    shared = [index for index in shapes.values() if model.codes.objects[index].name in labelled]
     if not shared:
         raise ValueError("the two models were trained on no common object")
     generator = np.random.default_rng(0)
     for index in evenly_spaced(shared, count):
         name = model.codes.objects[index].name
-        yield _places(model[index], *_labelled(teacher[known[name]]), generator)
+        yield _places(model[index], *_labelled_triangles(teacher[labelled[name]]), generator)
 
 
-def fit_part_head(names: tuple[str, ...], places: list[Places]) -> PartHead:
+def fit_part_head(names: tuple[str, ...], places: Sequence[Places]) -> PartHead:
     """Fit the linear classifier to labelled points by logistic regression."""
-    features, part = (torch.cat(values) for values in zip(*places, strict=True))
-    mean, std = features.mean(0), features.std(0) + 1e-3
+    features, labels = (torch.cat(values) for values in zip(*places, strict=True))
+    mean = features.mean(0)
+    std = features.std(0) + 1e-3
     features = (features - mean) / std
     weight = torch.zeros(len(names), features.shape[1], requires_grad=True)
     bias = torch.zeros(len(names), requires_grad=True)
@@ -61,7 +63,7 @@ def fit_part_head(names: tuple[str, ...], places: list[Places]) -> PartHead:
 
     def loss() -> Tensor:
         optimiser.zero_grad()
-        value = functional.cross_entropy(features @ weight.T + bias, part) + _WEIGHT_DECAY * weight.square().sum()
+        value = functional.cross_entropy(features @ weight.T + bias, labels) + _WEIGHT_DECAY * weight.square().sum()
         value.backward()
         return value
 
@@ -70,22 +72,22 @@ def fit_part_head(names: tuple[str, ...], places: list[Places]) -> PartHead:
         return PartHead(names, weight / std, bias - weight @ (mean / std))
 
 
-def _labelled(instance: Instance) -> tuple[Float[np.ndarray, "faces 3"], Int[np.ndarray, "faces"]]:
+def _labelled_triangles(instance: Instance) -> tuple[Float[np.ndarray, "faces 3"], Int[np.ndarray, "faces"]]:
     """Return the middles of the teacher's triangles, and their parts."""
     assert instance.model.part_head
     mesh = run_to_end(extract_mesh(instance, _RESOLUTION))
     names, counts = zip(*mesh.part_counts, strict=True)
-    part = np.repeat([instance.model.part_head.names.index(name) for name in names], counts)
-    return mesh.vertices[mesh.faces].mean(1), part
+    labels = np.repeat([instance.model.part_head.names.index(name) for name in names], counts)
+    return mesh.vertices[mesh.faces].mean(1), labels
 
 
 def _places(
     instance: Instance,
-    known: Float[np.ndarray, "faces 3"],
-    part: Int[np.ndarray, "faces"],
+    middles: Float[np.ndarray, "faces 3"],
+    labels: Int[np.ndarray, "faces"],
     generator: np.random.Generator,
 ) -> Places:
-    """Sample points evenly on the field's surface, each with the part of the nearest known point."""
+    """Sample points evenly on the field's surface, each with the label of the nearest labelled triangle."""
     mesh = run_to_end(extract_mesh(instance, _RESOLUTION))
     normals = face_normals(mesh.vertices, mesh.faces)
     area = np.linalg.norm(normals, axis=1)
@@ -96,4 +98,4 @@ def _places(
     folded = FoldedField.of(instance)
     with torch.inference_mode():
         features = folded.density(inside.to(folded.device))[1].float().cpu()
-    return features.clone(), torch.from_numpy(part[cKDTree(known).query(places)[1]])
+    return features.clone(), torch.from_numpy(labels[cKDTree(middles).query(places)[1]])

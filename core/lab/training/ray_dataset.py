@@ -69,14 +69,15 @@ class RayDataset:
         self.angles = torch.tensor(angles, device=device)
         numbers = range(len(dataset.objects))[processes.own]
         with ThreadPoolExecutor(thread_count()) as pool:  # torch's operations release the interpreter lock
-            found = list(pool.map(partial(_training_pixels, whole_image), objects, numbers))
-        counts, first_view = [len(one.view) for one in found], np.cumsum([0, *(len(one.cameras) for one in objects)])
-        views = [one.view + first for one, first in zip(found, first_view, strict=False)]
+            pixels = list(pool.map(partial(_training_pixels, whole_image), objects, numbers))
+        view_counts = [len(views.cameras) for views in objects]
+        first_view = np.cumsum(view_counts) - view_counts
+        views = [own.view + first for own, first in zip(pixels, first_view, strict=True)]
         self.view = torch.from_numpy(np.concatenate(views).astype(np.int32)).to(device)
-        self.pixel = torch.from_numpy(np.concatenate([one.pixel for one in found]).astype(np.int32)).to(device)
-        self.colour = torch.from_numpy(np.concatenate([one.colour for one in found])).to(device)
-        self.mask_class = torch.from_numpy(np.concatenate([one.mask_class for one in found])).to(device)
-        self.count = torch.tensor(counts, device=device)
+        self.pixel = torch.from_numpy(np.concatenate([own.pixel for own in pixels]).astype(np.int32)).to(device)
+        self.colour = torch.from_numpy(np.concatenate([own.colour for own in pixels])).to(device)
+        self.mask_class = torch.from_numpy(np.concatenate([own.mask_class for own in pixels])).to(device)
+        self.count = torch.tensor([len(own.view) for own in pixels], device=device)
         self.first = self.count.cumsum(0) - self.count
         self.weight = torch.tensor(dataset.weights or [1.0] * len(dataset.objects), device=device)
         self.hulls = torch.ones(len(dataset.objects), *[_HULL_RESOLUTION] * 3, dtype=torch.bool, device=device)
@@ -122,7 +123,7 @@ class RayDataset:
         for hull, bias in zip(self.hulls[own], shape_bias[own], strict=True):
             cells = hull.flatten().nonzero()[:, 0]
             with autocast(hull.device):
-                density = [field.density(centres[part], bias)[0] for part in cells.split(_PRUNE_BATCH)]
+                density = [field.density(centres[batch], bias)[0] for batch in cells.split(_PRUNE_BATCH)]
             opacity = torch.zeros(hull.numel(), device=hull.device)
             opacity[cells] = -torch.expm1(-torch.cat(density).float() * step)
             near = functional.max_pool3d(opacity.reshape(1, *hull.shape), 3, 1, 1)[0]
@@ -139,7 +140,8 @@ def _training_pixels(whole_image: bool, views: ObjectViews, seed: int) -> _Pixel
     limit = _PIXELS_PER_VIEW * len(masks)
     if len(view) > limit and not whole_image:
         kept = np.random.default_rng(seed).choice(len(view), limit, replace=False)
-        view, pixel = view[kept], pixel[kept]
+        view = view[kept]
+        pixel = pixel[kept]
     colours = views.images.reshape(len(masks), -1, 3)
     return _Pixels(view, pixel, colours[view, pixel], mask_class.numpy()[view, pixel])
 

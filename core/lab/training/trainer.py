@@ -15,18 +15,17 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from core.lab.datasets.categories import category_sizes
-from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.datasets.srn import Dataset
 from core.lab.training.processes import ALONE, Processes
 from core.lab.training.ray_dataset import RayBatch, RayDataset
 from core.lab.training.recipes import TrainSettings
 from core.lab.training.sample_placement import PlacedSamples, place_samples
 from core.lab.training.visual_hull import shared_extent
-from core.metrics import psnr, psnr_from_mse
+from core.metrics import psnr_from_mse
 from core.models.architecture_variants import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
-from core.rendering.reference import render_exact
 from core.runtime.files import atomic_file
 from core.runtime.precision import autocast, require_device
 from core.runtime.reading import first_line
@@ -36,7 +35,6 @@ _PRUNE_AFTER = 2000  # steps before the first pruning: the field must have found
 _OUTSIDE_INTERVALS = 64  # across the box: the interval by which density outside the hulls is penalised
 _MIN_MUON_DIM = 8  # AdamW optimises matrices with fewer rows or columns (density, colour)
 _WEIGHT_DECAY = 1e-4  # of the weights, per step and learning rate
-_MEASURED_OBJECTS = 8  # of which held-out views are compared during training
 _WARMUP_STEPS = 500
 _FINAL_LR = 0.01  # learning rates at the end of the schedule, relative to their peaks
 
@@ -87,7 +85,8 @@ class Trainer:
         self.optimisers, self._peak_lrs = self._build_optimisers()
         rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
         self.shape_row, self.texture_row = rows.unbind(-1)
-        self.step, self.seconds = 0, 0.0
+        self.step = 0
+        self.seconds = 0.0
         self.planned_steps = settings.steps  # length of the schedule, see :meth:`reschedule`
         self._ray_loss = self._evaluate_ray_loss
         if self.device.type == "cuda":  # of several processes, each has another number of rays in every step
@@ -96,10 +95,12 @@ class Trainer:
 
     def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
         """Return the optimisers of network and codes, and the peak learning rate of each parameter group."""
-        settings, matrices = self.settings, list[nn.Parameter]()
-        if settings.muon_lr is not None:
-            matrices = [one for one in self.field.parameters() if one.ndim == 2 and min(one.shape) >= _MIN_MUON_DIM]
-        rest = [one for one in self.field.parameters() if all(one is not matrix for matrix in matrices)]
+        settings = self.settings
+        matrices = list[nn.Parameter]()
+        rest = list[nn.Parameter]()
+        for weight in self.field.parameters():
+            is_matrix = weight.ndim == 2 and min(weight.shape) >= _MIN_MUON_DIM
+            (matrices if is_matrix and settings.muon_lr is not None else rest).append(weight)
         groups = {"params": rest}, {"params": [self.shapes, self.textures]}
         optimisers: list[torch.optim.Optimizer] = [
             torch.optim.AdamW(groups, weight_decay=_WEIGHT_DECAY, eps=1e-12, fused=True)
@@ -120,14 +121,15 @@ class Trainer:
         if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
             raise ValueError(f"training cannot start from a model of {model.category} with {model.field.config}")
         self.field.load_state_dict(model.field.state_dict())
-        known = model.codes.index
+        index = model.codes.index
         with torch.no_grad():
             self.shapes.copy_(model.codes.mean.shape.expand_as(self.shapes))
             self.textures.copy_(model.codes.mean.texture.expand_as(self.textures))
             for entry in self.entries:
-                if entry.name in known:
-                    codes = model.codes[known[entry.name]]
-                    self.shapes[entry.shape], self.textures[entry.texture] = codes.shape, codes.texture
+                if entry.name in index:
+                    codes = model.codes[index[entry.name]]
+                    self.shapes[entry.shape] = codes.shape
+                    self.textures[entry.texture] = codes.texture
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
         self.extends = (model.fingerprint, *model.extends)
 
@@ -161,16 +163,20 @@ class Trainer:
 
     def model(self) -> Model:
         """Return the current model: averaged weights, codes rounded to half precision as in files."""
-        now, averaged = self._parameters(), copy.deepcopy(self.field).cpu()
+        averaged = copy.deepcopy(self.field).cpu()
         *layers, shapes, textures = self.ema_parameters
-        assert len(layers) == len(now) - 2
         for parameter, value in zip(averaged.parameters(), layers, strict=True):
             parameter.data.copy_(value)
-        book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
-        size, focal, category = self.dataset.image_size, self.dataset.focal, self.dataset.category
-        metres = category_sizes(category).metres
         return Model(
-            *(averaged, book, self.extent, category, size, focal, self.distance), extends=self.extends, metres=metres
+            averaged,
+            CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries),
+            self.extent,
+            self.dataset.category,
+            self.dataset.image_size,
+            self.dataset.focal,
+            self.distance,
+            extends=self.extends,
+            metres=category_sizes(self.dataset.category).metres,
         )
 
     def save_state(self, path: Path) -> None:
@@ -264,12 +270,12 @@ class Trainer:
     def _place_samples(
         self, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"], noise: CodeNoise
     ) -> PlacedSamples:
-        settings, coarse = self.settings, None
+        settings = self.settings
+        coarse = None
         # M1's density depends on the direction; the paper samples the whole ray.
         if not settings.whole_image and settings.field.architecture != "M1":
             with torch.no_grad():
-                shape, texture = self.shapes[shape_row] + noise[0], self.textures[texture_row] + noise[1]
-                bias, _ = self.field.biases(shape, texture)
+                bias, _ = self.field.biases(self.shapes[shape_row] + noise[0], self.textures[texture_row] + noise[1])
             coarse = partial(self._coarse_density, bias=bias[:, None])
         inside = partial(self.ray_dataset.inside_hull, owner=batch.owner[:, None])
         jitter = torch.rand(settings.rays, settings.samples, generator=self.generator, device=self.device)
@@ -277,7 +283,7 @@ class Trainer:
 
     @torch.no_grad()
     def _coarse_density(
-        self, points: Float[Tensor, "rays coarse 3"], bias: Float[Tensor, "rays one blocks width"]
+        self, points: Float[Tensor, "rays coarse 3"], bias: Float[Tensor, "rays 1 blocks width"]
     ) -> Float[Tensor, "rays coarse"]:
         return self.field.density(points, bias)[0].float()
 
@@ -292,7 +298,8 @@ class Trainer:
     ) -> tuple[Tensor, Tensor]:
         """Return loss and squared error of rays, as fractions of the whole batch's; compiled on a graphics card."""
         settings = self.settings
-        shape, texture = functional.embedding(shape_row, self.shapes), functional.embedding(texture_row, self.textures)
+        shape = functional.embedding(shape_row, self.shapes)
+        texture = functional.embedding(texture_row, self.textures)
         biases = [bias[:, None] for bias in self.field.biases(shape + noise[0], texture + noise[1])]
         direction = self.field.direction_bias(batch.rays.directions)[:, None]
         density, colours = self.field.radiance(samples.points, direction, *biases)
@@ -311,14 +318,15 @@ class Trainer:
         Half of the points use one object's shape code. The others use a mix of two objects' codes, outside both hulls,
         so that interpolated objects stay as clean as the originals.
         """
-        count, generator, device = self.settings.outside_points, self.generator, self.device
-        points = (torch.rand(count, 3, generator=generator, device=device) * 2 - 1) * self.ray_dataset.extent
-        first, second = torch.randint(len(self.entries), (2, count), generator=generator, device=device)
+        count = self.settings.outside_points
+        uniform = partial(torch.rand, generator=self.generator, device=self.device)
+        points = (uniform(count, 3) * 2 - 1) * self.ray_dataset.extent
+        first, second = torch.randint(len(self.entries), (2, count), generator=self.generator, device=self.device)
         second[: count // 2] = first[: count // 2]
         outside = ~(self.ray_dataset.inside_hull(points, first) | self.ray_dataset.inside_hull(points, second))
-        share = torch.rand(count, 1, generator=generator, device=device)
-        shape = torch.lerp(self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]], share)
-        texture = torch.lerp(self.textures[self.texture_row[first]], self.textures[self.texture_row[second]], share)
+        mix = uniform(count, 1)
+        shape = torch.lerp(self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]], mix)
+        texture = torch.lerp(self.textures[self.texture_row[first]], self.textures[self.texture_row[second]], mix)
         own = self.processes.own
         density, _ = self.field.density(points[own], self.field.biases(shape[own], texture[own])[0])
         step = 2 * self.ray_dataset.extent.amin() / _OUTSIDE_INTERVALS
@@ -336,16 +344,15 @@ class Trainer:
 
     def _object_weights(self) -> Float[Tensor, "objects"]:
         """Divide the present share of each dataset among its objects."""
-        moments, shares_then = zip(*self.settings.shares, strict=True)
-        progress = self.progress
-        shares_now = [float(np.interp(progress, moments, column)) for column in zip(*shares_then, strict=True)]
-        shares = torch.tensor(shares_now, device=self.device)
+        moments, shares_at_moments = zip(*self.settings.shares, strict=True)
+        columns = zip(*shares_at_moments, strict=True)
+        shares = torch.tensor([float(np.interp(self.progress, moments, column)) for column in columns]).to(self.device)
         return (shares / self._sources.bincount(minlength=len(shares)))[self._sources]
 
     def _is_pruning_due(self) -> bool:
         """Return True at the step that reaches a fraction of the schedule at which hulls are pruned."""
-        before, now = ((self.step - back) / self.planned_steps for back in (1, 0))
-        reached = any(before < fraction <= now for fraction in _PRUNE_AT)
+        before = (self.step - 1) / self.planned_steps
+        reached = any(before < fraction <= self.progress for fraction in _PRUNE_AT)
         return reached and self.step >= _PRUNE_AFTER and not self.settings.whole_image
 
     def _parameters(self) -> list[Tensor]:
@@ -370,34 +377,6 @@ def _require_shares(settings: TrainSettings, datasets: int) -> None:
     for _, shares in settings.shares:
         if len(shares) != datasets or min(shares) < 0 or not sum(shares):
             raise ValueError(f"{datasets} datasets need as many shares that are not negative, got {list(shares)}")
-
-
-def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:
-    """Split off the last view of every object; return the rest, and those views of a few evenly spaced objects.
-
-    Raises ``ValueError`` for an object with a single view.
-    """
-
-    def part(views: ObjectViews, kept: slice) -> ObjectViews:
-        return replace(views, images=views.images[kept], masks=views.masks[kept], cameras=views.cameras[kept])
-
-    if min(len(views.cameras) for views in dataset.objects) < 2:
-        raise ValueError("training needs at least two views of every object: one is held out for validation")
-    rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
-    some = dataset.objects[:: max(1, len(dataset.objects) // _MEASURED_OBJECTS)][:_MEASURED_OBJECTS]
-    held = tuple(part(views, slice(-1, None)) for views in some)
-    return replace(dataset, objects=rest), replace(dataset, objects=held, weights=(), sources=())
-
-
-def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
-    """Return the mean PSNR (dB) of a model's training objects over held-out whole images."""
-    index, found = model.codes.index, list[float]()
-    for views in dataset.objects:
-        instance = model[index[views.name]]
-        for image, camera in zip(views.images, views.cameras, strict=True):
-            colour = render_exact(instance, camera, samples).colour.clamp(0, 1)
-            found.append(psnr(colour, torch.from_numpy(image).float() / 255))
-    return sum(found) / len(found)
 
 
 def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:

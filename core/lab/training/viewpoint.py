@@ -29,12 +29,13 @@ class ViewpointDataset(NamedTuple):
 
 def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
     """Crop all images with a non-empty mask. Raises ``ValueError`` if there are none."""
-    images, angles = [], []
+    images = list[Tensor]()
+    angles = list[tuple[float, float]]()
     for views in dataset.objects:
         for image, mask, camera in zip(views.images, views.masks, views.cameras, strict=True):
             if mask.any():
-                seen = crop_to_object(torch.from_numpy(image).float() / 255, torch.from_numpy(mask))
-                images.append((255 * seen + 0.5).to(torch.uint8))
+                crop = crop_to_object(torch.from_numpy(image).float() / 255, torch.from_numpy(mask))
+                images.append((255 * crop + 0.5).to(torch.uint8))
                 angles.append((camera.azimuth, camera.elevation))
     if not images:
         raise ValueError("there is nothing to train on: every mask is empty")
@@ -72,7 +73,9 @@ def train_classifier(classifier: ViewpointClassifier, batch_loss: Callable[[], T
 
 def accuracy_within(classifier: ViewpointClassifier, dataset: ViewpointDataset, within: float) -> float:
     """Return the fraction of images whose likeliest direction is within ``within`` rad of the true one."""
-    likeliest = torch.cat([classifier(part.float() / 255).argmax(1) for part in dataset.images.split(256)])
-    predicted, true = (camera_rotation(*angles) for angles in ([one[likeliest] for one in directions()], dataset[1:]))
+    likeliest = torch.cat([classifier(batch.float() / 255).argmax(1) for batch in dataset.images.split(256)])
+    azimuths, elevations = directions()
+    predicted = camera_rotation(azimuths[likeliest], elevations[likeliest])
+    true = camera_rotation(dataset.azimuth, dataset.elevation)
     cosine = ((predicted * true).sum((-2, -1)) - 1) / 2
     return float((cosine > math.cos(within)).float().mean())

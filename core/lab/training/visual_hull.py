@@ -33,17 +33,17 @@ def visual_hull(
     centres = grid_centres(extent, resolution).to(device)
     remaining = torch.arange(len(centres), device=device)
     cell = 2 * float(torch.tensor(extent).norm()) / resolution
-    for whole, original in zip(views.masks, views.cameras, strict=True):
+    for full_mask, original in zip(views.masks, views.cameras, strict=True):
         side = min(_MASK_SIDE, original.width)
         camera = original.resized(side, side)
-        mask = functional.adaptive_max_pool2d(torch.from_numpy(whole)[None].to(device).float(), side)
+        mask = functional.adaptive_max_pool2d(torch.from_numpy(full_mask)[None].to(device).float(), side)
         nearest = max(camera.distance - 0.5, 0.5 * camera.distance)
         reach = math.ceil(cell / 2 * camera.focal / nearest)
         dilated = functional.max_pool2d(mask, 2 * reach + 1, 1, reach)[0] > 0
         columns, rows = camera.project(centres[remaining]).floor().long().unbind(-1)
-        shown = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
+        in_image = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
         inside = dilated[rows.clamp(0, camera.height - 1), columns.clamp(0, camera.width - 1)]
-        remaining = remaining[inside | ~shown]
+        remaining = remaining[inside | ~in_image]
     hull = torch.zeros(len(centres), dtype=torch.bool, device=device)
     hull[remaining] = True
     return hull.reshape(resolution, resolution, resolution)

@@ -55,7 +55,7 @@ def names(out: str = "out") -> list[str]:
     return sorted(Path(json.loads(line)["photo"]).name for line in lines(out))
 
 
-def test_a_photo_has_a_row_and_a_failure_stops_no_other(capsys: pytest.CaptureFixture[str]):
+def test_every_photo_has_a_row_and_a_failure_stops_no_other_fit(capsys: pytest.CaptureFixture[str]):
     Path("bad.png").write_text("no image")
     main(words("bad.png", "red.png", "missing.png", "red.png"))
     printed = capsys.readouterr()
@@ -157,7 +157,7 @@ main(sys.argv[1:])
 """
 
 
-def test_a_process_that_dies_ends_no_other_fit_and_its_photos_are_tried_once_more():
+def test_a_killed_process_ends_no_other_fit_and_its_photos_are_retried_once():
     Path("sitecustomize.py").write_text(_DEADLY)  # every process runs it first
     for name in ("deadly.png", "once.png"):
         draw(Path(name), (90, 60, 30))

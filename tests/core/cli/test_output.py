@@ -52,7 +52,7 @@ FIT = "core fit a.png --model m.safetensors --pose p.txt --preset draft --out s.
         (f"{FIT} >&- 2>&-", 0, ""),
     ],
 )
-def test_a_fit_is_saved_though_nobody_reads_its_words(folder: Path, words: str, status: int, lost: str) -> None:
+def test_a_fit_is_saved_although_its_output_is_closed(folder: Path, words: str, status: int, lost: str) -> None:
     done = shell(folder, words)
     assert json.loads((folder / "s.json").read_text())["camera"]
     assert done.returncode == status, done.stderr
@@ -70,7 +70,7 @@ def test_every_command_ends_well_without_a_reader(folder: Path) -> None:
         assert "Exception" not in done.stderr
 
 
-def test_a_fit_whose_file_fails_still_says_its_result(folder: Path) -> None:
+def test_a_fit_whose_file_cannot_be_written_prints_its_result(folder: Path) -> None:
     """The folder of the scene is removed while the fit runs: the scene is written elsewhere."""
     (folder / "gone").mkdir()
     watch = "(read line; rm -r gone; cat >rest)"

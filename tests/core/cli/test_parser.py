@@ -18,7 +18,7 @@ def test_help_answers_without_torch() -> None:
     code = """
 import contextlib, sys
 from core.cli.parser import parse
-commands = "|fit|train|evaluate|bench|bench ablations|dataset|dataset pairs|turntable|mesh"
+commands = "|fit|train|evaluate|bench|bench ablations|dataset|dataset meshes|turntable|mesh"
 for words in commands.split("|"):
     with contextlib.suppress(SystemExit):
         parse([*words.split(), "--help"])
@@ -27,7 +27,18 @@ assert not {"torch", "numpy", "PIL"} & {*sys.modules}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     words = done.stdout.replace("|", " ").replace(",", " ").split()
-    for word in ("--estimate-focal", "--init", "ablations", "--meshes", ".frames", "paper", "M1", "boats", "64", "96"):
+    for word in (
+        "--estimate-focal",
+        "--init",
+        "ablations",
+        "--variants",
+        ".frames",
+        "paper",
+        "M1",
+        "boats",
+        "64",
+        "96",
+    ):
         assert any(word in printed for printed in words), word
 
 

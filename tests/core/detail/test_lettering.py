@@ -1,4 +1,4 @@
-"""On drawn car sides: lettering is found, lines and lamps are not."""
+"""Detection of lettering on drawn car sides, but not of lines and lamps."""
 
 import numpy as np
 import pytest
@@ -42,37 +42,38 @@ def places_in(image: Image.Image, flank: float = 1.0) -> Places:
 @pytest.mark.parametrize(
     ("paint", "ink"), [("white", (190, 130, 40)), ("red", (240, 235, 220)), ("black", (250, 250, 250))]
 )
-def test_words_are_found_and_nothing_beside_them(word: str, paint: str, ink: tuple[int, int, int]) -> None:
-    plain, written = side_of_a_car(PAINTS[paint]), side_of_a_car(PAINTS[paint], word, ink)
+def test_words_are_detected_and_nothing_beside_them(word: str, paint: str, ink: tuple[int, int, int]) -> None:
+    plain = side_of_a_car(PAINTS[paint])
+    written = side_of_a_car(PAINTS[paint], word, ink)
     strokes = torch.from_numpy((np.abs(np.array(plain, int) - np.array(written)) > 60).any(-1))
     places = places_in(written) > 0
-    shown = places.repeat_interleave(2, 0).repeat_interleave(2, 1)
-    assert float(shown[strokes].float().mean()) > 0.97
+    pixels = places.repeat_interleave(2, 0).repeat_interleave(2, 1)
+    assert float(pixels[strokes].float().mean()) > 0.97
     assert int(places[:100].sum()) == int(places[:, :75].sum()) == int(places[:, 215:].sum()) == 0
 
 
 @pytest.mark.parametrize("paint", PAINTS)
-def test_gaps_handles_trim_and_lamps_are_no_lettering(paint: str) -> None:
+def test_gaps_handles_trim_and_lamps_are_not_taken_for_lettering(paint: str) -> None:
     assert not places_in(side_of_a_car(PAINTS[paint])).any()
 
 
-def test_places_that_cannot_have_lettering_have_none() -> None:
+def test_lettering_is_detected_on_the_flank_alone() -> None:
     assert not places_in(side_of_a_car(PAINTS["white"], "POLICE"), flank=0.0).any()
 
 
-def test_a_photo_of_any_size_is_searched() -> None:
+def test_lettering_is_detected_in_photos_of_any_size() -> None:
     image = side_of_a_car(PAINTS["white"], "POLICE")
     for size in ((1024, 1024), (400, 400), (1, 1), (700, 9), (9, 700)):
         assert bool(torch.isfinite(places_in(image.resize(size))).all())
     assert places_in(image.resize((1024, 1024))).any() and places_in(image.resize((400, 400))).any()
 
 
-def test_paint_takes_the_place_of_lettering() -> None:
+def test_paint_replaces_lettering_and_stays_elsewhere() -> None:
     image = torch.full((3, 64, 64), 0.9)
     image[:, 20:40, 20:40] = 0.2
     places = torch.zeros(64, 64)
     places[18:42, 18:42] = 1
-    clean, share = without_lettering(image, places, torch.ones(64, 64, dtype=torch.bool))
-    result = torch.lerp(image, clean, share)
+    clean, weight = without_lettering(image, places, torch.ones(64, 64, dtype=torch.bool))
+    result = torch.lerp(image, clean, weight)
     assert torch.allclose(result, torch.full_like(image, 0.9), atol=1e-3)
-    assert share[:10].max() == 0
+    assert weight[:10].max() == 0

@@ -1,4 +1,4 @@
-"""On a tiny model: a photo is its render with a stripe that no code knows."""
+"""Photo detail of a tiny model: its photo is a render with a stripe that no code can express."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import torch
 
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.detail.maps import ComparedPhoto, SurfaceTexels, detail_maps, paint_weight, surface_normals
-from core.detail.progressive import RenderJob, RenderSettings, render_frame, render_progressively
+from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
@@ -20,7 +20,7 @@ from core.models.model import Instance, Model
 from core.models.motion import LIMIT, moved_along
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering.fast import clear_cache
-from core.rendering.outline import FADED, shown_share
+from core.rendering.outline import FADED, effective_strength
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end
 from tests.conftest import no_opengl
@@ -30,16 +30,15 @@ SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"
 
 
 def striped(model: Model, camera: Camera) -> Instance:
-    """Codes whose photo has a dark stripe across the object."""
-    seen = render_exact(model[0], camera, 96)
-    colour = seen.colour.clamp(0, 1).clone()
-    rows = slice(int(0.50 * SIZE), int(0.54 * SIZE))
-    colour[rows] = torch.lerp(colour[rows], torch.tensor([0.1, 0.1, 0.6]), seen.opacity[rows, :, None])
-    rgba = to_bytes(torch.cat((colour, seen.opacity[..., None]), -1))
+    """An object whose photo has a dark stripe across it."""
     instance = model[0]
-    return instance.changed(
-        detail=PhotoDetail((PhotoView.of(rgba, camera),), instance.codes.shape, instance.codes.texture)
-    )
+    rendered = render_exact(instance, camera, 96)
+    colour = rendered.colour.clamp(0, 1).clone()
+    rows = slice(int(0.50 * SIZE), int(0.54 * SIZE))
+    colour[rows] = torch.lerp(colour[rows], torch.tensor([0.1, 0.1, 0.6]), rendered.opacity[rows, :, None])
+    rgba = to_bytes(torch.cat((colour, rendered.opacity[..., None]), -1))
+    view = PhotoView.of(rgba, camera)
+    return instance.changed(detail=PhotoDetail((view,), instance.codes.shape, instance.codes.texture))
 
 
 @pytest.fixture(scope="module")
@@ -52,36 +51,42 @@ def instance(tiny: Model, camera: Camera) -> Instance:
     return striped(tiny, camera)
 
 
-def test_the_photos_own_view_becomes_the_photo(tiny: Model, instance: Instance, camera: Camera) -> None:
+def image(instance: Instance, camera: Camera) -> np.ndarray:
+    """A finished frame's pixels, 0..1."""
+    return render_frame(instance, camera).image / 255
+
+
+def test_the_photos_own_view_shows_the_photo(instance: Instance, camera: Camera) -> None:
     photo = instance.detail.views[0].pixels()[..., :3] / 255
-    plain, shown = (render_frame(one, camera).image / 255 for one in (instance.with_detail(None), instance))
-    assert psnr(shown, photo) > psnr(plain, photo) + 4
+    assert psnr(image(instance, camera), photo) > psnr(image(instance.with_detail(None), camera), photo) + 4
 
 
 def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, instance: Instance, camera: Camera) -> None:
     beside = tiny.camera(2.6, 0.3).resized(SIZE, SIZE)
-    other = striped(tiny, beside).detail
-    both = instance.changed(detail=replace(instance.detail, views=(*instance.detail.views, *other.views)))
-    for view, seen_from in zip(both.detail.views, (camera, beside), strict=True):
+    views = (*instance.detail.views, *striped(tiny, beside).detail.views)
+    detailed = instance.changed(detail=replace(instance.detail, views=views))
+    for view, own_camera in zip(views, (camera, beside), strict=True):
         photo = view.pixels()[..., :3] / 255
-        plain, shown = (render_frame(one, seen_from).image / 255 for one in (instance.with_detail(None), both))
-        assert psnr(shown, photo) > psnr(plain, photo) + 4
+        plain = image(instance.with_detail(None), own_camera)
+        assert psnr(image(detailed, own_camera), photo) > psnr(plain, photo) + 4
 
 
-def test_what_is_erased_is_as_the_model_has_it_and_density_stays(
-    tiny: Model, instance: Instance, camera: Camera
-) -> None:
-    gone = instance.detail.erasing(0, (Erasure(((0.0, 0.52), (1.0, 0.52)), 0.06),))
-    plain, shown, erased = (
-        render_frame(instance.with_detail(one), camera).image[int(0.47 * SIZE) : int(0.57 * SIZE)].astype(int)
-        for one in (None, instance.detail, gone)
+def test_erased_places_have_the_models_colours(instance: Instance, camera: Camera) -> None:
+    erasing = instance.detail.erasing(0, (Erasure(((0.0, 0.52), (1.0, 0.52)), 0.06),))
+    plain, detailed, erased = (
+        image(instance.with_detail(detail), camera)[int(0.47 * SIZE) : int(0.57 * SIZE)]
+        for detail in (None, instance.detail, erasing)
     )
-    assert np.abs(shown - plain).max() > 40
-    assert np.abs(erased - plain).max() <= 2
+    assert np.abs(detailed - plain).max() > 40 / 255
+    assert np.abs(erased - plain).max() < 2.5 / 255
+
+
+def test_photo_detail_changes_neither_opacity_nor_depth(tiny: Model, instance: Instance) -> None:
     beside = tiny.camera(1.5, 0.5).resized(72, 96)
-    plain, shown = (render_frame(one, beside) for one in (instance.with_detail(None), instance))
-    assert (plain.image != shown.image).any()
-    assert np.array_equal(plain.opacity, shown.opacity) and np.array_equal(plain.depth, shown.depth)
+    plain = render_frame(instance.with_detail(None), beside)
+    detailed = render_frame(instance, beside)
+    assert (plain.image != detailed.image).any()
+    assert np.array_equal(plain.opacity, detailed.opacity) and np.array_equal(plain.depth, detailed.depth)
 
 
 def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, instance: Instance) -> None:
@@ -94,7 +99,7 @@ def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, instance: In
 
 
 def lettered(maps: DetailMaps) -> DetailMaps:
-    """The maps with other colours in place of those of the mirrored photo, as in place of lettering."""
+    """The maps with inverted colours in the mirrored photo, as if it had paint in place of lettering."""
     photos = []
     for photo in maps.photos:
         mirrored = tuple(torch.cat((1 - level[:3], level[3:])) for level in photo.fine)
@@ -114,8 +119,9 @@ def test_paint_in_place_of_lettering_is_on_the_mirrored_side_only(
         assert least <= (plain - covered).abs().mean() <= most
 
 
-def test_frames_tell_where_colours_are_from(tiny: Model, instance: Instance, camera: Camera) -> None:
-    front, behind = (render_frame(instance, one) for one in (camera, tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)))
+def test_frames_hold_the_sources_of_colours(tiny: Model, instance: Instance, camera: Camera) -> None:
+    front = render_frame(instance, camera)
+    behind = render_frame(instance, tiny.camera(np.pi - 1.1, 0.3).resized(64, 64))
     for frame in (front, behind):
         assert frame.sources is not None and frame.sources.shape == (*frame.opacity.shape, 2)
         assert frame.sources.min() >= 0 and (frame.sources.sum(-1) <= frame.opacity + 1e-5).all()
@@ -125,42 +131,45 @@ def test_frames_tell_where_colours_are_from(tiny: Model, instance: Instance, cam
 
 
 def test_the_stripe_turns_with_the_surface(tiny: Model, instance: Instance) -> None:
-    """From 30 degrees beside the photo, the places that the stripe darkens are those that it is painted on."""
+    """From 30 degrees beside the photo, the stripe darkens the same surface points."""
     beside = tiny.camera(1.1 + 0.5, 0.3).resized(SIZE, SIZE)
-    plain, shown = (render_frame(one, beside) for one in (instance.with_detail(None), instance))
-    darker = torch.from_numpy(plain.image[..., 0].astype(int) - shown.image[..., 0] > 25)
+    plain = render_frame(instance.with_detail(None), beside)
+    detailed = render_frame(instance, beside)
+    darker = torch.from_numpy(plain.image[..., 0].astype(int) - detailed.image[..., 0] > 25)
     assert darker.sum() > 60
     rays = camera_rays(beside, tiny.extent_tensor)
-    points = (rays.origins + rays.directions * torch.from_numpy(shown.depth)[..., None])[darker]
+    points = (rays.origins + rays.directions * torch.from_numpy(detailed.depth)[..., None])[darker]
     rows = instance.detail.views[0].camera.project(points)[:, 1] / instance.detail.views[0].camera.height
     assert float(((rows - 0.52 + 0.02).abs() < 0.05).float().mean()) > 0.8
 
 
-def test_edits_of_the_shape_fade_it(tiny: Model, instance: Instance) -> None:
-    """It moves with the surface along directions, so only moves beyond the limit count."""
+def test_photo_detail_fades_with_edits_of_the_shape(tiny: Model, instance: Instance) -> None:
+    """Photo detail moves with the surface along directions, so only moves beyond the limit count."""
     step = tiny.codes.shape_space.basis[0]
-    shares = [
-        shown_share(instance.moved("shape", (LIMIT + 2**0.5 * distance) * step))
+    strengths = [
+        effective_strength(instance.moved("shape", (LIMIT + 2**0.5 * distance) * step))
         for distance in (0.0, FADED / 2, FADED, 2 * FADED)
     ]
-    assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)
+    assert strengths == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)
 
 
-def test_every_stage_shows_it(tiny: Model, instance: Instance, camera: Camera) -> None:
-    settings = RenderSettings(divisors=(2, 1, 1))
-    frames = []
-    for one in (instance, instance.with_detail(None)):
+def test_every_stage_shows_photo_detail(instance: Instance, camera: Camera) -> None:
+    def stages(rendered: Instance) -> list[Frame]:
         clear_cache()
-        frames.append(list(filter(None, render_progressively(RenderJob(one, camera, settings)))))
-    assert len(frames[0]) == 3
-    assert all((a.image != b.image).any() for a, b in zip(*frames, strict=True))
+        job = RenderJob(rendered, camera, RenderSettings(divisors=(2, 1, 1)))
+        return list(filter(None, render_progressively(job)))
+
+    detailed = stages(instance)
+    plain = stages(instance.with_detail(None))
+    assert len(detailed) == 3
+    assert all((first.image != second.image).any() for first, second in zip(detailed, plain, strict=True))
 
 
 @pytest.mark.parametrize(
     ("azimuth", "covers", "edited"),
     [(1.4, False, False), (1.4, False, True), (np.pi - 1.1, False, False), (np.pi - 1.1, True, False)],
 )
-def test_what_opengl_draws_is_what_the_processor_looks_up(
+def test_opengl_and_the_processor_draw_the_same_photo_detail(
     tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool
 ) -> None:
     instance = moved_along(instance, 0, 9.0) if edited else instance
@@ -177,23 +186,25 @@ def test_what_opengl_draws_is_what_the_processor_looks_up(
     with pictures:
         drawn, bare = (pictures.draw(field, view) / 255 for field in (baked, replace(baked, detail=None)))
     looked_up = render_baked(baked, view).colour.numpy()
-    added = np.abs(drawn - bare).mean()
-    assert added > 0.001
-    assert np.abs(drawn - looked_up).mean() < added / 4
+    change = np.abs(drawn - bare).mean()
+    assert change > 0.001
+    assert np.abs(drawn - looked_up).mean() < change / 4
 
 
 def test_the_main_paint_changes_evenly_and_rough_places_that_hardly_change_stay(tiny: Model, camera: Camera) -> None:
-    """Of a grey photo, the left half is paint with a blotch in the change of its render, the right half a lamp."""
-    grey, full, left = torch.full((3, 64, 64), 0.8), torch.ones(64, 64), torch.zeros(64, 64)
+    """The left half of a grey photo is paint whose render changes with a blotch; the right half is a lamp."""
+    grey = torch.full((3, 64, 64), 0.8)
+    full = torch.ones(64, 64)
+    left = torch.zeros(64, 64)
     left[:, :32] = 1
     change = -0.4 * left.expand(3, 64, 64) - 0.15 * (1 - left)
     change[:, 30:34, 8:12] = 0
     texels = SurfaceTexels(full > 1, torch.zeros(0, 8), torch.zeros(0, 8))
-    one = ComparedPhoto(
+    compared = ComparedPhoto(
         *(camera, tiny[0], grey, grey, full, full, full, 0.1 * (1 - left), left),
         *(torch.zeros(64, 64), torch.zeros(4, 64, 64), texels, ColourMatch()),
     )
-    moved = one.repainted(change) - grey
+    moved = compared.repainted(change) - grey
     assert torch.allclose(moved[:, :, :20], change[:, :1, :1], atol=0.02)
     assert moved[:, :, 50:].abs().max() < 1e-6
 
@@ -218,15 +229,15 @@ def ball(camera: Camera, radius: float = 0.4) -> tuple[Rays, Rendered]:
     return rays, Rendered(torch.where(hit[..., None], 0.5, 1.0).expand(*hit.shape, 3), depth, hit.float())
 
 
-def test_no_step_shows_where_it_fades_out() -> None:
-    """On a grey ball whose photo is lighter by 40 of 255: neighbouring pixels differ by 4 of 255 at most."""
+def test_photo_detail_fades_out_without_a_visible_step() -> None:
+    """On a grey ball whose photo is lighter by 40 of 255, neighbouring pixels differ by 4 of 255 at most."""
     source = Camera(0.4, 0.3, 2.0, 300.0, 256, 256)
-    rays, seen = ball(source)
-    normals = surface_normals(rays.origins, rays.directions, seen)
-    weight = paint_weight(seen.opacity, seen)
+    rays, rendered = ball(source)
+    normals = surface_normals(rays.origins, rays.directions, rendered)
+    weight = paint_weight(rendered.opacity, rendered)
     fine = torch.cat((torch.full((3, *weight.shape), 0.66), packed(weight, torch.ones_like(weight))[None]))
     soft = torch.cat((fine[:3] - 0.5, 0.6 * weight[None]))
-    surface = torch.cat((normals, seen.depth[..., None]), -1).movedim(-1, 0)
+    surface = torch.cat((normals, rendered.depth[..., None]), -1).movedim(-1, 0)
     maps = DetailMaps((PhotoMaps(source, (fine,), (fine,), soft, surface),), other_side="soft")
     for turn in (0.0, 0.5, 1.2, 2.0):
         view = Camera(0.4 + turn, 0.5, 2.0, 600.0, 512, 512)

@@ -12,45 +12,45 @@ from tests.conftest import random_model
 
 def test_frames_come_coarse_to_fine(model: Model):
     job = RenderJob(model[0], model.camera(0.3, 0.2))
-    shown = [frame for frame in render_progressively(job) if frame]
-    assert [frame.resolution for frame in shown] == [(4, 4), (8, 8), (16, 16), (32, 32)]
-    assert [frame.final for frame in shown] == [False, False, False, True]
-    assert [frame.samples for frame in shown] == [64, 64, 64, 192]
-    times = [frame.seconds for frame in shown]
+    frames = [frame for frame in render_progressively(job) if frame]
+    assert [frame.resolution for frame in frames] == [(4, 4), (8, 8), (16, 16), (32, 32)]
+    assert [frame.final for frame in frames] == [False, False, False, True]
+    assert [frame.samples for frame in frames] == [64, 64, 64, 192]
+    times = [frame.seconds for frame in frames]
     assert times == sorted(times)
 
 
 def test_new_textures_are_rendered_at_full_size_and_last_stages_with_all_samples():
     model = random_model()
-    a, b = model[0], model[1]
     camera = model.camera(0.3, 0.2)
-    assert [frame.stage for frame in render_progressively(RenderJob(a, camera)) if frame] == [0, 1, 2, 3]
-    (only,) = [frame for frame in render_progressively(RenderJob(a.with_texture(b), camera)) if frame]
-    assert only.final
-    assert only.resolution == (32, 32)
-    assert [frame.stage for frame in render_progressively(RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
+    assert [frame.stage for frame in render_progressively(RenderJob(model[0], camera)) if frame] == [0, 1, 2, 3]
+    textured = model[0].with_texture(model[1])
+    (frame,) = [frame for frame in render_progressively(RenderJob(textured, camera)) if frame]
+    assert frame.final
+    assert frame.resolution == (32, 32)
+    assert [frame.stage for frame in render_progressively(RenderJob(model[1], camera)) if frame] == [0, 1, 2, 3]
     model = random_model()
     job = RenderJob(model[0], model.camera(0.3, 0.2), RenderSettings(divisors=(2, 1, 1)))
-    shown = [(frame.resolution, frame.samples) for frame in render_progressively(job) if frame]
-    assert shown == [((16, 16), 64), ((32, 32), 64), ((32, 32), 192)]
+    stages = [(frame.resolution, frame.samples) for frame in render_progressively(job) if frame]
+    assert stages == [((16, 16), 64), ((32, 32), 64), ((32, 32), 192)]
 
 
-def test_only_the_last_stage_looks_for_all_of_a_new_shape():
+def test_only_the_last_stage_computes_the_complete_occupancy_of_a_new_shape():
     clear_cache()
     model = random_model()
-    near, far = model[0], model[0].mixed(model[1], 0.02, 0)
-    for instance in (near, far):
+    for instance in (model[0], model[0].mixed(model[1], 0.02, 0)):
         stream = render_progressively(RenderJob(instance, model.camera(0.3, 0.2), RenderSettings(divisors=(1, 1))))
         frames = [next(frame for frame in stream if frame)]
         before = shape_occupancy(instance, complete=False)
         frames += [frame for frame in stream if frame]
         after = shape_occupancy(instance, complete=False)
         assert [frame.resolution for frame in frames] == [(32, 32), (32, 32)]
-        assert (before.complete, after.complete) == (instance is near, True)
+        assert (before.complete, after.complete) == (instance == model[0], True)
 
 
-def test_a_stream_that_is_left_does_no_more_work(monkeypatch: pytest.MonkeyPatch):
-    evaluate, calls = FoldedField.density, list[int]()
+def test_an_abandoned_stream_does_no_more_work(monkeypatch: pytest.MonkeyPatch):
+    evaluate = FoldedField.density
+    calls = list[int]()
 
     def counted(folded: FoldedField, activations: Tensor) -> tuple[Tensor, Tensor]:
         calls.append(len(activations))

@@ -1,4 +1,4 @@
-"""On patches of one colour: what is paint takes the new one, what is not stays as the photo has it."""
+"""Repainting of patches of one colour: paint changes, everything else keeps the photo's colour."""
 
 import pytest
 import torch
@@ -8,7 +8,10 @@ from torch import Tensor
 from core.detail.lookup import ColourMatch
 from core.detail.repaint import colour_match, light_share, lightness, moved_paint, repainted, replaced_share, same_hue
 
-WHITE, RED, BLACK, GOLD = (0.85, 0.86, 0.88), (0.75, 0.19, 0.16), (0.05, 0.05, 0.06), (0.62, 0.45, 0.15)
+WHITE = (0.85, 0.86, 0.88)
+RED = (0.75, 0.19, 0.16)
+BLACK = (0.05, 0.05, 0.06)
+GOLD = (0.62, 0.45, 0.15)
 
 
 def patch(*colours: tuple[float, float, float]) -> Float[Tensor, "3 places"]:
@@ -20,16 +23,16 @@ def painted(photo: Tensor, before: Tensor, after: Tensor, match: ColourMatch | N
     return repainted(photo, before + offset, moved_paint(after - before, offset), torch.ones(photo.shape[1]))
 
 
-def test_what_is_not_repainted_changes_no_bit() -> None:
+def test_photos_keep_every_bit_without_a_change_or_without_paint() -> None:
     photo = torch.rand(3, 500, generator=torch.Generator().manual_seed(0))
     before = torch.rand(3, 500, generator=torch.Generator().manual_seed(1))
     match = ColourMatch((1.2, 1.1, 0.9), (0.02, -0.1, 0.05))
     assert torch.equal(painted(photo, before, before, match), photo)
-    photo, change = patch(WHITE), patch(RED) - patch(WHITE)
-    assert torch.equal(repainted(photo, photo, change, torch.zeros(1)), photo)
+    photo = patch(WHITE)
+    assert torch.equal(repainted(photo, photo, patch(RED) - photo, torch.zeros(1)), photo)
 
 
-def test_paint_becomes_the_new_one_in_its_light_whatever_the_photo_adds() -> None:
+def test_new_paint_keeps_the_photos_light_and_drops_its_offset() -> None:
     shade = 0.6
     photo = torch.cat((patch(WHITE), shade * patch(WHITE)), 1)
     new = painted(photo, patch(WHITE, WHITE), patch(RED, RED))
@@ -46,24 +49,24 @@ def test_lettering_keeps_its_colour(kept: tuple[float, float, float], paint: tup
     assert (new - patch(kept)).abs().max() < 0.12
 
 
-def test_shares_at_the_extremes() -> None:
+def test_measures_are_bounded_at_the_extremes() -> None:
     greys = torch.linspace(0, 1, 11).repeat(3, 1)
     for paint in (0.0, 1e-9, 1.0):
         for measure in (light_share, same_hue):
-            share = measure(greys, torch.full_like(greys, paint))
-            assert bool(torch.isfinite(share).all()) and float(share.min()) >= 0 and float(share.max()) < 1.61
+            values = measure(greys, torch.full_like(greys, paint))
+            assert bool(torch.isfinite(values).all()) and float(values.min()) >= 0 and float(values.max()) < 1.61
     assert float(lightness(torch.ones(3, 1))) == pytest.approx(1.0)
     assert replaced_share(torch.tensor([[0.0, 0, 0], [0.25, 0, 0], [-1, 0, 0]])).tolist() == [0.0, 0.5, 1.0]
 
 
-def test_a_match_finds_gain_and_offset_of_what_has_weight() -> None:
+def test_a_match_recovers_gain_and_offset_despite_outliers() -> None:
     generator = torch.Generator().manual_seed(2)
     colours = torch.rand(3, 4000, generator=generator)
     photo = 1.2 * colours - 0.1
     photo[:, :200] = 0.0
     match = colour_match(colours, photo, torch.ones(4000))
     assert match.gain == pytest.approx((1.2,) * 3, abs=0.1)
-    found = colours[:, 200:] + match.change(colours[:, 200:].T).T
-    assert (found - photo[:, 200:]).abs().mean() < 0.03
+    matched = colours[:, 200:] + match.change(colours[:, 200:].T).T
+    assert (matched - photo[:, 200:]).abs().mean() < 0.03
     match = colour_match(torch.rand(3, 10), torch.rand(3, 10), torch.zeros(10))
     assert match.gain == pytest.approx((1.0,) * 3) and match.offset == pytest.approx((0.0,) * 3)

@@ -9,14 +9,13 @@ from core.models.motion import LIMIT
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 
 
-def test_the_clearest_change_takes_its_word_first_and_no_word_goes_twice() -> None:
+def test_the_clearest_change_takes_its_word_first_and_no_word_is_used_twice() -> None:
     changes = [{"height": -0.3, "width": 0.2}, {"height": 0.4}, {"height": 0.02}, {}]
     assert name_changes(changes, _TABLE) == ("wider", "taller", "", "")
 
 
 @pytest.mark.parametrize("name", ["chairs", "cars"])
-def test_what_a_word_says_is_seen(name: str) -> None:
-    """The mean object moved along the directions that have these words, by another measure than the words' own."""
+def test_words_are_distinct_and_say_how_renders_change(name: str) -> None:
     *_, words = direction_words(load_model(name))
     for kind in ("shape", "texture"):
         named = [word for word in words[kind] if word]
@@ -27,16 +26,15 @@ def test_what_a_word_says_is_seen(name: str) -> None:
 
 
 def lightness_rises(name: str, words: Words) -> bool | None:
-    """Whether renders of more of *lighter* (or less of *darker*) are lighter; None without such a word."""
+    """Return True if renders moved along *lighter* (or against *darker*) are lighter; None without these words."""
     from core.detail.progressive import render_frame
 
     model = load_model(name)
     signs = {"lighter": 1.0, "darker": -1.0}
-    found = next(((at, signs[word]) for at, word in enumerate(words["texture"]) if word in signs), None)
-    if found is None:
+    direction = next((index for index, word in enumerate(words["texture"]) if word in signs), None)
+    if direction is None:
         return None
-    at, sign = found
-    step = sign * model.codes.texture_space.basis[at]
+    step = signs[words["texture"][direction]] * model.codes.texture_space.basis[direction]
     camera = model.camera(1.0, 0.4).resized(48, 48)
     dark, light = (
         float(render_frame(model.mean.moved("texture", side * step), camera).image.mean()) for side in (-1.5, 1.5)
@@ -45,7 +43,8 @@ def lightness_rises(name: str, words: Words) -> bool | None:
 
 
 def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
-    instance, words = tiny[0], Words(shape=("", "taller"), texture=("bluer",))
+    instance = tiny[0]
+    words = Words(shape=("", "taller"), texture=("bluer",))
     step = tiny.codes.shape_space.basis[1]
     higher, lower = (moved(instance, words, name, 0.5) for name in ("taller", "lower"))
     assert torch.allclose(higher.codes.shape, instance.codes.shape + 0.5 * step, atol=1e-3)

@@ -34,7 +34,7 @@ os.execvp(sys.argv[3], sys.argv[3:])
 
 
 class Chromium:
-    """One tab. Use as a context manager. Raises ``FileNotFoundError`` where the machine has no Chromium."""
+    """A tab of Chromium. Use it as a context manager. Raises ``FileNotFoundError`` without Chromium."""
 
     def __init__(self) -> None:
         program = next(filter(None, map(shutil.which, _NAMES)), None)

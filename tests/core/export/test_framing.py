@@ -54,7 +54,7 @@ def test_an_object_fills_a_fraction_of_a_frame(tiny: Model, size: tuple[int, int
 
 
 @pytest.mark.parametrize("aspect", [(64, 128), (128, 64)])
-def test_the_narrower_side_decides(tiny: Model, aspect: tuple[int, int]):  # noqa: F811
+def test_the_narrower_side_of_a_frame_decides_the_size(tiny: Model, aspect: tuple[int, int]):  # noqa: F811
     square, narrow = (
         filling_frame([View(tiny[0], tiny.camera(0.3, 0.3).resized(*size))])[0].camera for size in ((64, 64), aspect)
     )

@@ -37,7 +37,7 @@ def seam(made: Timeline) -> float:
 
 
 @pytest.mark.parametrize("loop", [True, False])
-def test_every_key_is_met(loop: bool) -> None:
+def test_timelines_pass_through_every_key(loop: bool) -> None:
     shots = shot(0.1, 0.2, 1.0, 1.0), shot(2.5, -0.4, 1.6, -2.0), shot(-2.8, 0.9, 1.2, 0.5)
     made = timeline(*shots, loop=loop)
     for second, expected in enumerate(shots):
@@ -128,7 +128,7 @@ def test_timelines_without_keys_or_order_are_refused() -> None:
 
 
 @pytest.mark.parametrize("loop", [True, False])
-def test_between_objects_of_two_models_it_cuts_and_the_camera_goes_on(loop: bool) -> None:
+def test_timelines_cut_between_objects_of_two_models_and_the_camera_goes_on(loop: bool) -> None:
     def with_model(view: View, model: str, size: int) -> View:
         codes = view.instance.codes
         return View(MissingInstance(model, replace(codes, shape=codes.shape.repeat(size))), view.camera)
@@ -169,6 +169,6 @@ def test_a_morph_turns_once_and_is_the_other_object_halfway() -> None:
 
 
 @pytest.mark.parametrize("film", [swing, turntable])
-def test_a_film_of_no_frames_is_refused(film: Callable[..., list[View]]) -> None:
+def test_a_video_without_frames_is_refused(film: Callable[..., list[View]]) -> None:
     with pytest.raises(ValueError, match="at least 1 frame"):
         film(*shot(), 0)

@@ -54,7 +54,7 @@ def drawn(browser: Chromium, azimuth: float, elevation: float) -> Float[np.ndarr
 
 
 @pytest.mark.parametrize("side, views", [("mirrored", CAMERAS), ("soft", CAMERAS[:2]), (None, CAMERAS[:2])])
-def test_it_shows_the_programs_own_picture(
+def test_pages_show_the_programs_own_render(
     tiny: Model,
     camera: Camera,
     chromium: Chromium,
@@ -85,7 +85,7 @@ def test_it_shows_the_programs_own_picture(
     assert chromium.evaluate("document.title") == "Stool <1>"
 
 
-def test_paint_in_place_of_mirrored_lettering_is_that_of_the_programs_picture(
+def test_pages_show_the_programs_paint_in_place_of_mirrored_lettering(
     tiny: Model, camera: Camera, chromium: Chromium, tmp_path: Path
 ) -> None:
     *_, baked = filter(None, bake(striped(tiny, camera.resized(192, 192))))
@@ -147,7 +147,7 @@ def words(browser: Chromium) -> str:
 
 
 @pytest.mark.parametrize("width, height", SIZES)
-def test_it_fills_every_size_with_the_programs_own_picture(
+def test_pages_of_any_size_show_the_programs_own_render(
     tiny: Model, camera: Camera, chromium: Chromium, stool: Path, width: int, height: int
 ) -> None:
     chromium.open(stool, width, height)
@@ -165,7 +165,7 @@ def test_it_fills_every_size_with_the_programs_own_picture(
 
 
 @pytest.mark.parametrize("width, height", SIZES)
-def test_a_hand_turns_it(chromium: Chromium, stool: Path, width: int, height: int):
+def test_dragging_turns_the_object(chromium: Chromium, stool: Path, width: int, height: int):
     chromium.events.clear()
     chromium.open(stool, width, height)
     press(chromium, width // 2, height // 2, moved=40)
@@ -188,7 +188,7 @@ def test_fingers_on_the_caption_zoom_the_object_and_not_the_page(page: Chromium)
     assert page.evaluate("visualViewport.scale") == 1
 
 
-def test_keys_turn_and_zoom_and_a_double_tap_leads_home(page: Chromium) -> None:
+def test_keys_turn_and_zoom_and_a_double_tap_resets_the_view(page: Chromium) -> None:
     for key in ("ArrowLeft", "ArrowUp", "+"):
         page.send("Input.dispatchKeyEvent", type="keyDown", key=key)
     assert page.evaluate(
@@ -204,7 +204,7 @@ def test_keys_turn_and_zoom_and_a_double_tap_leads_home(page: Chromium) -> None:
     assert page.evaluate("JSON.stringify(view) === JSON.stringify(home)")
 
 
-def test_its_head_has_a_picture_for_previews_of_links(page: Chromium) -> None:
+def test_page_heads_have_an_image_for_previews_of_links(page: Chromium) -> None:
     address = page.evaluate("document.querySelector('meta[property=\"og:image\"]').content")
     assert address.startswith("data:image/jpeg;base64,")
     with Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))) as picture:
@@ -295,14 +295,14 @@ def test_a_browser_that_cannot_read_the_script_shows_the_poster(
     assert shows_something(chromium.screenshot())
 
 
-def test_an_error_while_it_turns_shows_the_poster(page: Chromium) -> None:
+def test_an_error_while_turning_shows_the_poster(page: Chromium) -> None:
     page.evaluate("gl.drawArrays = undefined; setTimeout(() => draw(1)); 0")
     page.wait("document.body.dataset.state === 'still'")
     assert shows_something(page.screenshot())
     assert "is not a function" in words(page) and "drag" not in words(page)
 
 
-def test_without_javascript_it_is_a_still_picture(chromium: Chromium, stool: Path) -> None:
+def test_pages_without_javascript_show_a_still_image(chromium: Chromium, stool: Path) -> None:
     chromium.send("Emulation.setScriptExecutionDisabled", value=True)
     try:
         chromium.events.clear()

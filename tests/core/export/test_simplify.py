@@ -68,7 +68,7 @@ def test_two_other_readers_find_a_closed_surface_in_files_for_printers(
     assert printed.GetTriangleCount() == len(faces)
 
 
-def test_a_tetrahedron_is_left_as_it_is() -> None:
+def test_a_tetrahedron_is_not_simplified() -> None:
     body = trimesh.creation.icosphere(2)
     both = trimesh.util.concatenate((body, body.copy().apply_translation((3, 0, 0))))
     vertices, faces = run_to_end(simplify(np.array(both.vertices), np.array(both.faces), 1))

@@ -44,7 +44,7 @@ def test_every_place_has_its_colour_and_seams_do_not_show(ball: tuple[TexturedMe
     assert len(mesh.vertices) > len(np.unique(mesh.vertices.round(5), axis=0))  # there are seams
 
 
-def test_the_file_is_unlit_and_comes_back_with_its_image(ball: tuple[TexturedMesh, list[float]]):
+def test_textured_files_are_unlit_and_keep_their_image(ball: tuple[TexturedMesh, list[float]]):
     mesh, _ = ball
     written = mesh.glb()
     (length,) = struct.unpack("<I", written[12:16])

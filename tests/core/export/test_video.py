@@ -73,7 +73,7 @@ def test_a_cancelled_video_keeps_the_file_that_existed(suffix: str, model: Model
     assert not before or path.read_text() == "before"
 
 
-def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path) -> None:
+def test_frames_are_not_written_into_an_existing_folder(model: Model, tmp_path: Path) -> None:
     (tmp_path / "turn.frames").mkdir()
     with pytest.raises(ValueError, match="exists already"):
         next(turn(model, tmp_path / "turn.frames"))
@@ -106,7 +106,7 @@ def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
     assert white != plain
 
 
-def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> None:
+def test_backgrounds_can_have_a_colour(model: Model, tmp_path: Path) -> None:
     list(turn(model, tmp_path / "a.frames", 2, background=(10, 120, 200)))
     frame = render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32))
     with Image.open(tmp_path / "a.frames/00000.png") as image:

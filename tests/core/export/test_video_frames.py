@@ -24,7 +24,7 @@ def images(stream) -> list[np.ndarray]:
 
 
 def test_drawn_frames_are_the_exact_ones() -> None:
-    """Of two objects: a full turn of one, whose colours are combined from fewer cameras, and a frame of another."""
+    """A full turn of an object, whose colours are combined from fewer cameras, and a frame of another object."""
     model = tiny_model()
     views = (*turn(model, 12), View(model[1], model.camera(2.0, -0.3).resized(SIZE, SIZE)))
     drawn = images(baked_frames(views, (255, 255, 255)))

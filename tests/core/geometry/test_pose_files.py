@@ -65,7 +65,7 @@ def test_frames_of_nerf_synthetic_are_cameras(tmp_path: Path) -> None:
 
 
 def test_frames_are_looked_up_by_file_name_and_folder(tmp_path: Path) -> None:
-    """By its name, and where several folders have such a name by its place."""
+    """A frame is found by its file's name, and by its folder if several have that name."""
     moved = Camera(0.2, 0.1, 1.5, 131.25, 128, 128).pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
     path = write_transforms(tmp_path, {"./left/r_0": OPENGL, "./right/r_0": moved, "./right/r_1.png": moved})
     assert find_pose(path, tmp_path / "left/r_0.png").camera(9, 9).azimuth == pytest.approx(0.7)

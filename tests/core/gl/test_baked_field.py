@@ -5,10 +5,11 @@ from core.models.density import density_to_logits
 from core.models.field_config import FieldConfig
 
 
-def test_distances_and_texels_hold_what_they_should() -> None:
+def test_distances_are_those_to_the_nearest_cell_and_texels_span_a_byte() -> None:
     generator = torch.Generator().manual_seed(0)
     cells = torch.rand(64, 64, 64, generator=generator) < 2e-4
-    distance, occupied = cell_distances(cells).astype(int), cells.nonzero()
+    distance = cell_distances(cells).astype(int)
+    occupied = cells.nonzero()
     assert 0 < len(occupied) < distance.size
     for cell in torch.randint(64, (200, 3), generator=generator):
         nearest = int((occupied - cell).abs().amax(-1).amin())

@@ -19,64 +19,64 @@ from tests.core.tiny import tiny_model
 
 @cache
 def baked(shape: int, texture: int) -> BakedField:
-    """With few cells: the first that comes."""
+    """The coarsest baked field of an object."""
     model = tiny_model()
-    instance = model[shape].mixed(model[texture], 0.0, 1.0)
-    return next(found for found in bake(instance) if found is not None)
+    return next(filter(None, bake(model[shape].mixed(model[texture], 0.0, 1.0))))
 
 
 @pytest.mark.parametrize("contrast", [0.0, 20.0])
-def test_the_picture_is_the_exact_one_and_nearer_with_more_cells(tiny: Model, contrast: float) -> None:
+def test_renders_of_baked_fields_approach_the_exact_one_with_more_cells(tiny: Model, contrast: float) -> None:
     tiny = with_contrast(tiny, contrast)
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     exact = render_exact(tiny[0], camera)
     values = list(bake(tiny[0]))
     assert values.count(None) > 4  # in small steps
-    coarse, fine = (found for found in values if found is not None)
+    coarse, fine = filter(None, values)
     assert (coarse.cells, fine.cells) == (64, 128)
-    errors = [psnr(render_baked(one, camera).colour, exact.colour) for one in (coarse, fine)]
-    assert errors[1] > errors[0] > 40
-    shown = render_baked(fine, camera)
-    there = exact.opacity > 0.99
-    assert there.sum() > 200
-    np.testing.assert_allclose(shown.opacity, exact.opacity, atol=0.05)
-    np.testing.assert_allclose(shown.depth[there], exact.depth[there], atol=0.02)
+    rendered = render_baked(fine, camera)
+    assert psnr(rendered.colour, exact.colour) > psnr(render_baked(coarse, camera).colour, exact.colour) > 40
+    solid = exact.opacity > 0.99
+    assert solid.sum() > 200
+    np.testing.assert_allclose(rendered.opacity, exact.opacity, atol=0.05)
+    np.testing.assert_allclose(rendered.depth[solid], exact.depth[solid], atol=0.02)
 
 
 @pytest.mark.parametrize("perspective", [True, False])
-def test_near_far_and_without_perspective(tiny: Model, perspective: bool) -> None:
+def test_views_from_near_and_without_perspective_match_exact_ones(tiny: Model, perspective: bool) -> None:
     camera = tiny.camera(2.0, -0.5, 0.8).resized(48, 80)
     if not perspective:
         camera = replace(camera, distance=60.0, focal=75 * camera.focal)
     assert psnr(render_baked(baked(1, 1), camera).colour, render_exact(tiny[1], camera).colour) > 36
 
 
-def test_a_new_texture_keeps_the_shape_and_rays_their_corners() -> None:
-    first, second = baked(0, 0), baked(0, 2)
+def test_a_new_texture_changes_colours_alone_and_pixel_offsets_are_kept() -> None:
+    first = baked(0, 0)
+    second = baked(0, 2)
     np.testing.assert_array_equal(first.texels[..., 3], second.texels[..., 3])
     np.testing.assert_array_equal(first.distance, second.distance)
     assert np.abs(first.texels[..., :3].astype(int) - second.texels[..., :3]).max() > 50
     model = random_model(white_from_network=True)
-    assert next(found for found in bake(model[0]) if found).pixel_offset == 0.5
+    assert next(filter(None, bake(model[0]))).pixel_offset == 0.5
 
 
-def test_what_is_between_prefiltered_values_is_right_in_the_mean() -> None:
-    """Of a parabola; a straight line, and a value without neighbours, stay as they are."""
+def test_interpolated_prefiltered_values_of_a_parabola_are_unbiased() -> None:
+    """Prefiltering changes neither a straight line nor values without neighbours."""
     place = torch.arange(9.0)
     values = torch.stack((place**2, 3 * place - 1), -1)
     beside = torch.stack((torch.arange(9) - 1, torch.arange(9) + 1), -1)
-    beside[0], beside[-1] = 0, 8
-    kept = prefilter(values, torch.cat((beside, *[torch.arange(9)[:, None]] * 4), -1))
+    beside[0] = 0
+    beside[-1] = 8
+    filtered = prefilter(values, torch.cat((beside, *[torch.arange(9)[:, None]] * 4), -1))
     between = torch.linspace(1, 7, 6001, dtype=torch.double)
-    error = np.interp(between, place, kept[:, 0]) - (between**2).numpy()
+    error = np.interp(between, place, filtered[:, 0]) - (between**2).numpy()
     assert abs(error.mean()) < 1e-3 < 0.1 < np.interp(between, place, values[:, 0]).mean() - (between**2).mean()
-    torch.testing.assert_close(kept[:, 1], values[:, 1])
-    torch.testing.assert_close(kept[[0, 8]], values[[0, 8]])
+    torch.testing.assert_close(filtered[:, 1], values[:, 1])
+    torch.testing.assert_close(filtered[[0, 8]], values[[0, 8]])
 
 
 @pytest.mark.parametrize("cells", [128, 192])
-def test_haze_is_as_near_on_a_finer_grid(cells: int) -> None:
-    """Many thin layers of it add up: none may be without its colour."""
+def test_haze_is_accurate_on_finer_grids(cells: int) -> None:
+    """Many thin layers of haze add up, so every layer needs its colour."""
     model = tiny_model()
     camera = model.camera(0.3, 0.4).resized(64, 64)
     views = run_to_end(bake_views(model[0], [camera], cells))
@@ -84,8 +84,8 @@ def test_haze_is_as_near_on_a_finer_grid(cells: int) -> None:
     assert psnr(drawn, render_exact(model[0], camera).colour) > 44
 
 
-def test_colours_between_cameras_are_those_of_a_smooth_function() -> None:
-    """Over a turn. A lone camera's colours are those of all views."""
+def test_colours_between_cameras_interpolate_a_smooth_function() -> None:
+    """Along a turn of cameras; the colours of a single camera serve all views."""
     model = tiny_model()
     ring = [model.camera(turn, 0.3) for turn in np.linspace(0, 2 * math.pi, 72, endpoint=False)]
     views = run_to_end(bake_views(model[0], ring, 64))
@@ -95,10 +95,10 @@ def test_colours_between_cameras_are_those_of_a_smooth_function() -> None:
         x, y, z = (camera.pose()[:3, 3] / camera.distance).tolist()
         return 0.5 + 0.2 * x - 0.1 * y * z + 0.3 * (x * x - y * y)
 
-    known = torch.tensor([smooth(camera) for camera in views.cameras])
-    between = replace(views, colours=known[:, None, None].expand_as(views.colours))
+    values = torch.tensor([smooth(camera) for camera in views.cameras])
+    painted = replace(views, colours=values[:, None, None].expand_as(views.colours))
     for camera in ring[1::5]:
-        texels = between.seen_from(camera).texels[views.shape.corners.unbind(-1)]
+        texels = painted.seen_from(camera).texels[views.shape.corners.unbind(-1)]
         np.testing.assert_allclose(texels[:, :3] / 255, smooth(camera), atol=0.01)
     alone: BakedViews = replace(views, cameras=views.cameras[:1], colours=views.colours[:1])
     np.testing.assert_array_equal(alone.seen_from(ring[9]).texels, alone.mean().texels)
@@ -112,4 +112,5 @@ def test_every_camera_has_a_baked_one_nearby() -> None:
     assert spread(ring[:1]) == spread(ring[:1] * 3) == ring[:1]
     assert len(spread([ring[0], ring[2], ring[5]])) == 2
     for camera in ring:
-        assert min(math.dist(camera.pose()[:3, 3], one.pose()[:3, 3]) for one in chosen) < MAX_TURN * camera.distance
+        distances = [math.dist(camera.pose()[:3, 3], baked_camera.pose()[:3, 3]) for baked_camera in chosen]
+        assert min(distances) < MAX_TURN * camera.distance

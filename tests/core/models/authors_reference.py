@@ -72,7 +72,7 @@ def render(
 
 
 def _encode(network: Weights, layer: str, beside: int, values: np.ndarray) -> np.ndarray:
-    """As many frequencies as the layer takes: the values, all sines, all cosines."""
+    """Return the values, then all sines, then all cosines, with as many frequencies as the layer takes."""
     frequencies = (network[f"{layer}.weight"].shape[1] - beside - 3) // 6
     angles = np.concatenate([2.0**octave * values for octave in range(frequencies)], 1)
     return np.concatenate((values, np.sin(angles), np.cos(angles)), 1)

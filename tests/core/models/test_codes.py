@@ -13,13 +13,13 @@ def cloud(seed: int = 0, count: int = 40, latent: int = 6) -> torch.Tensor:
 
 
 @given(st.integers(0, 1000))
-def test_coordinates_and_codes_go_there_and_back(seed: int):
+def test_coordinates_and_codes_are_converted_without_loss(seed: int):
     space = CodeSpace.from_codes(cloud(seed))
     codes = cloud(seed + 1)
     torch.testing.assert_close(space.code(space.coordinates(codes)), codes, atol=1e-4, rtol=1e-4)
 
 
-def test_the_cloud_is_standard_in_as_many_directions_as_it_has():
+def test_coordinates_of_trained_codes_have_unit_variance():
     codes = cloud(count=400)
     space = CodeSpace.from_codes(codes)
     coordinates = space.coordinates(codes)
@@ -31,7 +31,7 @@ def test_the_cloud_is_standard_in_as_many_directions_as_it_has():
     torch.testing.assert_close(space.directions @ space.directions.T, torch.eye(3), atol=1e-5, rtol=0)
 
 
-def test_codes_are_mixed_apart_and_finite():
+def test_shape_and_texture_are_mixed_separately_and_must_be_finite():
     zeros = Codes(torch.zeros(3), torch.zeros(2))
     ones = Codes(torch.ones(3), torch.ones(2))
     assert zeros.mixed(ones, 1.0, 0.0) == Codes(torch.ones(3), torch.zeros(2))
@@ -41,7 +41,7 @@ def test_codes_are_mixed_apart_and_finite():
         Codes(torch.tensor([torch.nan]), torch.zeros(1))
 
 
-def test_a_book_shares_shapes_samples_by_seed_and_has_all_its_codes():
+def test_a_code_book_shares_shapes_and_samples_by_seed():
     book = CodeBook(cloud(count=2), cloud(1, count=3), (Entry("a", 0, 0), Entry("b", 0, 2)))
     assert torch.equal(book[0].shape, book[1].shape)
     assert not torch.equal(book[0].texture, book[1].texture)
@@ -55,7 +55,7 @@ def test_a_book_shares_shapes_samples_by_seed_and_has_all_its_codes():
     assert book.sample(torch.Generator().manual_seed(5)) == book.sample(torch.Generator().manual_seed(5))
 
 
-def test_collapsed_objects_stay_but_count_for_nothing():
+def test_collapsed_objects_keep_their_index_but_not_their_influence():
     """A row that a valid object shares with a collapsed one is kept."""
     shapes = cloud(count=4)
     textures = cloud(1, count=4)
@@ -69,7 +69,7 @@ def test_collapsed_objects_stay_but_count_for_nothing():
         CodeBook(shapes, textures, entries, frozenset({5}))
 
 
-def test_a_cloud_first_asked_for_while_drawing_serves_a_fit_too():
+def test_a_code_space_created_in_inference_mode_serves_a_fit():
     book = CodeBook(cloud(), cloud(1), ())
     with torch.inference_mode():
         _ = book.mean

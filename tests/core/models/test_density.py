@@ -26,7 +26,7 @@ def test_density_is_the_formula_grows_and_has_its_derivative(config: FieldConfig
 
 
 @pytest.mark.parametrize("config", CONFIGS)
-def test_logits_and_soft_densities_come_back(config: FieldConfig) -> None:
+def test_logits_and_soft_densities_survive_conversion(config: FieldConfig) -> None:
     logits = torch.linspace(-7, 23, 50)
     density = logits_to_density(logits, config)
     torch.testing.assert_close(density_to_logits(density, config), logits, rtol=0, atol=1e-2)

@@ -27,7 +27,7 @@ def test_a_cell_with_an_occupied_corner_is_occupied_and_other_sizes_are_refused(
 
 
 @given(st.integers(0, 2**31))
-def test_packed_cells_are_the_same_again(seed: int):
+def test_cells_survive_packing(seed: int):
     cells = torch.rand((CELLS, CELLS, CELLS), generator=torch.Generator().manual_seed(seed)) > 0.7
     assert torch.equal(unpack(pack(cells)), cells)
 
@@ -40,7 +40,7 @@ def _outside(model: Model, code: torch.Tensor) -> float:
     return float((cells_at_corners(density, model.extent_tensor) & ~model.occupied_cells).float().mean())
 
 
-def test_all_of_the_training_objects_is_inside():
+def test_occupied_cells_hold_all_training_objects():
     model = tiny_model()
     assert 0.05 < float(model.occupied_cells.float().mean()) < 0.8
     assert all(_outside(model, shape) == 0 for shape in model.codes.shapes)
@@ -50,7 +50,7 @@ def test_all_of_the_training_objects_is_inside():
 @pytest.mark.parametrize("name", ["chairs", "cars"])
 @settings(max_examples=12)
 @given(seed=st.integers(0, 2**31))
-def test_shapes_of_five_standard_deviations_are_inside(name: str, seed: int):
+def test_occupied_cells_hold_shapes_of_five_standard_deviations(name: str, seed: int):
     model = _shipped(name)
     generator = torch.Generator().manual_seed(seed)
     space = model.codes.shape_space

@@ -23,7 +23,7 @@ def red_detail(model: Model) -> PhotoDetail:
     return PhotoDetail((view,), mean.shape, mean.texture, strength=0.75)
 
 
-def test_pixels_come_back_nearly_and_small(model: Model) -> None:
+def test_compressed_pixels_are_similar_and_small(model: Model) -> None:
     pixels = red_detail(model).views[0].pixels()
     assert pixels.shape == (30, 40, 4)
     np.testing.assert_allclose(pixels[13:17, 14:26, :3].mean((0, 1)), (200, 30, 40), atol=12)
@@ -69,7 +69,7 @@ def test_damaged_detail_is_refused_in_one_line(model: Model, tmp_path: Path, cha
     assert "\n" not in str(raised.value)
 
 
-def test_the_masks_of_older_scenes_bound_nothing(model: Model) -> None:
+def test_masks_of_older_scenes_do_not_bound_the_object(model: Model) -> None:
     scene = Scene(model.mean.with_detail(red_detail(model)), CAMERA)
     content = json.loads(scene.to_json())
     del content["detail"]["views"][0]["outline_margin"]
@@ -77,7 +77,7 @@ def test_the_masks_of_older_scenes_bound_nothing(model: Model) -> None:
     assert detail is not None and detail.views[0].outline_margin is None
 
 
-def test_detail_goes_with_the_shape(model: Model) -> None:
+def test_photo_detail_is_taken_with_the_shape(model: Model) -> None:
     plain = model[0]
     fitted = model[1].with_detail(red_detail(model))
     assert plain.taking("shape", fitted).detail is fitted.detail

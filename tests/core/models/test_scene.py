@@ -99,7 +99,7 @@ def test_no_scene_is_embedded_in_torn_and_plain_files(scene: Scene, model: Model
 
 
 def test_the_scene_of_an_image_is_read_without_decoding_it(scene: Scene, tmp_path: Path):
-    """Its header says 60,000 by 60,000 pixels, which the file does not hold and no memory would."""
+    """The header claims 60,000 by 60,000 pixels, more than the file holds and memory would."""
     save_image(PIXELS, tmp_path / "a.png", scene)
     content = (tmp_path / "a.png").read_bytes()
     header = b"IHDR" + struct.pack(">II", 60_000, 60_000) + content[24:29]

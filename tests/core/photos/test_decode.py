@@ -80,7 +80,7 @@ MASKS = {
 
 
 @pytest.mark.parametrize("name", MASKS)
-def test_two_values_of_any_kind_are_a_mask(name: str, tmp_path: Path) -> None:
+def test_images_of_two_values_are_masks(name: str, tmp_path: Path) -> None:
     drawing().save(tmp_path / "photo.png")
     MASKS[name].save(tmp_path / "mask.png")
     mask = read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
@@ -115,7 +115,7 @@ def test_a_mask_of_several_objects_lists_them(palette: list[int] | None, values:
         read_mask(tmp_path / "mask.png", tmp_path / "photo.png", (300, 200))
 
 
-def test_a_photograph_is_no_mask_and_soft_edges_are_one(tmp_path: Path) -> None:
+def test_photographs_are_no_masks_and_masks_may_have_soft_edges(tmp_path: Path) -> None:
     drawing().save(tmp_path / "photo.png")
     ramp = Image.linear_gradient("L").resize((300, 200))
     ramp.save(tmp_path / "mask.png")

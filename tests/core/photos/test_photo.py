@@ -89,7 +89,7 @@ def test_the_focal_length_of_exif_is_kept(tmp_path: Path, tiny: Model, times: in
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "1", "I;16", "I", "F"])
-def test_grey_images_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
+def test_grey_images_of_any_depth_are_read(tmp_path: Path, tiny: Model, mode: str):
     grey = np.asarray(drawing().convert("L"))
     if mode in ("I;16", "I"):
         image = Image.fromarray(grey.astype(np.uint16) * 257 if mode == "I;16" else grey.astype(np.int32) * 257)
@@ -170,7 +170,7 @@ def test_large_or_broken_metadata_is_ignored(tmp_path: Path, tiny: Model):
 
 @pytest.mark.parametrize("kind", ["EPS", "DDS", "ICO", "PDF"])
 def test_only_formats_of_photographs_are_opened(tmp_path: Path, tiny: Model, kind: str):
-    """Also under another name: an EPS would run PostScript."""
+    """The suffix does not matter: an EPS file of any name would run PostScript."""
     path = tmp_path / "a.jpg"
     drawing().save(path, kind)
     assert "not an image (PNG" in refused(path, tiny)

@@ -226,7 +226,7 @@ def test_a_photo_in_a_frame_is_found_within_it(colour: str, jpeg: bool):
     assert not cut.white
 
 
-def test_a_block_of_one_colour_is_an_object_and_may_fill_its_image():
+def test_blocks_of_one_colour_are_objects_and_may_fill_the_image():
     image = Image.new("RGBA", (120, 100), "white")
     ImageDraw.Draw(image).rectangle((20, 20, 90, 80), fill=(180, 20, 20))
     assert cut_out(image).mask.sum() == 71 * 61

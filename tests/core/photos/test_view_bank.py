@@ -16,7 +16,7 @@ from tests.core.fitting.inputs import problem_of
 from tests.core.tiny import photo_of, tiny_bank
 
 
-def test_apparent_sizes_in_training_images(tiny: Model):
+def test_apparent_sizes_are_those_in_training_images(tiny: Model):
     usual = apparent_size(tiny_bank(), tiny)
     silhouette = render_exact(tiny[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
     size = max(int(silhouette.any(0).sum()), int(silhouette.any(1).sum())) / tiny.image_size

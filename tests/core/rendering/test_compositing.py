@@ -9,12 +9,14 @@ from core.rendering.compositing import composite_on_white, compositing_weights
 
 
 def by_hand(density: list[float], edges: list[float]) -> tuple[list[float], float]:
-    light, shares = 1.0, []
+    """The paper's loop: the weight of each interval, and the light left over."""
+    light = 1.0
+    weights = []
     for sigma, start, end in zip(density, edges[:-1], edges[1:], strict=True):
-        taken = 1 - math.exp(-sigma * (end - start))
-        shares.append(light * taken)
-        light *= 1 - taken
-    return shares, light
+        absorbed = 1 - math.exp(-sigma * (end - start))
+        weights.append(light * absorbed)
+        light *= 1 - absorbed
+    return weights, light
 
 
 @given(st.lists(st.tuples(st.floats(0, 50), st.floats(0, 1)), min_size=1, max_size=20))
@@ -23,11 +25,11 @@ def test_weights_are_those_of_the_loop_in_the_paper(pairs):
     edges = [0.0]
     for _, length in pairs:
         edges.append(edges[-1] + length)
-    shares, left = compositing_weights(
+    weights, left = compositing_weights(
         torch.tensor(density, dtype=torch.float64), torch.tensor(edges, dtype=torch.float64)
     )
     expected, remaining = by_hand(density, edges)
-    torch.testing.assert_close(shares, torch.tensor(expected, dtype=torch.float64), atol=1e-9, rtol=1e-9)
+    torch.testing.assert_close(weights, torch.tensor(expected, dtype=torch.float64), atol=1e-9, rtol=1e-9)
     assert float(left) == pytest.approx(remaining, abs=1e-9)
 
 
@@ -36,16 +38,16 @@ def test_weights_are_those_of_the_loop_in_the_paper(pairs):
 def test_extremes_are_finite_and_so_are_their_gradients(sigma: float, length: float):
     density = torch.full((3, 5), sigma, requires_grad=True)
     edges = (torch.arange(6) * length).expand(3, 6)
-    shares, left = compositing_weights(density, edges)
-    assert bool((shares >= 0).all() and torch.isfinite(shares).all())
-    torch.testing.assert_close(shares.sum(-1) + left, torch.ones(3))
-    (shares.sum() + 2 * left.sum()).backward()
+    weights, left = compositing_weights(density, edges)
+    assert bool((weights >= 0).all() and torch.isfinite(weights).all())
+    torch.testing.assert_close(weights.sum(-1) + left, torch.ones(3))
+    (weights.sum() + 2 * left.sum()).backward()
     assert bool(torch.isfinite(density.grad).all())
 
 
-def test_gradients_are_right_and_left_over_light_is_white():
+def test_gradients_match_differences_and_transmitted_light_is_white():
     density = torch.rand(2, 6, dtype=torch.float64, requires_grad=True)
     edges = torch.linspace(0, 1, 7, dtype=torch.float64).expand(2, 7)
     assert torch.autograd.gradcheck(lambda sigma: compositing_weights(sigma, edges), (density,))
-    shares, left = compositing_weights(torch.zeros(4), torch.linspace(0, 1, 5))
-    assert composite_on_white(shares, left, torch.zeros(4, 3)).tolist() == [1, 1, 1]
+    weights, left = compositing_weights(torch.zeros(4), torch.linspace(0, 1, 5))
+    assert composite_on_white(weights, left, torch.zeros(4, 3)).tolist() == [1, 1, 1]

@@ -30,6 +30,7 @@ seeds = st.integers(0, 2**31)
 
 
 def drawn(seed: int, spread: float = 1.0) -> Instance:
+    """An object with random codes of this standard deviation."""
     generator = torch.Generator().manual_seed(seed)
     codes = Codes(spread * torch.randn(8, generator=generator), spread * torch.randn(4, generator=generator))
     return Instance(MODEL, codes)
@@ -37,7 +38,8 @@ def drawn(seed: int, spread: float = 1.0) -> Instance:
 
 @given(seeds, st.sampled_from([1.0, 5.0]))
 def test_folding_is_exact(seed: int, spread: float):
-    instance, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
+    instance = drawn(seed, spread)
+    generator = torch.Generator().manual_seed(seed)
     points = torch.rand(40, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
     with pytest.MonkeyPatch.context() as patch, use_dtype(torch.float32):
@@ -52,22 +54,25 @@ def test_folding_is_exact(seed: int, spread: float):
     torch.testing.assert_close(colour, true_colour, atol=1e-5, rtol=1e-5)
 
 
-def test_tables_are_a_layer_of_an_encoding():
+def test_tables_approximate_a_linear_layer_of_an_encoding():
     generator = torch.Generator().manual_seed(0)
-    weight, bias = torch.randn(16, 3 + 6 * 8, generator=generator), torch.randn(16, generator=generator)
+    weight = torch.randn(16, 3 + 6 * 8, generator=generator)
+    bias = torch.randn(16, generator=generator)
     reach = torch.tensor([0.5, 0.4, 1.0])
     tables = AxisLookup.from_layer(8, weight, bias, reach, torch.float32)
     points = (2 * torch.rand(300, 3, generator=generator) - 1) * reach
     entries = len(tables.entries) // 3
     middles = ((points / reach + 1) * entries / 2).floor().add(0.5) * 2 / entries - 1
-    for values, far in ((middles * reach, 1e-3), (points, 0.3)):
-        torch.testing.assert_close(tables(values), functional.linear(encode(values, 8), weight, bias), atol=far, rtol=0)
+    for values, error in ((middles * reach, 1e-3), (points, 0.3)):
+        expected = functional.linear(encode(values, 8), weight, bias)
+        torch.testing.assert_close(tables(values), expected, atol=error, rtol=0)
 
 
 @settings(max_examples=15)
 @given(seeds, st.sampled_from([1.0, 5.0]), st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
-def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed, spread, azimuth, elevation):
-    instance, camera = drawn(seed, spread), MODEL.camera(azimuth, elevation)
+def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_depth_range(seed, spread, azimuth, elevation):
+    instance = drawn(seed, spread)
+    camera = MODEL.camera(azimuth, elevation)
     occupancy = Occupancy(MODEL, FoldedField(instance))
     rays = camera_rays(camera, MODEL.extent_tensor)
     depths = midpoints(uniform_edges(rays, 40))
@@ -84,51 +89,51 @@ def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed,
 @pytest.mark.parametrize("contrast", [0.0, 20.0])
 def test_the_fast_renderer_matches_the_reference(contrast: float):
     model = with_contrast(MODEL, contrast)
-    camera, instance = model.camera(0.7, 0.4), model[3]
-    exact, fast = render_exact(instance, camera), render(instance, camera, 256)
+    camera = model.camera(0.7, 0.4)
+    exact = render_exact(model[3], camera)
+    fast = render(model[3], camera, 256)
     assert psnr(fast.colour, exact.colour) > 38
     assert float((fast.opacity - exact.opacity).abs().max()) < 0.05
     solid = exact.opacity > 0.5
     torch.testing.assert_close(fast.depth[solid], exact.depth[solid], atol=0.02, rtol=0.02)
 
 
-def test_chunks_do_not_show(monkeypatch):
+def test_the_size_of_chunks_does_not_change_the_image(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
-    whole = render(MODEL[0], camera, 96)
+    expected = render(MODEL[0], camera, 96)
     renderer.clear_views()
     monkeypatch.setattr(renderer, "CHUNK_RAYS", 37)
-    pieces = render(MODEL[0], camera, 96)
-    assert psnr(pieces.colour, whole.colour) > 50
+    chunked = render(MODEL[0], camera, 96)
+    assert psnr(chunked.colour, expected.colour) > 50
 
 
 def test_a_new_texture_or_view_keeps_the_occupancy():
     renderer.clear_cache()
-    a, b = MODEL[0], MODEL[1]
-    render(a, MODEL.camera(0.1, 0.1), 8)
-    render(a.with_texture(b), MODEL.camera(0.9, 0.1), 8)
+    render(MODEL[0], MODEL.camera(0.1, 0.1), 8)
+    render(MODEL[0].with_texture(MODEL[1]), MODEL.camera(0.9, 0.1), 8)
     assert len(CACHE.newest(CacheKind.SHAPE)) == 1
-    render(b, MODEL.camera(0.9, 0.1), 8)
+    render(MODEL[1], MODEL.camera(0.9, 0.1), 8)
     assert len(CACHE.newest(CacheKind.SHAPE)) == 2
 
 
-def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render_and_moves_no_silhouette():
-    camera, a, b = MODEL.camera(0.3, 0.2), MODEL[0], MODEL[1]
-    both = a.with_texture(b)
+def test_a_new_texture_on_a_cached_view_equals_a_full_render_and_moves_no_silhouette():
+    camera = MODEL.camera(0.3, 0.2)
+    textured = MODEL[0].with_texture(MODEL[1])
     renderer.clear_views()
-    full = render(both, camera, 96)
+    full = render(textured, camera, 96)
     renderer.clear_views()
-    before = render(a, camera, 96)
-    assert renderer.is_cached(both, camera, 96)
-    assert not renderer.is_cached(b, camera, 96)
-    assert not renderer.is_cached(both, MODEL.camera(0.31, 0.2), 96)
-    recoloured = render(both, camera, 96)
+    before = render(MODEL[0], camera, 96)
+    assert renderer.is_cached(textured, camera, 96)
+    assert not renderer.is_cached(MODEL[1], camera, 96)
+    assert not renderer.is_cached(textured, MODEL.camera(0.31, 0.2), 96)
+    recoloured = render(textured, camera, 96)
     torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
     assert not torch.equal(before.colour, full.colour)
     assert torch.equal(before.opacity, full.opacity)
     assert torch.equal(before.depth, full.depth)
 
 
-def test_views_are_kept_as_far_as_there_is_room_and_rendered_all_the_same(monkeypatch: pytest.MonkeyPatch):
+def test_views_are_cached_within_the_limit_and_rendered_alike_without_room(monkeypatch: pytest.MonkeyPatch):
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
     render(MODEL[0], camera, 96)
@@ -140,14 +145,14 @@ def test_views_are_kept_as_far_as_there_is_room_and_rendered_all_the_same(monkey
     assert renderer.is_cached(MODEL[0], replace(camera, azimuth=0.9), 96)
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
-    kept = render(MODEL[0], camera, 96)
+    cached = render(MODEL[0], camera, 96)
     renderer.clear_views()
     monkeypatch.setattr(CACHE, "limit", CACHE.used + 1000)
-    assert torch.equal(render(MODEL[0], camera, 96).colour, kept.colour)
+    assert torch.equal(render(MODEL[0], camera, 96).colour, cached.colour)
     assert not renderer.is_cached(MODEL[0], camera, 96)
 
 
-def test_what_lies_beside_the_object_is_white():
+def test_rays_that_miss_the_box_are_white():
     """With an eighth of the focal length the rays of the corners pass beside the scene's box."""
     camera = MODEL.camera(2.0, 0.0, distance=2.0)
     wide = render(MODEL[0], replace(camera, focal=camera.focal / 8), 16)
@@ -157,101 +162,107 @@ def test_what_lies_beside_the_object_is_white():
     assert float(wide.opacity.max()) > 0.0
 
 
-def test_where_the_network_paints_the_background_rays_pass_pixel_corners():
+def test_rays_pass_pixel_corners_if_the_network_paints_the_background():
     painted = random_model(white_from_network=True)
-    instance, camera = painted[0], painted.camera(0.4, 0.3)
+    instance = painted[0]
+    camera = painted.camera(0.4, 0.3)
     plain = replace(painted, white_from_network=False)
     rays = camera_rays(camera, plain.extent_tensor, 0.5)
     biases = plain.field.shape_bias(instance.codes.shape), plain.field.texture_bias(instance.codes.texture)
     exact = render_rays(plain, rays, 96, *biases)
-    seen = render(instance, camera, 96)
-    assert psnr(seen.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
+    rendered = render(instance, camera, 96)
+    assert psnr(rendered.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
     assert psnr(render(plain[0], camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
 
 
-def test_a_shape_on_the_move_is_found_around_the_last_one():
+def test_the_occupancy_of_a_changing_shape_follows_the_previous_one():
     model = tiny_model()
-    steps = [model[0].mixed(model[2], share / 20, 0.0) for share in range(9)]
+    steps = [model[0].mixed(model[2], number / 20, 0.0) for number in range(9)]
     occupancy = Occupancy(model, FoldedField(steps[0]))
     for instance in steps[1:]:
         occupancy = Occupancy(model, FoldedField(instance), occupancy)
-        whole = Occupancy(model, FoldedField(instance))
+        complete = Occupancy(model, FoldedField(instance))
         assert not occupancy.complete
-        assert not bool((occupancy.cells & ~whole.cells).any())
-        assert float((whole.cells & ~occupancy.cells).sum()) <= 0.001 * float(whole.cells.sum())
+        assert not bool((occupancy.cells & ~complete.cells).any())
+        assert float((complete.cells & ~occupancy.cells).sum()) <= 0.001 * float(complete.cells.sum())
 
 
 @pytest.mark.parametrize(("name", "deviations"), [("chairs", 0.0), ("chairs", 5.0), ("cars", 1.0), ("cars", 5.0)])
-def test_what_training_objects_occupy_leaves_nothing_of_a_shape_out(name: str, deviations: float):
+def test_the_occupancy_by_stored_cells_misses_no_cell_of_an_unusual_shape(name: str, deviations: float):
     model = load_model(name)
     generator = torch.Generator().manual_seed(0)
-    space, start = model.codes.shape_space, model[int(torch.randint(100, (), generator=generator))]
-    one = torch.randn(len(space.std), generator=generator) * (torch.rand(len(space.std), generator=generator) < 0.1)
-    instance = start.moved("shape", space.code(deviations * one) - space.mean)
-    whole = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
-    missed = whole.cells & ~Occupancy(model, FoldedField(instance)).cells
-    assert float(missed.sum()) < 1e-3 * float(whole.cells.sum())
+    space = model.codes.shape_space
+    start = model[int(torch.randint(100, (), generator=generator))]
+    size = len(space.std)
+    direction = torch.randn(size, generator=generator) * (torch.rand(size, generator=generator) < 0.1)
+    instance = start.moved("shape", space.code(deviations * direction) - space.mean)
+    complete = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
+    missed = complete.cells & ~Occupancy(model, FoldedField(instance)).cells
+    assert float(missed.sum()) < 1e-3 * float(complete.cells.sum())
 
 
-def test_an_object_where_no_training_object_has_anything_is_whole():
+def test_the_occupancy_outside_all_stored_cells_is_complete():
     model = tiny_model()
     instance = model[0]
-    nowhere = replace(model, stored_cells=torch.zeros(32, 32, 32, dtype=torch.bool))
-    whole = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
-    assert bool(whole.cells.any())
-    assert torch.equal(Occupancy(nowhere, FoldedField(instance)).cells, whole.cells)
+    without_cells = replace(model, stored_cells=torch.zeros(32, 32, 32, dtype=torch.bool))
+    complete = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
+    assert bool(complete.cells.any())
+    assert torch.equal(Occupancy(without_cells, FoldedField(instance)).cells, complete.cells)
 
 
-def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
+def test_a_cached_preview_of_a_changing_shape_does_not_replace_the_finished_render():
     model = tiny_model()
     renderer.clear_cache()
-    near, far = model[0], model[0].mixed(model[2], 0.05, 0)
-    render(near, model.camera(0.5, 0.3), 48)
-    quick = render(far, model.camera(0.5, 0.3), 48, complete=False)
-    found = render(far, model.camera(0.5, 0.3), 48)
+    mixed = model[0].mixed(model[2], 0.05, 0)
+    render(model[0], model.camera(0.5, 0.3), 48)
+    preview = render(mixed, model.camera(0.5, 0.3), 48, complete=False)
+    finished = render(mixed, model.camera(0.5, 0.3), 48)
     renderer.clear_cache()
-    exact = render(far, model.camera(0.5, 0.3), 48)
-    assert torch.equal(found.colour, exact.colour)
-    assert psnr(quick.colour, exact.colour) > 50
+    expected = render(mixed, model.camera(0.5, 0.3), 48)
+    assert torch.equal(finished.colour, expected.colour)
+    assert psnr(preview.colour, expected.colour) > 50
 
 
-def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):
-    """Behind the pixel lies an occupied cell, and yet the ray passes beside all of them."""
+def test_rays_without_occupied_intervals_are_white(monkeypatch: pytest.MonkeyPatch):
+    """A pixel's depth range may be filled although its ray passes beside all occupied cells."""
     none = torch.zeros(0, dtype=torch.long)
     monkeypatch.setattr(Occupancy, "intersect", lambda self, *_: OccupiedIntervals(none, none, none.bool()))
     renderer.clear_views()
-    seen = render(MODEL[1], MODEL.camera(0.5, 0.3), 8)
-    assert bool((seen.colour == 1).all())
-    assert float(seen.opacity.max()) == 0
+    rendered = render(MODEL[1], MODEL.camera(0.5, 0.3), 8)
+    assert bool((rendered.colour == 1).all())
+    assert float(rendered.opacity.max()) == 0
     renderer.clear_views()
 
 
-def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
+def test_early_termination_loses_no_visible_light(monkeypatch: pytest.MonkeyPatch):
     model = tiny_model()
 
-    def drawn_anew() -> torch.Tensor:
+    def colour() -> torch.Tensor:
         renderer.clear_views()
         return render(model[2], model.camera(0.5, 0.3), 192).colour
 
-    seen = drawn_anew()
+    terminated = colour()
     monkeypatch.setattr(renderer, "tolerances", lambda samples: tolerances(samples)._replace(termination=math.inf))
-    assert float((drawn_anew() - seen).abs().max()) < 0.005
+    assert float((colour() - terminated).abs().max()) < 0.005
 
 
 def test_finer_intervals_never_cost_quality():
-    """In a mist every interval gives a little only, and the finer they are the less: none of it may be lost."""
-    instance, camera = MODEL[2], MODEL.camera(0.5, 0.3)
+    """In fog each interval absorbs little light, less the finer the intervals: none of it may be lost."""
+    instance = MODEL[2]
+    camera = MODEL.camera(0.5, 0.3)
     exact = render_exact(instance, camera, 512).colour.clamp(0, 1)
-    found = [psnr(render(instance, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
-    assert found == sorted(found)
+    qualities = [psnr(render(instance, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
+    assert qualities == sorted(qualities)
 
 
-def test_everything_is_made_on_the_models_device():
+def test_every_tensor_is_created_on_the_models_device():
     model = random_model(seed=5)
-    instance, camera = model[0], model.camera(0.4, 0.3)
-    truth, exact = render(instance, camera, 32), render_exact(instance, camera, 8)
-    fresh = random_model(seed=5)[0]  # with nothing kept
+    instance = model[0]
+    camera = model.camera(0.4, 0.3)
+    expected = render(instance, camera, 32)
+    exact = render_exact(instance, camera, 8)
+    fresh = random_model(seed=5)[0]  # with nothing cached
     placing.cache_clear()
-    with torch.device("meta"):  # where whatever names no device ends up, and cannot meet what has values
-        assert torch.equal(render(fresh, camera, 32).colour, truth.colour)
+    with torch.device("meta"):  # a tensor created without a device has no values here, and operations with it fail
+        assert torch.equal(render(fresh, camera, 32).colour, expected.colour)
         assert torch.equal(render_exact(fresh, camera, 8).colour, exact.colour)

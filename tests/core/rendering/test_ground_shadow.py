@@ -1,4 +1,4 @@
-"""The shadow on the ground, against sums written out and, drawn by OpenGL, against itself."""
+"""The ground shadow against explicit sums, and its drawing by OpenGL against the computed one."""
 
 import math
 
@@ -30,7 +30,7 @@ def rendered(model: Model, camera: Camera) -> Frame:
 
 
 def plate(bottom: int, thick: int = 2) -> torch.Tensor:
-    """A square of 16 x 16 corners in the middle, so far above the lowest layer, on four posts that reach down to it."""
+    """A square of 16 x 16 corners in the middle, ``bottom`` above the lowest layer, and four posts from that layer."""
     density = torch.full((65, 65, 65), 1e-2)
     density[24:40, 24:40, 10 + bottom : 10 + bottom + thick] = 1e2
     for x, y in ((4, 4), (60, 4), (4, 60), (60, 60)):  # far away, so that they hide nothing of the middle
@@ -40,12 +40,16 @@ def plate(bottom: int, thick: int = 2) -> torch.Tensor:
 
 @pytest.fixture
 def shadow() -> GroundShadow:
-    found = cast_shadow(plate(8), EXTENT)
-    assert found
-    return found
+    return solid_shadow(plate(8))
 
 
-def test_it_is_what_a_plate_hides_of_the_sky_on_a_ground_just_below(shadow: GroundShadow) -> None:
+def solid_shadow(density: torch.Tensor) -> GroundShadow:
+    shadow = cast_shadow(density, EXTENT)
+    assert shadow
+    return shadow
+
+
+def test_darkness_is_the_fraction_of_the_sky_that_a_plate_hides(shadow: GroundShadow) -> None:
     """Light from a direction of zenith angle a weighs cos(a)^6: its integral over the plate, as seen from below."""
     height = 12 * SIDE * EXTENT[2]  # the slab from 8 to 16 layers
     x, y = (torch.arange(-32, 33) * SIDE * half for half in EXTENT[:2])
@@ -60,9 +64,9 @@ def test_it_is_what_a_plate_hides_of_the_sky_on_a_ground_just_below(shadow: Grou
     assert max(int(edge.max()) for edge in edges) == 0
 
 
-def test_what_stands_lower_is_darker_and_nothing_and_specks_cast_none() -> None:
-    cast = [cast_shadow(plate(height), EXTENT) for height in (1, 4, 20)]
-    middles = [int(found.darkness[120:136, 120:136].max()) for found in cast if found]
+def test_lower_plates_are_darker_and_specks_cast_no_shadow() -> None:
+    shadows = [solid_shadow(plate(height)) for height in (1, 4, 20)]
+    middles = [int(shadow.darkness[120:136, 120:136].max()) for shadow in shadows]
     assert middles == sorted(middles, reverse=True)
     assert middles[0] > 2 * middles[-1] > 0
     speck = torch.full((65, 65, 65), 1e-2)
@@ -70,25 +74,22 @@ def test_what_stands_lower_is_darker_and_nothing_and_specks_cast_none() -> None:
     assert cast_shadow(speck, EXTENT) is None
     low = plate(8)
     low[30, 30, 1] = 1e2
-    found = cast_shadow(low, EXTENT)
-    assert found
-    assert found.height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
+    assert solid_shadow(low).height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
 
 
-def test_it_is_dark_and_narrow_where_the_object_touches_the_ground_and_haze_casts_none() -> None:
+def test_contact_shadows_are_dark_and_narrow_and_haze_casts_none() -> None:
     density = plate(20)
     density[28:36, 28:36, 10:13] = 1e2  # a foot
     density[44:52, 28:36, 10:13] = 0.4  # haze
-    found = cast_shadow(density, EXTENT)
-    without = cast_shadow(plate(20), EXTENT)
-    assert found and without
+    row = solid_shadow(density).darkness[128].astype(int)
+    row_without = solid_shadow(plate(20)).darkness[128].astype(int)
     # A corner is two texels wide, and the map reaches half of the grid beyond the grid.
-    row, edge = found.darkness[128].astype(int), 64 + 71
-    beside, far = row[edge], row[edge + 9]
-    assert row[128] > 200 and beside > far + 60
-    assert abs(far - int(without.darkness[128, edge + 9])) < 25
+    edge = 64 + 71
+    assert row[128] > 200
+    assert row[edge] > row[edge + 9] + 60
+    assert abs(row[edge + 9] - row_without[edge + 9]) < 25
     hazy = 64 + 2 * 48
-    assert abs(int(found.darkness[128, hazy]) - int(without.darkness[128, hazy])) < 10
+    assert abs(row[hazy] - row_without[hazy]) < 10
 
 
 @pytest.mark.parametrize("layer", [0, 1, 30])
@@ -101,37 +102,37 @@ def test_the_ground_lies_where_the_object_ends_between_two_layers(
     if layer:
         density[20:40, 20:40, layer - 1] = below
     density[24, 24, max(layer - 1, 0)] = 5.0  # a speck below
-    found = cast_shadow(density, EXTENT)
-    assert found
     expected = layer - 1 + height if layer else 0.0
-    assert found.height == pytest.approx(EXTENT[2] * (expected * SIDE - 1), abs=0.02 * SIDE)
+    assert solid_shadow(density).height == pytest.approx(EXTENT[2] * (expected * SIDE - 1), abs=0.02 * SIDE)
 
 
 @pytest.mark.parametrize("elevation", [-1.2, -0.5, 0.02, 0.3, 1.5])
-def test_opengl_draws_what_is_computed(gl: moderngl.Context, shadow: GroundShadow, elevation: float) -> None:
-    """Also of a part of the camera's image; from below the ground, nothing."""
+def test_opengl_draws_the_computed_shadow(gl: moderngl.Context, shadow: GroundShadow, elevation: float) -> None:
+    """Drawn in a section of the camera's image; from below the ground, there is no shadow."""
     camera = Camera(0.7, elevation, 1.6, 90.0, 96, 96)
     expected = shadow.seen_by(camera).numpy()
     texture = gl.texture((64, 48), 4)
-    target, shader = gl.framebuffer([texture]), GroundShader(gl)
+    target = gl.framebuffer([texture])
+    shader = GroundShader(gl)
     target.use()
     target.clear(1.0, 1.0, 1.0, 1.0)
     shader.draw(shadow, camera, (64, 48), (20, 40))
-    seen = np.frombuffer(texture.read(), np.uint8).reshape(48, 64, 4)[..., 0] / 255
-    assert np.abs(seen - (1 - expected[40:88, 20:84])).max() < 0.012
+    drawn = np.frombuffer(texture.read(), np.uint8).reshape(48, 64, 4)[..., 0] / 255
+    assert np.abs(drawn - (1 - expected[40:88, 20:84])).max() < 0.012
     assert (expected.max() > 0.02) == (elevation > 0)
-    for part in (shader, target, texture):
-        part.release()
+    for resource in (shader, target, texture):
+        resource.release()
 
 
-def test_it_lies_between_object_and_background() -> None:
+def test_the_shadow_lies_between_object_and_background() -> None:
     model = tiny_model()
     camera = model.camera(0.3, 0.5).resized(48, 48)
     frame = rendered(model, camera)
     assert frame.shadow
     lost = frame.shadow.seen_by(camera).numpy()[..., None]
     assert lost.max() > 0.2
-    opacity, background = frame.opacity[..., None], np.array([90, 160, 220])
+    opacity = frame.opacity[..., None]
+    background = np.array([90, 160, 220])
     expected = frame.image - 255 * (1 - opacity) + (1 - opacity) * (1 - lost) * background
     assert np.abs(over(frame, (90, 160, 220), camera) - expected).max() <= 1
     clear = over(frame, None, camera).astype(float)
@@ -139,22 +140,23 @@ def test_it_lies_between_object_and_background() -> None:
     assert np.abs(clear[..., :3] * alpha + background * (1 - alpha) - expected).max() <= 3
 
 
-def test_baked_frames_have_it_as_exact_ones_have_and_only_if_it_is_wanted() -> None:
+def test_baked_and_exact_frames_have_the_same_shadow_if_it_is_switched_on() -> None:
     model = tiny_model()
     views = turntable(model[0], model.camera(0.3, 0.4).resized(64, 64), 4)[:2]
-    (drawn, exact), (without, _) = (
-        [
-            [one for one in make(views, (255, 255, 255), wanted) if one is not None]
-            for make in (baked_frames, exact_frames)
-        ]
-        for wanted in (True, False)
+    baked, exact, without = (
+        [image for image in frames if image is not None]
+        for frames in (
+            baked_frames(views, (255, 255, 255), True),
+            exact_frames(views, (255, 255, 255), True),
+            baked_frames(views, (255, 255, 255), False),
+        )
     )
-    for one, other, plain in zip(drawn, exact, without, strict=True):
-        assert psnr_from_mse(float(np.square((one - other.astype(float)) / 255).mean())) > 42
-        assert (plain.astype(int) - one).max() > 8
-        assert (one <= plain.astype(int) + 1).all()  # it only darkens
+    for image, exact_image, plain in zip(baked, exact, without, strict=True):
+        assert psnr_from_mse(float(np.square((image - exact_image.astype(float)) / 255).mean())) > 42
+        assert (plain.astype(int) - image).max() > 8
+        assert (image <= plain.astype(int) + 1).all()  # a shadow only darkens
 
 
-def test_a_network_that_paints_the_background_has_none() -> None:
+def test_a_network_that_paints_the_background_has_no_shadow() -> None:
     model = random_model(1, white_from_network=True)
     assert rendered(model, model.camera(0.3, 0.4)).shadow is None

@@ -18,9 +18,9 @@ def entangled() -> Model:
     return Model(build("M2"), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0)
 
 
-@pytest.mark.parametrize("made", [lambda: random_model(1, white_from_network=True), entangled])
-def test_what_the_fast_renderer_draws_otherwise_is_rendered_exactly(made: Callable[[], Model]):
-    model = made()
+@pytest.mark.parametrize("make_model", [lambda: random_model(1, white_from_network=True), entangled])
+def test_models_that_the_fast_renderer_does_not_support_are_rendered_exactly(make_model: Callable[[], Model]):
+    model = make_model()
     camera = model.camera(0.4, 0.3)
     expected = render_exact(model[0], camera, 64)
     assert torch.equal(render_image(model[0], camera).colour, expected.colour)

@@ -1,4 +1,4 @@
-"""Rendering for fits: the same as the exact renderer where nothing is left out, close to it where little is."""
+"""Rendering for fits against the exact renderer: equal with all samples, close with the largest weights."""
 
 import pytest
 import torch
@@ -14,7 +14,7 @@ from tests.conftest import random_model
 
 
 def bundle(model: Model, objects: int, rays: int) -> Rays:
-    """(objects, 2 views, rays), from all round."""
+    """Rays of (objects, 2 views, rays) from all sides."""
     generator = torch.Generator().manual_seed(1)
     places = torch.rand((objects, 2, rays, 2), generator=generator) * 0.3 - 0.15
     angles = torch.rand((objects, 2, 1), generator=generator)
@@ -28,7 +28,7 @@ def biases(model: Model, objects: int) -> tuple[Tensor, Tensor]:
 
 
 @pytest.mark.parametrize("white_from_network", [False, True])
-def test_with_all_samples_kept_it_is_the_exact_renderer(white_from_network: bool) -> None:
+def test_with_all_samples_the_render_is_exact(white_from_network: bool) -> None:
     model = random_model(white_from_network=white_from_network)
     rays = bundle(model, 3, 20)
     shape, texture = biases(model, 3)
@@ -41,28 +41,28 @@ def test_with_all_samples_kept_it_is_the_exact_renderer(white_from_network: bool
     torch.testing.assert_close(ours, theirs, rtol=1e-4, atol=1e-5)
 
 
-def test_opacity_is_exact_whatever_is_kept_and_rays_that_miss_are_white(model: Model) -> None:
+def test_opacity_is_exact_with_few_samples_and_rays_that_miss_are_white(model: Model) -> None:
     rays = bundle(model, 2, 30)
     shape, texture = biases(model, 2)
-    whole = render_rays(model, rays, 16, shape[:, None, None, None], texture[:, None, None, None])
+    exact = render_rays(model, rays, 16, shape[:, None, None, None], texture[:, None, None, None])
     errors = []
     for kept in (1, 4, 10):
         colour, opacity = render_top_samples(model, rays, 16, kept, shape, texture).split((3, 1), -1)
-        torch.testing.assert_close(opacity[..., 0], whole.opacity)
-        errors.append(float((colour - whole.colour).abs().mean().detach()))
+        torch.testing.assert_close(opacity[..., 0], exact.opacity)
+        errors.append(float((colour - exact.colour).abs().mean().detach()))
     assert errors[0] > errors[1] > errors[2]
     turn = camera_rotation(torch.tensor(0.0), torch.tensor(0.0))
     origins = (turn @ torch.tensor([0.0, 0.0, 5.0])).expand(1, 1, 4, 3)
     nothing = torch.zeros(1, 1, 4)
     rays = Rays(origins, origins / 5, nothing, nothing)
-    seen = render_top_samples(model, rays, 8, 2, *biases(model, 1))
-    torch.testing.assert_close(seen, torch.tensor([1.0, 1, 1, 0]).expand(1, 1, 4, 4))
+    rendered = render_top_samples(model, rays, 8, 2, *biases(model, 1))
+    torch.testing.assert_close(rendered, torch.tensor([1.0, 1, 1, 0]).expand(1, 1, 4, 4))
 
 
-def test_without_gradients_it_shows_the_same(model: Model) -> None:
-    rays, codes = bundle(model, 2, 40), model.codes
-    biases = model.field.shape_bias(codes.shapes[:2]), model.field.texture_bias(codes.textures[:2])
-    dense = render_top_samples(model, rays, 16, 5, *biases)
+def test_renders_with_and_without_gradients_agree(model: Model) -> None:
+    rays = bundle(model, 2, 40)
+    shape, texture = biases(model, 2)
+    differentiable = render_top_samples(model, rays, 16, 5, shape, texture)
     with torch.no_grad(), use_dtype(torch.float32):
-        folded_ones = render_top_samples(model, rays, 16, 5, *biases)
-    torch.testing.assert_close(folded_ones, dense, rtol=0, atol=5e-3)
+        plain = render_top_samples(model, rays, 16, 5, shape, texture)
+    torch.testing.assert_close(plain, differentiable, rtol=0, atol=5e-3)

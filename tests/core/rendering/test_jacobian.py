@@ -1,4 +1,4 @@
-"""The Jacobian by hand against autograd, and against the renderer it belongs to."""
+"""The hand-written Jacobian against autograd through the exact renderer."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,20 +20,19 @@ OBJECTS, RAYS, SAMPLES = 3, 10, 12
 
 
 @pytest.fixture(autouse=True)
-def single() -> Iterator[None]:
-    """In float32, so that derivatives can be compared."""
+def float32() -> Iterator[None]:
+    """Compute in float32, so that derivatives can be compared."""
     with use_dtype(torch.float32):
         yield
 
 
 def biases(model: Model) -> tuple[Tensor, Tensor]:
-    return model.field.shape_bias(model.codes.shapes[:OBJECTS]), model.field.texture_bias(
-        model.codes.textures[:OBJECTS]
-    )
+    shapes = model.field.shape_bias(model.codes.shapes[:OBJECTS])
+    return shapes, model.field.texture_bias(model.codes.textures[:OBJECTS])
 
 
-def entries(model: Model, numbers: int) -> BiasJacobians:
-    """Random directions in which biases move."""
+def random_jacobians(model: Model, numbers: int) -> BiasJacobians:
+    """Random derivatives of the shape biases by this many numbers, and of the texture biases by two."""
     generator = torch.Generator().manual_seed(5)
     shape, texture = biases(model)
     return BiasJacobians(
@@ -41,51 +40,53 @@ def entries(model: Model, numbers: int) -> BiasJacobians:
     )
 
 
-def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
-    rays, enter = bundle(model, OBJECTS, RAYS), entries(model, 3)
-    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter)
+def rendered(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
+    rays = bundle(model, OBJECTS, RAYS)
+    moves = random_jacobians(model, 3)
+    return rays, moves, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), moves)
 
 
 @pytest.mark.parametrize(("white_from_network", "contrast"), [(False, 0.0), (True, 0.0), (False, 20.0)])
-def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_from_network: bool, contrast: float):
+def test_with_all_samples_channels_and_jacobian_are_those_of_autograd(white_from_network: bool, contrast: float):
     model = with_contrast(random_model(white_from_network=white_from_network), contrast)
-    rays, enter, found = traced(model)
-    origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
-    shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))
-    seen = render_rays(model, replace(rays, origins=origins, directions=directions), SAMPLES, shape, texture)
-    channels = (*seen.colour.unbind(-1), seen.opacity)
-    torch.testing.assert_close(found.channels, torch.stack(channels, -1), rtol=1e-4, atol=1e-5)
+    rays, moves, jacobian = rendered(model)
+    origins, directions = (values.detach().clone().requires_grad_() for values in (rays.origins, rays.directions))
+    shape, texture = (bias[:, None, None, None].detach().requires_grad_() for bias in biases(model))
+    exact = render_rays(model, replace(rays, origins=origins, directions=directions), SAMPLES, shape, texture)
+    channels = (*exact.colour.unbind(-1), exact.opacity)
+    torch.testing.assert_close(jacobian.channels, torch.stack(channels, -1), rtol=1e-4, atol=1e-5)
     for index, channel in enumerate(channels):
         origin, direction, by_shape, by_texture = torch.autograd.grad(
             channel.sum(), (origins, directions, shape, texture), retain_graph=True, materialize_grads=True
         )
-        torch.testing.assert_close(found.origin[..., index, :], origin, rtol=1e-3, atol=1e-4)
-        torch.testing.assert_close(found.direction[..., index, :], direction, rtol=1e-3, atol=1e-4)
-        ours = found.codes[..., index, :].sum((1, 2))
-        along = [
-            (slope.flatten(1)[..., None] * entry.flatten(1, 2)).sum(1)
-            for slope, entry in ((by_shape, enter.shape), (by_texture, enter.texture))
+        torch.testing.assert_close(jacobian.origin[..., index, :], origin, rtol=1e-3, atol=1e-4)
+        torch.testing.assert_close(jacobian.direction[..., index, :], direction, rtol=1e-3, atol=1e-4)
+        ours = jacobian.codes[..., index, :].sum((1, 2))
+        expected = [
+            (slope.flatten(1)[..., None] * move.flatten(1, 2)).sum(1)
+            for slope, move in ((by_shape, moves.shape), (by_texture, moves.texture))
         ]
-        torch.testing.assert_close(ours, torch.cat(along, -1), rtol=1e-3, atol=1e-3)
+        torch.testing.assert_close(ours, torch.cat(expected, -1), rtol=1e-3, atol=1e-3)
 
 
-def test_few_samples_tell_most_and_chunks_do_not_matter(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, _, whole = traced(model)
-    _, _, some = traced(model, 4)
+def test_few_samples_give_similar_derivatives_and_chunks_the_same(
+    model: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, _, complete = rendered(model)
+    _, _, sparse = rendered(model, 4)
     for name in ("channels", "origin", "codes"):
-        one, other = getattr(whole, name).flatten(), getattr(some, name).flatten()
-        assert float(torch.cosine_similarity(one, other, dim=0)) > 0.95
-    _, _, whole = traced(model)
+        similarity = torch.cosine_similarity(getattr(complete, name).flatten(), getattr(sparse, name).flatten(), dim=0)
+        assert float(similarity) > 0.95
     monkeypatch.setattr(jacobians, "CHUNK_POINTS", 50)
-    _, _, parts = traced(model)
-    for one, other in zip(whole, parts, strict=True):
-        torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
+    _, _, chunked = rendered(model)
+    for values, expected in zip(chunked, complete, strict=True):
+        torch.testing.assert_close(values, expected, rtol=1e-4, atol=1e-5)
 
 
-def test_rays_that_miss_are_white_and_still() -> None:
+def test_rays_that_miss_are_white_and_have_no_derivatives() -> None:
     model = random_model()
     rays = bundle(model, OBJECTS, RAYS)
-    away = replace(rays, far=rays.near)
-    found = render_with_jacobian(model, away, SAMPLES, 4, *biases(model), entries(model, 3))
-    assert bool((found.channels == torch.tensor([1, 1, 1, 0])).all())
-    assert all(not bool(part.any()) for part in found[1:])
+    missing = replace(rays, far=rays.near)
+    jacobian = render_with_jacobian(model, missing, SAMPLES, 4, *biases(model), random_jacobians(model, 3))
+    assert bool((jacobian.channels == torch.tensor([1, 1, 1, 0])).all())
+    assert all(not bool(derivative.any()) for derivative in jacobian[1:])

@@ -1,4 +1,4 @@
-"""On a tiny model whose photo's mask lacks a part of what the codes show."""
+"""The outline of a photo whose mask lacks the right third of a tiny model's object."""
 
 import math
 from dataclasses import replace
@@ -31,57 +31,59 @@ def camera(tiny: Model) -> Camera:
 
 @pytest.fixture(scope="module")
 def instance(tiny: Model, camera: Camera) -> Instance:
-    """Codes whose photo shows nothing of the object's right third."""
-    seen = render_exact(tiny[0], camera, 64)
-    opacity = (seen.opacity > 0.5).float()
+    """An object whose photo shows nothing of its right third."""
+    rendered = render_exact(tiny[0], camera, 64)
+    opacity = (rendered.opacity > 0.5).float()
     opacity[:, int(0.55 * SIZE) :] = 0
-    rgba = to_bytes(torch.cat((seen.colour.clamp(0, 1), opacity[..., None]), -1))
+    rgba = to_bytes(torch.cat((rendered.colour.clamp(0, 1), opacity[..., None]), -1))
     view = replace(PhotoView.of(rgba, camera), outline_margin=MARGIN)
     detail = PhotoDetail((view,), tiny.codes[0].shape, tiny.codes[0].texture, other_side="model")
     return tiny[0].with_detail(detail)
 
 
-def bound(model: Model, instance: Instance) -> Outline:
-    found = outline(instance)
-    assert found is not None
-    return found
+def bound(instance: Instance) -> Outline:
+    bound = outline(instance)
+    assert bound is not None
+    return bound
 
 
-def test_a_point_keeps_its_density_by_its_image_s_distance_from_the_mask(tiny: Model, instance: Instance) -> None:
+def test_the_weight_of_a_point_follows_from_its_distance_to_the_mask(tiny: Model, instance: Instance) -> None:
     view = instance.detail.views[0]
     points = (2 * torch.rand(400, 3, generator=torch.Generator().manual_seed(0)) - 1) * torch.tensor(tiny.extent)
     rows, columns = np.nonzero(view.pixels()[..., 3] > 127)
     mask = torch.from_numpy(np.stack((columns, rows), -1) + 0.5).float()
     away = torch.cdist(view.camera.project(points), mask).amin(1) / view.camera.focal
-    share = bound(tiny, instance).silhouettes[0].share(points)
-    assert share.shape == (400,)
-    assert (share[away < 0.4 * MARGIN] == 1).all() and (share[away > 1.2 * MARGIN] == 0).all()
-    assert 50 < int((share == 0).sum()) < 350
+    weight = bound(instance).silhouettes[0].weight(points)
+    assert weight.shape == (400,)
+    assert (weight[away < 0.4 * MARGIN] == 1).all() and (weight[away > 1.2 * MARGIN] == 0).all()
+    assert 50 < int((weight == 0).sum()) < 350
 
 
 @pytest.mark.parametrize("beside", [0.0, 1.0, 3.0])
 def test_all_renderers_agree(tiny: Model, instance: Instance, camera: Camera, beside: float) -> None:
-    seen_from = replace(camera, azimuth=camera.azimuth + beside)
+    camera = replace(camera, azimuth=camera.azimuth + beside)
     clear_cache()
-    plain = render(instance.with_detail(None), seen_from, 192)
-    fast, exact = render(instance, seen_from, 192), render_exact(instance, seen_from, 192)
+    plain = render(instance.with_detail(None), camera, 192)
+    fast = render(instance, camera, 192)
+    exact = render_exact(instance, camera, 192)
     *_, baked = bake(instance)
     assert baked is not None
     assert psnr(fast.colour, exact.colour.clamp(0, 1)) > 45 > psnr(plain.colour, fast.colour) + 10
     assert float((fast.opacity - exact.opacity).abs().mean()) < 0.002
-    assert psnr(render_baked(baked, seen_from).colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 25
+    assert psnr(render_baked(baked, camera).colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 25
 
 
-def test_nothing_is_left_beyond_the_outline(tiny: Model, instance: Instance, camera: Camera) -> None:
+def test_images_and_meshes_end_at_the_outline(tiny: Model, instance: Instance, camera: Camera) -> None:
     assert instance.detail is not None
-    opacity, mesh = render(instance, camera, 192).opacity, run_to_end(extract_mesh(instance, 48))
+    opacity = render(instance, camera, 192).opacity
+    mesh = run_to_end(extract_mesh(instance, 48))
     right = int(0.55 * SIZE + 1.1 * MARGIN * camera.focal) + 1
     assert float(opacity[:, right:].max()) < 0.01 and float(opacity[:, : SIZE // 2].max()) > 0.9
     view = instance.detail.views[0]
     assert view.camera.project(torch.from_numpy(mesh.vertices))[:, 0].max() / view.camera.width < right / SIZE + 0.02
 
 
-def test_what_is_thin_within_the_mask_becomes_opaque(tiny: Model, camera: Camera) -> None:
+def test_thin_surfaces_within_the_mask_become_opaque(tiny: Model, camera: Camera) -> None:
     thin = tiny[0]
     plain = render_exact(thin, camera, 192)
     rgba = to_bytes(torch.cat((plain.colour.clamp(0, 1), (plain.opacity > 0.2).float()[..., None]), -1))
@@ -95,12 +97,12 @@ def test_what_is_thin_within_the_mask_becomes_opaque(tiny: Model, camera: Camera
     assert float((opacity - plain.opacity)[inside].min()) > -0.02
 
 
-def test_it_fades_with_the_photo_detail(tiny: Model, instance: Instance, camera: Camera) -> None:
+def test_the_outline_fades_with_the_photo_detail(tiny: Model, instance: Instance, camera: Camera) -> None:
     detail = instance.detail
     assert detail is not None
     light = [
-        float(render(instance.with_detail(one), camera, 64).opacity[:, int(0.55 * SIZE) :].sum())
-        for one in (None, *(replace(detail, strength=strength) for strength in (0.0, 0.02, 0.3, 1.0)))
+        float(render(instance.with_detail(faded), camera, 64).opacity[:, int(0.55 * SIZE) :].sum())
+        for faded in (None, *(replace(detail, strength=strength) for strength in (0.0, 0.02, 0.3, 1.0)))
     ]
     assert light[0] == light[1] == pytest.approx(light[2], rel=1e-3)
     assert light[2] >= light[3] > light[4]
@@ -110,22 +112,22 @@ def test_it_fades_with_the_photo_detail(tiny: Model, instance: Instance, camera:
 
 
 def test_the_mirrored_mask_bounds_symmetric_objects_alone(tiny: Model) -> None:
-    """A square in the middle from the front is symmetric; beside the middle it leaves nothing of itself."""
+    """From the front, a square in the middle is symmetric; a square beside it shares no point with its mirror image."""
     front = Camera(math.pi / 2, 0.0, 2.0, 90.0, SIZE, SIZE)
     points = torch.tensor([[-0.35, 0.0, 0.0], [0.0, 0.0, 0.0], [0.35, 0.0, 0.0]])
-    for left, right, agreeing, kept in ((38, 58, 1, [0, 1, 0]), (56, 72, 0, [1, 0, 0]), (24, 40, 0, [0, 0, 1])):
+    for left, right, symmetry, kept in ((38, 58, 1, [0, 1, 0]), (56, 72, 0, [1, 0, 0]), (24, 40, 0, [0, 0, 1])):
         rgba = np.full((SIZE, SIZE, 4), 255, np.uint8)
         rgba[..., 3] = 0
         rgba[30:66, left:right, 3] = 255
         view = replace(PhotoView.of(rgba, front), outline_margin=MARGIN)
         detail = PhotoDetail((view,), tiny.codes[0].shape, tiny.codes[0].texture)
-        found = bound(tiny, tiny[0].with_detail(detail))
-        assert coherence(found.silhouettes[0]) == pytest.approx(agreeing, abs=0.01)
-        assert found.mirrored == (bool(agreeing),)
-        assert (found.factor(points) > 0).tolist() == kept
+        outline = bound(tiny[0].with_detail(detail))
+        assert coherence(outline.silhouettes[0]) == pytest.approx(symmetry, abs=0.01)
+        assert outline.mirrored == (bool(symmetry),)
+        assert (outline.factor(points) > 0).tolist() == kept
 
 
 def test_points_behind_the_camera_are_finite(tiny: Model, instance: Instance) -> None:
     _, origin = instance.detail.views[0].camera.world_to_camera(torch.device("cpu"))
     points = torch.stack((origin, 2 * origin, 1e10 * origin, -1e10 * origin))
-    assert torch.isfinite(bound(tiny, instance).factor(points)).all()
+    assert torch.isfinite(bound(instance).factor(points)).all()

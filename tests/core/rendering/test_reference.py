@@ -10,30 +10,31 @@ from tests.conftest import random_model
 
 
 def test_one_ray_is_the_sum_of_the_paper(model: Model):
-    instance, samples = model[2], 20
+    instance = model[2]
+    samples = 20
     ray = camera_rays(model.camera(0.4, 0.3), model.extent_tensor)[15, 17]
     step = float(ray.far - ray.near) / samples
-    light, colour = 1.0, torch.zeros(3)
-    shape_bias, texture_bias = (
-        model.field.shape_bias(instance.codes.shape),
-        model.field.texture_bias(instance.codes.texture),
-    )
+    light = 1.0
+    colour = torch.zeros(3)
+    shape_bias = model.field.shape_bias(instance.codes.shape)
+    texture_bias = model.field.texture_bias(instance.codes.texture)
     for index in range(samples):
         point = ray.origins + (ray.near + (index + 0.5) * step) * ray.directions
         density, features = model.field.density(point, shape_bias)
-        seen = model.field.colour(features, model.field.direction_bias(ray.directions), texture_bias)
-        taken = 1 - float(torch.exp(-density * step))
-        colour, light = colour + light * taken * seen, light * (1 - taken)
-    found = render_exact(instance, model.camera(0.4, 0.3), samples)
-    torch.testing.assert_close(found.colour[15, 17], colour + light, atol=1e-5, rtol=1e-5)
-    assert float(found.opacity[15, 17]) == pytest.approx(1 - light, abs=1e-5)
+        emitted = model.field.colour(features, model.field.direction_bias(ray.directions), texture_bias)
+        absorbed = 1 - float(torch.exp(-density * step))
+        colour = colour + light * absorbed * emitted
+        light = light * (1 - absorbed)
+    rendered = render_exact(instance, model.camera(0.4, 0.3), samples)
+    torch.testing.assert_close(rendered.colour[15, 17], colour + light, atol=1e-5, rtol=1e-5)
+    assert float(rendered.opacity[15, 17]) == pytest.approx(1 - light, abs=1e-5)
 
 
 def test_rays_beside_the_box_are_white_and_samples_converge(model: Model, tiny: Model):
-    found = render_exact(model[0], model.camera(0.4, 0.3), 8)
-    assert found.colour[0, 0].tolist() == [1, 1, 1]
-    assert found.opacity[0, 0] == 0
-    assert found.depth[0, 0] == 0
+    rendered = render_exact(model[0], model.camera(0.4, 0.3), 8)
+    assert rendered.colour[0, 0].tolist() == [1, 1, 1]
+    assert rendered.opacity[0, 0] == 0
+    assert rendered.depth[0, 0] == 0
     camera = tiny.camera(0.4, 0.3)
     fine = render_exact(tiny[0], camera, 256).colour
     errors = [float((render_exact(tiny[0], camera, n).colour - fine).abs().mean()) for n in (8, 32, 128)]
@@ -41,8 +42,8 @@ def test_rays_beside_the_box_are_white_and_samples_converge(model: Model, tiny: 
 
 
 @pytest.mark.parametrize("name", ["azimuth", "elevation", "distance", "shape", "texture"])
-def test_gradients_of_rendered_rays_against_finite_differences(name: str, monkeypatch: pytest.MonkeyPatch):
-    # Under autocast the field returns to float32 so; here it would throw away the digits that the differences need.
+def test_gradients_of_rendered_rays_match_finite_differences(name: str, monkeypatch: pytest.MonkeyPatch):
+    # The field converts to float32 for autocast, which would lose the digits that the differences need.
     monkeypatch.setattr(torch.Tensor, "float", torch.Tensor.double)
     model = random_model(2)
     field = model.field.double()
@@ -59,10 +60,10 @@ def test_gradients_of_rendered_rays_against_finite_differences(name: str, monkey
     def loss(changed: torch.Tensor) -> torch.Tensor:
         now = values | {name: changed}
         rays = cast_rays(pixels, *(now[key] for key in place), 32.8, (32, 32), extent)
-        # Where samples stand along a ray is no function of the camera.
+        # Depths of samples are constants: the gradient does not pass through the ends of rays.
         rays = replace(rays, near=fixed.near, far=fixed.far)
-        seen = render_rays(model, rays, 12, field.shape_bias(now["shape"]), field.texture_bias(now["texture"]))
-        return (seen.colour - target).square().sum()
+        rendered = render_rays(model, rays, 12, field.shape_bias(now["shape"]), field.texture_bias(now["texture"]))
+        return (rendered.colour - target).square().sum()
 
     assert float(fixed.far.sub(fixed.near).min()) > 0.1
     start = values[name].clone().requires_grad_()

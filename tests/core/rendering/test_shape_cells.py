@@ -1,4 +1,4 @@
-"""Single shapes: their cells hold all of them that counts, and little else."""
+"""The cells of single shapes hold every visible point of them, and little else."""
 
 import pytest
 import torch
@@ -14,7 +14,8 @@ from tests.conftest import random_model
 @pytest.mark.parametrize("name", ["chairs", "cars"])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_render_within_the_cells_of_its_shape_looks_the_same(name: str, seed: int):
-    model, generator = load_model(name), torch.Generator().manual_seed(seed)
+    model = load_model(name)
+    generator = torch.Generator().manual_seed(seed)
     rows = torch.randperm(len(model.codes.shapes), generator=generator)[:4]
     shape, texture = model.field.biases(model.codes.shapes[rows], model.codes.textures[:4])
     cells = shape_cells(model, shape)
@@ -26,12 +27,13 @@ def test_a_render_within_the_cells_of_its_shape_looks_the_same(name: str, seed: 
         places, 6 * angles, angles, torch.full_like(angles, model.distance), 1.0, (0, 0), model.extent_tensor
     )
     with torch.no_grad():
-        whole, inside = (render_top_samples(model, rays, 48, 12, shape, texture, some) for some in (None, cells))
+        full = render_top_samples(model, rays, 48, 12, shape, texture)
+        within_cells = render_top_samples(model, rays, 48, 12, shape, texture, cells)
     for channels in (slice(0, 3), slice(3, 4)):
-        assert psnr_from_mse(float((whole - inside)[..., channels].square().mean())) > 40
+        assert psnr_from_mse(float((full - within_cells)[..., channels].square().mean())) > 40
 
 
-def test_where_the_network_paints_the_background_there_are_none():
+def test_a_model_whose_network_paints_the_background_has_no_cells():
     model = random_model(white_from_network=True)
     assert model.occupied_cells is None
     assert shape_cells(model, model.field.shape_bias(model.codes.shapes)) is None

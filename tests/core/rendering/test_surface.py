@@ -5,7 +5,7 @@ from core.rendering.surface import surface_points
 from tests.core.tiny import EXTENT
 
 
-def test_densities_cross_the_surface_in_the_box_in_colours_seen_from_outside(tiny: Model):
+def test_points_lie_on_the_surface_with_its_colours_from_outside(tiny: Model):
     points, colours = surface_points(tiny[3])
     assert len(points) > 500
     assert bool((points.abs() < EXTENT[0]).all())

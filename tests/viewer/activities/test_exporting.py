@@ -36,7 +36,8 @@ def test_a_page_is_written_with_the_objects_name(session: Session, tmp_path: Pat
 
 def test_the_time_left_does_not_count_preparation(session: Session, clock: Clock, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("viewer.activities.exporting.time", SimpleNamespace(monotonic=clock))
-    exporting, goes_on = session.exporting, threading.Event()
+    exporting = session.exporting
+    goes_on = threading.Event()
 
     def mesh(*_: object) -> Iterator[float]:
         yield 0.2

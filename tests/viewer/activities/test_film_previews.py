@@ -56,7 +56,8 @@ def test_shares_count_the_object_alone(sources: list | None, shares: tuple[float
 
 
 def test_the_time_of_saving_is_told_before_and_grows_with_the_size(session: Session) -> None:
-    preview, seconds = session.exporting.preview, []
+    preview = session.exporting.preview
+    seconds = []
     for size, exact in ((256, False), (1080, False), (1080, True)):
         preview.update(ShareSettings("turntable", size=size, exact=exact))
         finish(session, lambda: preview.seconds is not None)

@@ -82,7 +82,8 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Sessio
 
 def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
-    before, names = editor.history, editor.objects.own
+    before = editor.history
+    names = editor.objects.own
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
     assert editor.history is before
@@ -130,7 +131,8 @@ def test_files_that_are_no_images_are_reported_and_change_nothing(
 ) -> None:
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
-    before, history = editor.history, session.fitting.history
+    before = editor.history
+    history = session.fitting.history
     for path in bad_files.values():
         session.messages.all.clear()
         session.fitting.start(path)
@@ -196,7 +198,9 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, photo: Path) -> No
 
 def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, cut_out=doubted)
-    fitting, before, second = session.fitting, session.editor.history, block(photo, "b")
+    fitting = session.fitting
+    before = session.editor.history
+    second = block(photo, "b")
     fitting.start(photo)
     finish(session)
     assert not fitting.running
@@ -208,7 +212,7 @@ def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(
     (question,) = fitting.questions
     assert question.words.startswith("Is the whole object outlined")
     assert [request.history.name for request in fitting.pending] == ["block"]
-    edge = question.seen.pixels[:, 48]  # the block is from row 20 to row 80
+    edge = question.preview.pixels[:, 48]  # the block is from row 20 to row 80
     assert (edge[20] != (200, 30, 30)).any() and (edge[50] == (200, 30, 30)).all()
 
     def unread(path: Path, hints: Hints | None) -> CutOut:
@@ -223,7 +227,8 @@ def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(
 
 def test_the_category_follows_the_detector_where_the_mask_is_doubtful(worker: Worker, both: Backend, photo: Path):
     session = Session(worker, replace(both, cut_out=doubted), seed=0)
-    chairs, cars = session.models.of_category("chairs"), session.models.of_category("cars")
+    chairs = session.models.of_category("chairs")
+    cars = session.models.of_category("cars")
     session.fitting.start(photo)  # which a look at its colours takes for a chair
     finish(session)
     (question,) = session.fitting.questions
@@ -236,12 +241,13 @@ def test_the_category_follows_the_detector_where_the_mask_is_doubtful(worker: Wo
 
 def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, cut_out=crowded)
-    fitting, hints = session.fitting, list[Hints | None]()
+    fitting = session.fitting
+    hints = list[Hints | None]()
     fitting.start(photo)
     finish(session)
     (question,) = fitting.questions
     assert question.words.startswith("Which one?")
-    assert question.seen.boxes == ((0.0, 0.2, 0.5, 0.8), (0.5, 0.2, 1.0, 0.8))
+    assert question.preview.boxes == ((0.0, 0.2, 0.5, 0.8), (0.5, 0.2, 1.0, 0.8))
 
     def noted(path: Path, wanted: Hints | None) -> CutOut:
         hints.append(wanted)
@@ -319,7 +325,7 @@ def test_a_photo_without_an_object_waits_until_it_is_pointed_at(session: Session
     session.fitting.start(photo)
     finish(session)
     (question,) = session.fitting.questions
-    assert (question.cut, question.seen.boxes) == (None, ())
+    assert (question.cut, question.preview.boxes) == (None, ())
     assert question.words.startswith("The object was not found")
     assert session.messages.errors == []
     session.fitting.fit(question.source._replace(hints=Hints()))
@@ -417,7 +423,8 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
 
 
 def test_a_photo_of_something_else_among_several_is_asked_about(session: Session, photo: Path) -> None:
-    other, beside = photo.with_name("block other.png"), photo.with_name("block.mov")
+    other = photo.with_name("block other.png")
+    beside = photo.with_name("block.mov")
     shutil.copy(photo, other)
     beside.write_bytes(b"moving")
     guesses = iter(({"chairs": 0.9, "boats": 0.1}, {"chairs": 0.1, "boats": 0.9}))

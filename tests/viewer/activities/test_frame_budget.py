@@ -9,7 +9,8 @@ from viewer.activities.frame_budget import FrameBudget
 
 def settled(cost: float, fixed: float = 0.0, frames: int = 400) -> list[int]:
     """Divisors of first images on a machine that takes ``fixed`` s and ``cost`` s for all pixels."""
-    pace, found = FrameBudget(), []
+    pace = FrameBudget()
+    found = []
     for _ in range(frames):
         found.append(pace.divisor)
         pace.observe(pace.divisor, fixed + cost / pace.divisor**2)

@@ -53,7 +53,8 @@ def test_a_key_at_the_end_of_a_loop_is_the_one_it_stands_on(player: Player) -> N
 
 
 def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> None:
-    first, length = player.timeline.keys, player.timeline.length
+    first = player.timeline.keys
+    length = player.timeline.length
     player.seek(length)
     for count in range(3, 8):
         editor.sample()

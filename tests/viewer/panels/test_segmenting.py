@@ -22,7 +22,8 @@ _BOX = (0.15, 0.15), (0.4, 0.5), (0.7, 0.85)
 def busy(tmp_path: Path) -> Path:
     """A photo of a blue and a red block on noise."""
     noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
-    noise[40:120, 60:120], noise[50:70, 130:150] = (30, 40, 220), (220, 30, 30)
+    noise[40:120, 60:120] = (30, 40, 220)
+    noise[50:70, 130:150] = (220, 30, 30)
     Image.fromarray(noise).save(tmp_path / "busy.png")
     return tmp_path / "busy.png"
 
@@ -36,7 +37,8 @@ class _Canvas:
 
     def place(self, x: float, y: float) -> imgui.ImVec2:
         """A place in pixels of the window."""
-        low, high = self.box.min, self.box.max
+        low = self.box.min
+        high = self.box.max
         return imgui.ImVec2(low.x + x * (high.x - low.x), low.y + y * (high.y - low.y))
 
     def draw(self, *shares: tuple[float, float]) -> None:
@@ -67,7 +69,8 @@ def _drop(window: Driver, photo: Path) -> _Canvas:
 
 @in_window(load_model=lambda name: tiny_model())
 def test_a_photo_on_busy_background_is_segmented_by_strokes(window: Driver, busy: Path) -> None:
-    segmenting, editor = window.session.segmenting, window.session.editor
+    segmenting = window.session.segmenting
+    editor = window.session.editor
     before = editor.history
     canvas = _drop(window, busy)
     window.press(imgui.Key.f1)
@@ -102,12 +105,16 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(window: Driver, busy
 
 def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarray]]:
     """Sample images before a wall, on a floor, both of grainy paint; and where each object is."""
-    rng, size = np.random.default_rng(seed), (320, 60 + 200 * len(names))
-    wall, floor = rng.uniform(120, 200, 3), rng.uniform(60, 130, 3)
+    rng = np.random.default_rng(seed)
+    size = (320, 60 + 200 * len(names))
+    wall = rng.uniform(120, 200, 3)
+    floor = rng.uniform(60, 130, 3)
     paint = np.where(np.arange(size[0])[:, None, None] < 200, wall, floor) + rng.normal(0, 8, (*size, 3))
-    room, places = Image.fromarray(paint.clip(0, 255).astype(np.uint8)), []
+    room = Image.fromarray(paint.clip(0, 255).astype(np.uint8))
+    places = []
     for number, name in enumerate(names):
-        cut, at = read_cut_out(_SAMPLES / f"{name}.png"), (200 * number, 40 + 10 * number)
+        cut = read_cut_out(_SAMPLES / f"{name}.png")
+        at = (200 * number, 40 + 10 * number)
         values = np.dstack((cut.pixels, cut.opacity)) * 255
         seen = Image.fromarray(values.astype(np.uint8)).resize((256, 256), Image.Resampling.BICUBIC)
         room.paste(seen, at, seen)
@@ -141,8 +148,8 @@ def test_one_click_finds_each_of_several_objects(
             for place in places:
                 canvas.draw(_inside(place))
                 assert len(segmenting.hints.points) == 1
-                found = segmenting.result.found.mask
-                assert (found & place).sum() / (found | place).sum() > 0.8
+                mask = segmenting.result.cut.mask
+                assert (mask & place).sum() / (mask | place).sum() > 0.8
             window.click("Cut out###segment/**/###cancel segmentation")
 
     drive(act, replace(backend, load_model=lambda name: tiny_model()))
@@ -150,7 +157,8 @@ def test_one_click_finds_each_of_several_objects(
 
 @in_window(load_model=lambda name: tiny_model())
 def test_a_fitted_photo_is_segmented_again_with_its_hints(window: Driver, busy: Path) -> None:
-    segmenting, session = window.session.segmenting, window.session
+    segmenting = window.session.segmenting
+    session = window.session
     _drop(window, busy).draw(*_BOX)
     hints = segmenting.hints
     window.click("Cut out###segment/**/###fit segmentation")
@@ -170,7 +178,8 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(window: Driver, busy: 
 
 @in_window(load_model=lambda name: tiny_model())
 def test_a_photo_dropped_on_the_dialog_waits_for_its_end(window: Driver, busy: Path) -> None:
-    segmenting, session = window.session.segmenting, window.session
+    segmenting = window.session.segmenting
+    session = window.session
     _drop(window, busy).draw(*_BOX)
     hints = segmenting.hints
     window.context.drop([str(busy.with_name("missing.png"))])

@@ -34,7 +34,7 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
     assert editor.state.scene.instance != before.scene.instance
     assert len(editor.history.past) == past + 1  # a drag is one step
     window.click("Sliders/**/##texture 1", 1)
-    assert editor.space("texture").coordinates(editor.code("texture"))[0] == pytest.approx(0, abs=1e-4)
+    assert editor.model.codes.texture_space.coordinates(editor.code("texture"))[0] == pytest.approx(0, abs=1e-4)
     window.click("Sliders/###reset")
     assert editor.scene.instance == before.scene.instance
     window.click("Sliders/###sample")

@@ -61,15 +61,15 @@ def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Pat
         assert (row.confidence is None) == row.posed == (row.rotation < 1e-3)
     assert measure(tmp_path, {"plain": SETTINGS}, {row.key for row in rows}) == []
     assert (tmp_path / "plain.safetensors").stat().st_mtime_ns == written
-    found = Results({"machine": "a machine", "objects": "1"}, tuple(rows))
-    table = write(tmp_path, "candidates", found)
-    assert read_results(tmp_path / "candidates.csv", Judgement) == found
+    results = Results({"machine": "a machine", "objects": "1"}, tuple(rows))
+    table = write(tmp_path, "candidates", results)
+    assert read_results(tmp_path / "candidates.csv", Judgement) == results
     assert "| plain | unknown | 1 |" in table
 
 
 @pytest.mark.parametrize("budget", [TWO_STEPS, Budget(1e-6, 2)])  # a time ends after the pace is known
-def test_a_candidate_that_fails_stops_no_other_and_is_named(tmp_path: Path, budget: Budget):
-    """After so few steps the second shows nothing, so that it cannot be judged; but it is saved."""
+def test_a_failed_candidate_is_named_and_the_others_continue(tmp_path: Path, budget: Budget):
+    """After two steps the second candidate shows no object, so it cannot be judged; its model is saved."""
     lines = list[str]()
     chosen = {"wild": replace(SETTINGS, code_noise=(math.inf, 0.0)), "empty": SETTINGS}
     with pytest.raises(ValueError, match=r"wild: training diverged at step 1\b.*; empty: the model shows"):

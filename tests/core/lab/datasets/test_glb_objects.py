@@ -10,7 +10,7 @@ import trimesh
 from PIL import Image
 
 from core.lab.datasets.categories import SPLITS, Split
-from core.lab.datasets.glb_objects import load_mesh, mesh_tasks, pair_tasks, select_meshes
+from core.lab.datasets.glb_objects import load_mesh, mesh_tasks, select_meshes
 from core.lab.datasets.rasteriser import Rasteriser
 from core.lab.datasets.render_objects import render_objects
 from core.lab.datasets.splits import held_out_meshes
@@ -121,12 +121,3 @@ def test_the_shared_meshes_split_and_face_the_front(shared: Path) -> None:
         vertices = np.concatenate([s.vertices[s.faces].mean(1) for s in load_mesh(entry.path)])
         high = vertices[vertices[:, 2] > 0.7 * vertices[:, 2].max()]
         assert high[:, 1].mean() < 0, entry.name
-
-
-def test_half_of_all_pairs_are_those_of_the_training_dataset(tmp_path: Path) -> None:
-    write_folder(tmp_path, ["one", "two", "three"])
-    pairs = {(task.shape_id, task.texture_id) for task in pair_tasks(tmp_path, "chairs", 3, 2)}
-    trained = {(task.shape_id, task.texture_id) for task in mesh_tasks(tmp_path, "chairs", "train", 3)}
-    assert (len(pairs), len(pairs & trained)) == (24, 12)
-    with pytest.raises(ValueError, match="at least 2 variants"):
-        pair_tasks(tmp_path, "chairs", 1, 2)

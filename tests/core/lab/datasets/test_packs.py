@@ -31,7 +31,8 @@ def packed(folder: Path, objects: list[ObjectViews], size: int | None = None) ->
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_a_pack_reads_like_its_folder(tmp_path: Path, count: int) -> None:
     path = packed(tmp_path / "a", [smooth("b", count), smooth("aa", count)])
-    folder, pack = read_dataset(tmp_path / "a"), read_dataset(path)
+    folder = read_dataset(tmp_path / "a")
+    pack = read_dataset(path)
     assert (pack.category, pack.image_size, pack.focal) == ("chairs", 32, folder.focal)
     for original, copied in zip(folder.objects, pack.objects, strict=True):
         assert (copied.name, copied.shape_id, copied.texture_id) == (original.name, f"{original.name}-shape", "red")
@@ -51,7 +52,8 @@ def test_antialiased_colours_beside_a_mask_are_kept(tmp_path: Path) -> None:
 
 
 def test_several_packs_have_shares_sources_and_a_scale(tmp_path: Path) -> None:
-    first, second = packed(tmp_path / "a", [smooth("a"), smooth("bb")]), packed(tmp_path / "b", [smooth("ccc")])
+    first = packed(tmp_path / "a", [smooth("a"), smooth("bb")])
+    second = packed(tmp_path / "b", [smooth("ccc")])
     dataset = read_dataset([first, second], [0.6, 0.4], scale=2.0)
     assert dataset.sources == (0, 0, 1)
     assert dataset.weights == (0.3, 0.3, 0.4)
@@ -77,10 +79,10 @@ def test_a_broken_pack_is_named(tmp_path: Path) -> None:
     path = packed(tmp_path / "a", [smooth("a")])
     content = path.read_bytes()
     for broken in (b"", content[:-200], content.replace(b"codenerf-views-1", b"codenerf-views-9")):
-        other = tmp_path / f"{len(broken)}{broken[-1:].hex()}.views"
-        other.write_bytes(broken)
-        with pytest.raises(ValueError, match=other.name):
-            index_pack(other)
+        broken_path = tmp_path / f"{len(broken)}{broken[-1:].hex()}.views"
+        broken_path.write_bytes(broken)
+        with pytest.raises(ValueError, match=broken_path.name):
+            index_pack(broken_path)
     damaged = tmp_path / "damaged.views"
     damaged.write_bytes(content.replace(b"WEBP", b"WEBX"))
     with pytest.raises(ValueError, match="damaged"):

@@ -17,7 +17,7 @@ def test_three_in_four_training_views_lie_above_the_horizon(count: int) -> None:
 
 
 def test_training_views_repeat_and_cover_each_half_evenly() -> None:
-    """By area: the heights of even points on a half sphere are even between 0 and 1."""
+    """Points spread evenly over a half sphere have heights spread evenly between 0 and 1."""
     cameras = training_views(4000, np.random.default_rng(0), 1.3)
     above = [math.sin(camera.elevation) for camera in cameras if camera.elevation > 0]
     assert np.histogram(above, 10, (0, 1))[0] == pytest.approx(np.full(10, 300), abs=60)

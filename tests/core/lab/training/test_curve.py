@@ -5,7 +5,7 @@ import pytest
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
 
 
-def test_a_curve_is_read_as_it_was_written_and_nothing_else(tmp_path: Path) -> None:
+def test_a_curve_is_read_as_written_and_other_files_are_refused(tmp_path: Path) -> None:
     points = [CurvePoint(100, 3.5, 21.25), CurvePoint(200, 7.0, 23.5)]
     write_curve(tmp_path / "m.curve.json", "m", points)
     assert read_curve(tmp_path / "m.curve.json") == points

@@ -56,15 +56,15 @@ def test_two_processes_resume_the_run_of_one_and_train_like_it():
     assert done.returncode == 0, done.stderr
     assert (done.stdout + done.stderr).count("on held-out views") == 1
     assert curve("two") == pytest.approx(curve("one"), abs=0.01)
-    one, two = (torch.load(f"{name}.state", weights_only=True) for name in ("one", "two"))
-    assert torch.equal(one["generator"], two["generator"])
-    assert torch.equal(one["hulls"], two["hulls"])
-    torch.testing.assert_close(two["codes"], one["codes"], atol=1e-3, rtol=1e-3)
-    torch.testing.assert_close(two["field"], one["field"], atol=2e-3, rtol=1e-2)  # Muon computes in bfloat16
+    single, double = (torch.load(f"{name}.state", weights_only=True) for name in ("one", "two"))
+    assert torch.equal(single["generator"], double["generator"])
+    assert torch.equal(single["hulls"], double["hulls"])
+    torch.testing.assert_close(double["codes"], single["codes"], atol=1e-3, rtol=1e-3)
+    torch.testing.assert_close(double["field"], single["field"], atol=2e-3, rtol=1e-2)  # Muon computes in bfloat16
     assert not list(Path().glob("*.partial*"))
 
 
-def test_wrong_input_of_all_processes_is_said_once():
+def test_an_error_of_all_processes_is_printed_once():
     done = torchrun("train missing --out x.safetensors")
     assert done.returncode != 0
     assert done.stderr.count("missing: no such dataset folder") == 1
@@ -78,14 +78,14 @@ def test_batches_of_two_processes_make_up_the_batch_of_one():
         rays = RayDataset(dataset, (0.5, 0.5, 0.5), torch.device("cpu"), True, processes)
         return rays.sample(64, torch.Generator().manual_seed(0))
 
-    whole = batch(ALONE)
+    full = batch(ALONE)
     halves = [batch(Processes(rank, 2)) for rank in range(2)]
     assert [set(half.owner.tolist()) for half in halves] == [{0, 2}, {1}]
     order = torch.cat([half.place for half in halves]).argsort()
     for name in ("owner", "colours", "mask_class"):
-        torch.testing.assert_close(torch.cat([getattr(half, name) for half in halves])[order], getattr(whole, name))
+        torch.testing.assert_close(torch.cat([getattr(half, name) for half in halves])[order], getattr(full, name))
     directions = torch.cat([half.rays.directions for half in halves])[order]
-    torch.testing.assert_close(directions, whole.rays.directions)
+    torch.testing.assert_close(directions, full.rays.directions)
 
 
 def test_more_processes_than_objects_are_refused():

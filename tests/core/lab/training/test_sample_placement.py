@@ -23,16 +23,16 @@ def place(samples: int = 16, density: float | None = None, inside=two_slabs):
     return place_samples(rays(), jitter, inside, coarse)
 
 
-def test_samples_lie_where_light_comes_from() -> None:
-    found = place()
-    assert bool(two_slabs(found.points).all())
-    torch.testing.assert_close(found.edges[:, -1], torch.full((50,), 0.5), atol=0.02, rtol=0)
-    assert int((found.points[..., 0] < 0).sum()) == 50 * 8
-    assert bool((found.points[..., 0].diff(dim=-1) >= 0).all())
-    found = place(density=1000.0)
-    assert bool((found.points[..., 0] < -0.5).all())
-    assert float(found.edges[:, -1].max()) < 0.06
-    torch.testing.assert_close(place(density=1.0).points, place().points)
-    found = place(inside=lambda points: torch.zeros(points.shape[:-1], dtype=torch.bool))
-    assert float(found.edges.abs().max()) == 0.0
-    assert bool(torch.isfinite(found.points).all())
+def test_samples_lie_in_the_hull_before_the_light_is_absorbed() -> None:
+    placed = place()
+    assert bool(two_slabs(placed.points).all())
+    torch.testing.assert_close(placed.edges[:, -1], torch.full((50,), 0.5), atol=0.02, rtol=0)
+    assert int((placed.points[..., 0] < 0).sum()) == 50 * 8
+    assert bool((placed.points[..., 0].diff(dim=-1) >= 0).all())
+    opaque = place(density=1000.0)
+    assert bool((opaque.points[..., 0] < -0.5).all())
+    assert float(opaque.edges[:, -1].max()) < 0.06
+    torch.testing.assert_close(place(density=1.0).points, placed.points)
+    missing = place(inside=lambda points: torch.zeros(points.shape[:-1], dtype=torch.bool))
+    assert float(missing.edges.abs().max()) == 0.0
+    assert bool(torch.isfinite(missing.points).all())

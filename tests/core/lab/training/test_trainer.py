@@ -4,8 +4,9 @@ import pytest
 import torch
 
 from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.training.held_out import held_out_psnr, hold_out
 from core.lab.training.recipes import RECIPES, TrainSettings
-from core.lab.training.trainer import Trainer, TrainStep, held_out_psnr, hold_out, prepare_rays
+from core.lab.training.trainer import Trainer, TrainStep, prepare_rays
 from core.models.field_config import FieldConfig
 from tests.conftest import unchecked_shapes
 from tests.core.lab.training.test_visual_hull import ball
@@ -40,14 +41,14 @@ def weights_of(trainer: Trainer) -> torch.Tensor:
 
 
 def all_steps(trainer: Trainer) -> list[TrainStep]:
-    """To the end; shapes are checked in the first."""
+    """Train to the end; shapes are checked in the first step."""
     stream = trainer.steps()
     first = next(stream)
     with unchecked_shapes():
         return [first, *stream]
 
 
-def test_training_learns_and_measures_on_views_it_never_saw(dataset: Dataset):
+def test_training_raises_the_quality_of_held_out_views(dataset: Dataset):
     training, held_out = hold_out(dataset)
     assert len(training.objects[0].cameras) == 7
     assert len(held_out.objects[0].cameras) == 1
@@ -67,8 +68,8 @@ def test_textures_share_codes_and_the_papers_recipe_uses_no_hull(dataset: Datase
     trainer = Trainer(dataset, dataclasses.replace(SETTINGS, whole_image=True))
     assert trainer.ray_dataset.hulls.all()
     *_, mask_class = trainer.ray_dataset.sample(2000, torch.Generator().manual_seed(0))
-    whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
-    assert abs(float((mask_class == 2).float().mean()) - float(whole)) < 0.1
+    covered = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
+    assert abs(float((mask_class == 2).float().mean()) - float(covered)) < 0.1
 
 
 @pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
@@ -82,9 +83,9 @@ def test_every_recipe_learns(dataset: Dataset, recipe: str):
     assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.2
 
 
-def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_path):
-    whole = Trainer(dataset, SETTINGS)
-    all_steps(whole)
+def test_a_resumed_run_ends_like_an_uninterrupted_one(dataset: Dataset, tmp_path):
+    uninterrupted = Trainer(dataset, SETTINGS)
+    all_steps(uninterrupted)
     first = Trainer(dataset, SETTINGS)
     for step in first.steps():
         if step.step == 25:
@@ -93,22 +94,23 @@ def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_pat
     second = Trainer(dataset, SETTINGS)
     second.load_state(tmp_path / "run.state")
     assert all_steps(second)[0].step == 26
-    torch.testing.assert_close(weights_of(second), weights_of(whole), atol=1e-5, rtol=1e-4)
+    torch.testing.assert_close(weights_of(second), weights_of(uninterrupted), atol=1e-5, rtol=1e-4)
 
 
-def test_matrices_go_by_muon_and_in_the_papers_recipe_nothing(dataset: Dataset):
+def test_muon_optimises_matrices_except_in_the_papers_recipe(dataset: Dataset):
     trainer = Trainer(dataset, SETTINGS)
     adam, muon = trainer.optimisers
     assert isinstance(muon, torch.optim.Muon)
-    moved = [one for optimiser in (adam, muon) for group in optimiser.param_groups for one in group["params"]]
-    assert len(moved) == len({id(one) for one in moved}) == len(trainer.ema_parameters)
-    assert any(one is trainer.field.feature_layer.weight for one in muon.param_groups[0]["params"])
-    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).optimisers
-    assert isinstance(alone, torch.optim.AdamW)
+    groups = (*adam.param_groups, *muon.param_groups)
+    identities = [id(parameter) for group in groups for parameter in group["params"]]
+    assert len(identities) == len(set(identities)) == len(trainer.ema_parameters)
+    assert any(matrix is trainer.field.feature_layer.weight for matrix in muon.param_groups[0]["params"])
+    (optimiser,) = Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).optimisers
+    assert isinstance(optimiser, torch.optim.AdamW)
     assert RECIPES["paper"].muon_lr is None
 
 
-def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
+def test_a_resumed_run_takes_the_learning_rates_of_its_settings(dataset: Dataset, tmp_path):
     first = Trainer(dataset, SETTINGS)
     next(first.steps())
     first.save_state(tmp_path / "run.state")
@@ -125,22 +127,22 @@ def test_training_continues_from_a_model_with_the_codes_of_its_objects(dataset: 
     all_steps(first)
     model = first.model()
     green = coloured("green", (20, 200, 30), (0.0, 0.1, 0))
-    more = dataclasses.replace(dataset, objects=(green, *dataset.objects))
-    second = Trainer(more, SETTINGS.extending)
+    extended = dataclasses.replace(dataset, objects=(green, *dataset.objects))
+    second = Trainer(extended, SETTINGS.extending)
     second.initialise_from(model)
-    begun = second.model()
+    initial = second.model()
     for index in (0, 1):
-        torch.testing.assert_close(begun.codes[index + 1].shape, model.codes[index].shape)
-        torch.testing.assert_close(begun.codes[index + 1].texture, model.codes[index].texture)
+        torch.testing.assert_close(initial.codes[index + 1].shape, model.codes[index].shape)
+        torch.testing.assert_close(initial.codes[index + 1].texture, model.codes[index].texture)
     assert model.extends == ()
-    assert begun.extends == (model.fingerprint,)
-    torch.testing.assert_close(begun.codes[0].shape, model.codes.mean.shape.half().float())
-    pairs = zip(begun.field.parameters(), model.field.parameters(), strict=True)
-    assert all(torch.equal(one, other) for one, other in pairs)
+    assert initial.extends == (model.fingerprint,)
+    torch.testing.assert_close(initial.codes[0].shape, model.codes.mean.shape.half().float())
+    pairs = zip(initial.field.parameters(), model.field.parameters(), strict=True)
+    assert all(torch.equal(*pair) for pair in pairs)
     assert len(all_steps(second)) == SETTINGS.steps
-    other = Trainer(more, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
+    narrow = Trainer(extended, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
     with pytest.raises(ValueError, match="cannot start"):
-        other.initialise_from(model)
+        narrow.initialise_from(model)
 
 
 def test_a_trained_network_learns_slowly_and_new_objects_at_their_full_rate():
@@ -152,18 +154,18 @@ def test_a_trained_network_learns_slowly_and_new_objects_at_their_full_rate():
 
 def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
     Trainer(dataset, SETTINGS).save_state(tmp_path / "run.state")
-    other = dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8))
+    narrow = dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8))
     for path in (tmp_path / "run.state", tmp_path / "gone.state"):
         with pytest.raises(ValueError, match=path.name):
-            Trainer(dataset, other).load_state(path)
+            Trainer(dataset, narrow).load_state(path)
     with pytest.raises(ValueError, match=r"run\.state"):
         Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).load_state(tmp_path / "run.state")
-    turned = dataclasses.replace(dataset, objects=dataset.objects[::-1])
+    reordered = dataclasses.replace(dataset, objects=dataset.objects[::-1])
     with pytest.raises(ValueError, match="other objects"):
-        Trainer(turned, SETTINGS).load_state(tmp_path / "run.state")
+        Trainer(reordered, SETTINGS).load_state(tmp_path / "run.state")
 
 
-def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
+def test_pruning_removes_empty_cells_alone(dataset: Dataset):
     trainer = Trainer(dataset, SETTINGS)
     before = trainer.ray_dataset.hulls.clone()
     layer = trainer.field.density_layer
@@ -177,7 +179,7 @@ def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
     assert not trainer.ray_dataset.hulls.any()
 
 
-def test_what_cannot_be_trained_or_measured_says_so(dataset: Dataset):
+def test_single_views_and_diverging_runs_raise_an_error(dataset: Dataset):
     views = dataset.objects[0]
     single = dataclasses.replace(views, images=views.images[:1], masks=views.masks[:1], cameras=views.cameras[:1])
     with pytest.raises(ValueError, match="at least two views"):
@@ -189,7 +191,7 @@ def test_what_cannot_be_trained_or_measured_says_so(dataset: Dataset):
 
 
 def test_noise_on_codes_makes_rays_harder_until_it_has_faded(dataset: Dataset):
-    """With rates of nothing, the network stays as it is, and so does its error but for the noise."""
+    """With learning rates of nearly 0 the network stays as it is, so only the noise changes its error."""
     still = dataclasses.replace(SETTINGS, steps=40, muon_lr=1e-9, network_lr=1e-9, code_lr=1e-9)
     trained = Trainer(dataset, dataclasses.replace(SETTINGS, steps=200))
     all_steps(trained)
@@ -217,14 +219,14 @@ def test_layers_that_codes_enter_keep_their_bound(dataset: Dataset):
 
 
 def test_shares_of_datasets_change_over_the_run(dataset: Dataset):
-    two = dataclasses.replace(dataset, sources=(0, 1))
+    pair = dataclasses.replace(dataset, sources=(0, 1))
     shares = (0.0, (1.0, 0.0)), (0.5, (1.0, 0.0)), (1.0, (0.0, 1.0))
-    trainer = Trainer(two, dataclasses.replace(SETTINGS, steps=8, shares=shares))
+    trainer = Trainer(pair, dataclasses.replace(SETTINGS, steps=8, shares=shares))
     weights = [trainer.ray_dataset.weight.tolist() for _ in trainer.steps()]
     assert weights == [[1.0, 0.0]] * 5 + [[0.75, 0.25], [0.5, 0.5], [0.25, 0.75]]
     for wrong in ((1.0,), (1.0, -1.0), (0.0, 0.0)):
         with pytest.raises(ValueError, match="2 datasets need as many shares"):
-            Trainer(two, dataclasses.replace(SETTINGS, shares=((0.0, wrong),)))
+            Trainer(pair, dataclasses.replace(SETTINGS, shares=((0.0, wrong),)))
 
 
 def test_a_run_can_be_rescheduled(dataset: Dataset):

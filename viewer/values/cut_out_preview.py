@@ -15,23 +15,24 @@ from core.photos.segmentation import CutOut
 
 _RIVAL, _LEAST = 0.7, 0.25  # prominence relative to the first object's: to ask which is meant, and to draw a box
 _FRAMED = 0.97  # fraction of its bounding box from which a mask is rather a photo in a frame; chairs and cars fill less
-_SURE, _DOUBTFUL = (60, 220, 130), (255, 170, 40)  # colours of outlines
+_SURE = 60, 220, 130  # colour of the outline
+_DOUBTFUL = 255, 170, 40  # colour of a doubtful outline
 _THIN = 1 / 300  # half the width of the outline, as a fraction of the photo's longer side
 
 
 @dataclass(frozen=True, eq=False)
-class SeenCutOut:
+class CutOutPreview:
     """A photo on white with the outline of its cut-out."""
 
     pixels: UInt8[np.ndarray, "height width 3"]
     boxes: tuple[Box, ...]  # boxes of chairs and cars, the most prominent first
 
     @classmethod
-    def of(cls, image: Image.Image, cut: CutOut) -> "SeenCutOut":
+    def of(cls, image: Image.Image, cut: CutOut) -> "CutOutPreview":
         """Draw the outline of a cut-out over its RGBA image."""
         colour = _DOUBTFUL if is_doubtful(cut) else _SURE
-        least = _LEAST * max((one.prominence for one in cut.detections), default=0.0)
-        boxes = tuple(one.box for one in cut.detections if one.prominence >= least)
+        least = _LEAST * max((detection.prominence for detection in cut.detections), default=0.0)
+        boxes = tuple(detection.box for detection in cut.detections if detection.prominence >= least)
         return cls(outlined(pixels_on_white(image), cut.mask, colour), boxes)
 
 

@@ -6,7 +6,7 @@ from PIL import Image
 
 from core.photos.detector import Detection
 from core.photos.segmentation import CutOut, cut_out
-from viewer.values.seen_cut_out import SeenCutOut, has_rival, is_doubtful, outlined, pixels_on_white
+from viewer.values.cut_out_preview import CutOutPreview, has_rival, is_doubtful, outlined, pixels_on_white
 
 _FIRST = Detection((0.2, 0.2, 0.8, 0.8), {"chairs": 0.8, "cars": 0.1})
 
@@ -40,11 +40,11 @@ def test_a_doubtful_cut_out_has_an_outline_of_another_colour(cut: CutOut) -> Non
     image = Image.fromarray((255 * cut.pixels).astype(np.uint8)).convert("RGBA")
     doubtful = replace(cut, confidence=0.2, detections=(_FIRST,))
     assert is_doubtful(doubtful) and not is_doubtful(cut)
-    seen = SeenCutOut.of(image, doubtful)
+    seen = CutOutPreview.of(image, doubtful)
     assert seen.boxes == (_FIRST.box,)
     far = _FIRST._replace(box=(0.0, 0.0, 0.1, 0.05), scores={"chairs": 0.3, "cars": 0.0})
-    assert SeenCutOut.of(image, replace(doubtful, detections=(_FIRST, _FIRST, far))).boxes == (_FIRST.box,) * 2
-    assert (seen.pixels[10, 30] != SeenCutOut.of(image, cut).pixels[10, 30]).any()
+    assert CutOutPreview.of(image, replace(doubtful, detections=(_FIRST, _FIRST, far))).boxes == (_FIRST.box,) * 2
+    assert (seen.pixels[10, 30] != CutOutPreview.of(image, cut).pixels[10, 30]).any()
 
 
 @pytest.mark.parametrize(("score", "rival"), [(0.79, True), (0.3, False)])

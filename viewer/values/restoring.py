@@ -1,0 +1,96 @@
+"""States of other sessions among the objects and the models of this one."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import chain
+
+from core.export.keyframes import Timeline
+from core.geometry.camera import Camera
+from core.models.model import Model
+from core.models.open_models import OpenModels
+from core.models.scene import Scene
+from viewer.values import orbit
+from viewer.values.history import History, Mix, Pair, State
+from viewer.values.objects import EditableObject, ObjectLibrary
+from viewer.values.project import Project
+
+
+def is_missing(name: str, objects: ObjectLibrary) -> bool:
+    """Return whether an object cannot be shown because its model is missing."""
+    return any(version.is_missing for version in objects[name].versions)
+
+
+def can_show(state: State, objects: ObjectLibrary) -> bool:
+    """Return whether a state's model is open and its objects are here, all of that model."""
+    model = state.scene.instance.fingerprint
+    return not state.scene.instance.is_missing and all(
+        name in objects and objects[name].instance.fingerprint == model and not is_missing(name, objects)
+        for name in state.mix.names
+    )
+
+
+def first_mix(objects: ObjectLibrary, model: Model) -> Mix:
+    """Return the mix of a model's first two objects, without any of the second."""
+    forms = objects.families[model.fingerprint]
+    first, second = ([*forms, *chain(*forms.values())] * 2)[:2]
+    return Mix(Pair(first, first), second)
+
+
+def restored(project: Project, now: State, objects: ObjectLibrary, models: OpenModels) -> History:
+    """Add a project's objects to ``objects`` and return its history, at the nearest state that can be shown.
+
+    Its edits of an object replace those made here, which become a branch of the history. If no state can be shown,
+    the state ``now`` follows all others.
+    """
+    names = objects.match(project.objects)
+
+    def with_names_here(state: State) -> State:
+        removed = frozenset(names[name] for name in state.removed & names.keys())
+        return replace(_with_names_here(state, names, objects, models), removed=removed)
+
+    history = project.history.everywhere(with_names_here)
+    for saved in project.objects:
+        here = objects[names[saved.name]]
+        if here.unedited and here.instance != saved.instance:
+            history = history.beside(_as_left(here, objects, now.scene.camera))
+        if saved.unedited:
+            objects.leave(here.name, saved.instance)
+    nearest = next((number for number in history.nearest if can_show(history.steps[number].state, objects)), None)
+    if nearest is None:
+        return History.of(replace(now, removed=history.now.removed)).after(history)
+    return history.at(nearest)
+
+
+def reopened(history: History, model: Model, objects: ObjectLibrary, models: OpenModels) -> History:
+    """Return a history whose states that waited for a newly opened model can be shown."""
+    timelines = dict[int, Timeline]()  # by the id of the one before: states share them
+
+    def with_names_here(state: State) -> State:
+        waited = model.shares_codes_with(state.scene.instance.fingerprint)
+        if id(state.timeline) not in timelines:
+            timelines[id(state.timeline)] = state.timeline.converted(models.adopt)
+        adopted = replace(state, timeline=timelines[id(state.timeline)])
+        return _with_names_here(adopted, {}, objects, models) if waited else adopted
+
+    return history.everywhere(with_names_here)
+
+
+def _with_names_here(state: State, names: Mapping[str, str], objects: ObjectLibrary, models: OpenModels) -> State:
+    """Return a state with the names of its objects here: by ``names``, or those of its model's objects."""
+    instance = models.adopt(state.scene.instance)
+    trained = state.mix.names - names.keys()
+    own = {name: objects.name_here(name, instance.fingerprint) or name for name in trained}
+    mix = state.mix.renamed({**own, **names})
+    is_a = state.is_a
+    if is_a is None and mix.a.shape in objects:  # of a former version
+        is_a = instance == objects[mix.a.shape].original
+    return replace(state, scene=replace(state.scene, instance=instance), mix=mix, is_a=is_a)
+
+
+def _as_left(here: EditableObject, objects: ObjectLibrary, camera: Camera) -> State:
+    """Return a state that shows an object as left; from ``camera`` while the object's model is missing."""
+    pair = Pair(here.name, here.name)
+    if here.instance.is_missing:
+        return State(Scene(here.instance, camera), Mix(pair, here.name), is_a=True)
+    model = here.instance.model
+    return State(Scene(here.instance, orbit.home(model)), Mix(pair, first_mix(objects, model).b), is_a=True)
