@@ -28,8 +28,8 @@ class Pull(NamedTuple):
             >>> Pull(0, (0.0, -20.0)).amount((5.0, -10.0))
             0.5
         """
-        (right, down), square = self.motion, math.hypot(*self.motion) ** 2
-        return (right * drag[0] + down * drag[1]) / square
+        right, down = self.motion
+        return (right * drag[0] + down * drag[1]) / (right**2 + down**2)
 
 
 def find_pull(

@@ -23,8 +23,8 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom: fractions o
 _SIDE = 128  # px along an image's shorter side at which parts are looked up
 _OPAQUE = 0.5  # opacity from which a pixel counts as the object
 _BLUR = 0.8  # px over which the parts' probabilities are averaged
-_SPECK = 25  # px; a smaller region beside a larger one joins it
-_NEXT_TO = 2.0  # px between neighbouring regions
+_SPECK = 25  # px of the smallest region that stays
+_NEXT_TO = 4.0  # px from a larger region within which a small one joins it
 _INSIDE = 5.0  # px from a region's edge at which a handle is inside enough
 
 
@@ -87,7 +87,8 @@ def _within(box: Box, mask: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray
     """Return a mask without its pixels outside a box."""
     rows, columns = mask.shape
     left, top, right, bottom = box
-    across, down = (np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows
+    across = (np.arange(columns) + 0.5) / columns
+    down = (np.arange(rows) + 0.5) / rows
     return mask & ((across > left) & (across < right)) & ((down > top) & (down < bottom))[:, None]
 
 
@@ -117,19 +118,17 @@ def _without_specks(labels: Int[np.ndarray, "rows columns"]) -> Int[np.ndarray, 
     if not is_kept.any():
         return labels
     distance, nearest = ndimage.distance_transform_edt(~is_kept, return_indices=True)
-    return np.where((labels >= 0) & (distance <= _NEXT_TO * 2), labels[tuple(nearest)], labels)
+    return np.where((labels >= 0) & (distance <= _NEXT_TO), labels[tuple(nearest)], labels)
 
 
-def _regions(
-    labels: Int[np.ndarray, "rows columns"], count: int
-) -> tuple[Int[np.ndarray, "rows columns"], list[int]]:
+def _regions(labels: Int[np.ndarray, "rows columns"], count: int) -> tuple[Int[np.ndarray, "rows columns"], list[int]]:
     """Return the connected region of each pixel, -1 on the background, and the part of each region."""
     regions = np.full(labels.shape, -1)
     parts = list[int]()
     for part in range(count):
-        numbers, found = ndimage.label(labels == part)
+        numbers, region_count = ndimage.label(labels == part)
         regions = np.where(numbers > 0, numbers - 1 + len(parts), regions)
-        parts += [part] * found
+        parts += [part] * region_count
     return regions, parts
 
 
@@ -139,9 +138,9 @@ def _handle(
     """Return the handle of a region: inside of it, far from other regions or, if it is the only one, at its top."""
     rows, columns = regions.shape
     own = regions == index
-    others = (regions >= 0) & ~own
+    rest = (regions >= 0) & ~own
     depth = ndimage.distance_transform_edt(np.pad(own, 1))[1:-1, 1:-1]
-    away = ndimage.distance_transform_edt(~others) if others.any() else -np.arange(rows)[:, None]
+    away = ndimage.distance_transform_edt(~rest) if rest.any() else -np.arange(rows)[:, None]
     score = np.where(own, 2 * np.minimum(depth, _INSIDE) + away, -np.inf)
     row, column = np.unravel_index(score.argmax(), regions.shape)
     x, y, z = surface[row, column].tolist()

@@ -65,7 +65,7 @@ class _Drag(NamedTuple):
 
 
 class Reshaping:
-    """Finds the parts in the finished image, once, and moves the object along directions. A drag is one step of undo."""
+    """Finds the parts in a finished image, once, and moves the object in drags. A drag is one step of undo."""
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
@@ -100,13 +100,13 @@ class Reshaping:
         find = self._jobs.backend.part_map
 
         def stream() -> Iterator[VisibleParts | None]:
-            found = find(request.instance, crop.camera, frame, shown_box(crop))
+            regions = find(request.instance, crop.camera, frame, shown_box(crop))
             yield None
             highlights = {}
-            for part in {handle.part for handle in found.handles}:
-                highlights[part] = part_highlight(found.mask(part), frame.opacity)
+            for part in {handle.part for handle in regions.handles}:
+                highlights[part] = part_highlight(regions.mask(part), frame.opacity)
                 yield None
-            yield VisibleParts(found, crop, highlights)
+            yield VisibleParts(regions, crop, highlights)
 
         def keep(parts: VisibleParts) -> None:
             self._parts = parts

@@ -49,9 +49,11 @@ class PartHandle:
 
     def _draw_handle(self, context: PanelContext, handle: Handle, place: ImVec2, corner: ImVec2) -> None:
         """Draw handle and name as one button, ``place`` being the handle's middle."""
-        em, draw = hello_imgui.em_size(), imgui.get_window_draw_list()
+        em = hello_imgui.em_size()
+        draw = imgui.get_window_draw_list()
         label = self._label(context, handle)
-        extent, pad = imgui.calc_text_size(label), ImVec2(0.5 * em, 0.2 * em)
+        extent = imgui.calc_text_size(label)
+        pad = ImVec2(0.5 * em, 0.2 * em)
         low = place - ImVec2(extent.x / 2 + pad.x, (_RADIUS + _GAP) * em + extent.y + 2 * pad.y)
         low = ImVec2(max(low.x, corner.x), max(low.y, corner.y))
         high = low + extent + pad * 2
@@ -79,7 +81,8 @@ class PartHandle:
 
     def _react(self, context: PanelContext, handle: Handle) -> None:
         """React to imgui's last item, a part of the handle."""
-        reshaping, mouse = context.session.reshaping, imgui.get_mouse_pos()
+        reshaping = context.session.reshaping
+        mouse = imgui.get_mouse_pos()
         self._hovered |= imgui.is_item_hovered() or imgui.is_item_active()
         if imgui.is_item_hovered():
             imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
@@ -105,7 +108,9 @@ class PartHandle:
         """Choose the part to light up in the next frame; call after the view's own item, imgui's last one."""
         if self._pressed_at is not None:
             return
-        io, lit, parts = imgui.get_io(), self._lit, None
+        io = imgui.get_io()
+        lit = self._lit
+        parts = None
         is_over = imgui.is_item_hovered() or self._hovered
         if context.tool == "turn" and is_over and not imgui.is_any_mouse_down():
             parts = context.session.reshaping.parts

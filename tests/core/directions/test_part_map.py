@@ -48,29 +48,28 @@ def test_every_part_lies_where_it_is_and_has_a_handle_at_its_free_end(
     opacity = parts.sum(0)
     monkeypatch.setattr(module, "_probabilities", lambda instance, points: parts[:, opacity > 0].T)
     instance = _with_head(tiny, "seat", "back", "legs", "arms")
-    found = part_map(instance, camera, _frame(opacity))
-    assert sorted(handle.part for handle in found.handles) == ["back", "legs", "legs", "seat"]
-    assert {handle.part: found.mask(handle.part).sum() for handle in found.handles} == pytest.approx(
-        {"seat": 500, "back": 780, "legs": 240}, rel=0.05
-    )
-    for handle in found.handles:
-        assert found.handle_at(handle.place) is handle
-    by_part = {handle.part: handle for handle in found.handles}
+    part_regions = part_map(instance, camera, _frame(opacity))
+    assert sorted(handle.part for handle in part_regions.handles) == ["back", "legs", "legs", "seat"]
+    areas = {handle.part: part_regions.mask(handle.part).sum() for handle in part_regions.handles}
+    assert areas == pytest.approx({"seat": 500, "back": 780, "legs": 240}, rel=0.05)
+    for handle in part_regions.handles:
+        assert part_regions.handle_at(handle.place) is handle
+    by_part = {handle.part: handle for handle in part_regions.handles}
     assert by_part["back"].place[1] < 14 / 64  # away from the seat
     assert by_part["legs"].place[1] > 50 / 64
     assert by_part["back"].point[2] > by_part["legs"].point[2] + 0.2
-    assert found.handle_at((0.05, 0.5)) is None
-    assert found.handle_at((1.2, 0.5)) is None
+    assert part_regions.handle_at((0.05, 0.5)) is None
+    assert part_regions.handle_at((1.2, 0.5)) is None
 
 
 def test_only_what_is_on_screen_has_handles(tiny: Model, camera: Camera) -> None:
     opacity = np.zeros((64, 96))
     opacity[10:54, 20:80] = 1.0
-    found = part_map(tiny[0], camera, _frame(opacity), (0.5, 0.0, 1.0, 1.0))
-    (handle,) = found.handles
+    part_regions = part_map(tiny[0], camera, _frame(opacity), (0.5, 0.0, 1.0, 1.0))
+    (handle,) = part_regions.handles
     assert handle.part == "stool"
     assert handle.place[0] > 0.5 and handle.place[1] < 0.4  # at its top: a drag in the middle turns the object
-    assert found.handle_at((0.4, 0.5)) is None
+    assert part_regions.handle_at((0.4, 0.5)) is None
 
 
 def test_no_part_of_a_chair_is_far_from_its_place(tiny: Model) -> None:

@@ -18,8 +18,10 @@ _WORDS = {"shape": ("wider", "", "taller"), "texture": ("redder",)}
 
 def _rest_on(window: Driver, across: float) -> None:
     """Move the mouse beside the middle of the object, by a fraction of the view's shorter side, and below handles."""
-    (low, high), card = window.context.view, window.session.viewport.settings.covered
-    side, camera = min(high - low), window.session.editor.scene.camera
+    low, high = window.context.view
+    card = window.session.viewport.settings.covered
+    side = min(high - low)
+    camera = window.session.editor.scene.camera
     x = (low.x + high.x) / 2 + (0.2 * math.sin(camera.azimuth) + across) * side
     y = (low.y + high.y - card) / 2 + (0.2 * math.sin(camera.elevation) + 0.08) * side
     window.ctx.mouse_move_to_pos((x, y))
