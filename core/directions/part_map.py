@@ -110,15 +110,15 @@ def _probabilities(instance: Instance, points: Float[Tensor, "points 3"]) -> Flo
 
 
 def _without_specks(labels: Int[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
-    """Merge small regions of one part into those next to them."""
+    """Merge small regions of one part into those next to them; the others become background."""
     is_kept = np.zeros(labels.shape, bool)
     for part in np.unique(labels[labels >= 0]):
         regions, _ = ndimage.label(labels == part)
         is_kept |= (np.bincount(regions.ravel()) >= _SPECK)[regions] & (labels == part)
     if not is_kept.any():
-        return labels
+        return np.full_like(labels, -1)
     distance, nearest = ndimage.distance_transform_edt(~is_kept, return_indices=True)
-    return np.where((labels >= 0) & (distance <= _NEXT_TO), labels[tuple(nearest)], labels)
+    return np.where((labels >= 0) & (distance <= _NEXT_TO), labels[tuple(nearest)], -1)
 
 
 def _regions(labels: Int[np.ndarray, "rows columns"], count: int) -> tuple[Int[np.ndarray, "rows columns"], list[int]]:
