@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         load_model,
         load_photo,
         render,
+        sized,
         write_page,
         write_video,
     )
@@ -41,6 +42,7 @@ __all__ = [
     "load_model",
     "load_photo",
     "render",
+    "sized",
     "write_page",
     "write_video",
 ]

@@ -10,6 +10,8 @@ from core.cli.parser import parse
 from core.runtime.signals import on_signals
 from core.runtime.threads import use_one_torch_thread, use_threads
 
+_OF_THE_LABORATORY = ("pandas", "matplotlib")  # packages of the extra `lab`
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command. Bad input ends with one line on stderr and status 2."""
@@ -20,13 +22,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         chosen = parse(sys.argv[1:] if arguments is None else arguments)
         chosen.began = began
         use_threads(chosen.threads)
-        # Imported late, so that a command loads only its own modules.
         module, _, name = chosen.run.partition(".")
-        run = getattr(import_module(f"core.cli.{module}"), name)
         try:
-            run(chosen)
+            # Imported late, so that a command loads only its own modules.
+            getattr(import_module(f"core.cli.{module}"), name)(chosen)
         except (ValueError, OSError) as error:
             say(" ".join(str(error).split()))
+            sys.exit(2)
+        except ModuleNotFoundError as error:
+            if error.name not in _OF_THE_LABORATORY:
+                raise
+            say(f"this command needs {error.name}: pip install 'codenerf-viewer[lab]'")
             sys.exit(2)
         except KeyboardInterrupt:
             sys.exit(130)

@@ -25,6 +25,7 @@ from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.scene import Scene
 from core.photos.photo import Photo, load_photo
+from core.rendering.size import sized
 
 __all__ = [
     "Camera",
@@ -38,6 +39,7 @@ __all__ = [
     "load_model",
     "load_photo",
     "render",
+    "sized",
     "write_page",
     "write_video",
 ]

@@ -61,7 +61,8 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Library": (
         Gesture("Click", "show the object: it becomes A"),
         Gesture("Click the number", "show or hide the variants of a form"),
-        Gesture("Right click", "take only its shape or texture; make it B; as fitted; duplicate, rename, remove"),
+        Gesture("Click a small tile", "show that version of the object above: as fitted, or as an edit left it"),
+        Gesture("Right click", "take only its shape or texture; make it B; keep this version, rename, remove"),
         Gesture("Drag onto B", "mix the object with the one in the view"),
         Gesture("Arrow keys, Enter", "move between tiles, and show the object"),
     ),
@@ -71,6 +72,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("reset", "Reset", "", "the object without its edits"),
         Gesture("Lock", "protect shape or texture from changes"),
         Gesture("Hover over a slider", "see the result, the pixels that change, and whether the outline moves"),
+        Gesture("Size", "drag or type width, depth and height in cm; the button shows a box with handles in the view"),
         Gesture("Ctrl+click", "type a value"),
         Gesture("Right click", "set the direction to 0"),
     ),

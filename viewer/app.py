@@ -29,9 +29,9 @@ from viewer.services.single_instance import SingleInstance, Start
 from viewer.session import Session
 from viewer.values.preferences import Preferences
 
-_RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 8.0, 20.0
-"""Limits of frames per second: usually; if OpenGL and a busy worker share the processor; then without input; and during
-an idle turn."""
+_RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_FILMS = 60.0, 30.0, 8.0, 20.0
+"""Limits of frames per second: usually; if OpenGL and a busy worker share the processor; then without input; and while
+previews of films move."""
 _TOUCHED = 0.7  # s after an input during which the window counts as touched
 _INSPECTOR = 300.0, 0.185  # least width, px at 96 ppi; fraction of the window's width
 _LIBRARY = 140.0, 0.09  # likewise
@@ -97,7 +97,6 @@ class App:
             reset_layout=self._reset_layout,
             fold_panels=self._fold_panels,
             panels=tuple(panel.title for panel in self.panels),
-            attended=not self._headless,
         )
         if self._folder:
             context.preferences = Preferences.load(self._folder)
@@ -331,8 +330,8 @@ class App:
         io = imgui.get_io()
         if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
             self._touched = time.monotonic()
-        if self.session.idle_turn.turning or self.session.exporting.films.moving:
-            return _RATE_OF_IDLE_TURN
+        if self.session.exporting.films.moving:
+            return _RATE_OF_FILMS
         if not (self._software and self.session.jobs.busy()):
             return _RATE
         return _RATE_BESIDE_WORKER if time.monotonic() - self._touched < _TOUCHED else _RATE_OF_PROGRESS

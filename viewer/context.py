@@ -44,7 +44,6 @@ class PanelContext:
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
     fast_opengl: bool = False  # OpenGL is fast enough for a baked object, measured at start
-    attended: bool = True  # False for an invisible window, where nothing moves by itself
     images: Images | None = None
     bold: imgui.ImFont | None = None  # for headings
     focus: str = "Mix"  # title of the panel to bring to the front; empty for none
@@ -52,6 +51,7 @@ class PanelContext:
     dragged: str = ""  # name of the object that is dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px
     covered: float = 0.0  # px of the view's lower edge that the history covers
+    shows_size: bool = False  # draw a box around the object in the next frame
     overlay: np.ndarray | None = None  # square RGBA pixels to draw over the object in the next frame
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
@@ -108,7 +108,7 @@ class PanelContext:
     @property
     def file_name(self) -> str:
         """The name of object A for file names."""
-        return file_name(self.session.editor.state.mix.a.words)
+        return file_name(self.session.names.pair(self.session.editor.state.mix.a))
 
     def fit_image(self) -> None:
         """Ask for an image and fit it."""
@@ -130,8 +130,7 @@ class PanelContext:
         """Fit the images in the clipboard."""
         jobs = self.session.jobs
         images = partial(self.clipboard.images, imgui.get_clipboard_text())
-        ended = jobs.reporting("Cannot paste")
-        jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), ended))
+        jobs.submit(Job("paste", images, lambda paths: self.fit_unlisted(*paths), jobs.reporting("Cannot paste")))
 
     def open_file(self) -> None:
         """Ask for a file and open it as if it were dropped."""

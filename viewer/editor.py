@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from core.export.keyframes import Timeline
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance, Model
 from core.models.open_models import OpenModels
@@ -108,11 +108,10 @@ class Editor:
     def film_partner(self) -> Instance | None:
         """B, with locked codes; None if B cannot be mixed with the object on screen or looks like it."""
         name = self.state.mix.b
-        instance = self.scene.instance
         if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
             return None
         partner = self._keeping_locked(self.objects[name].instance)
-        looks_alike = partner.with_detail(None) == instance.with_detail(None)
+        looks_alike = partner.with_detail(None) == self.scene.instance.with_detail(None)
         return None if looks_alike else partner
 
     def _keeping_locked(self, instance: Instance) -> Instance:
@@ -135,12 +134,25 @@ class Editor:
         instance = self.scene.instance.changed(detail=detail)
         self._edit(replace(self.scene, instance=instance), gesture=gesture)
 
+    def resize(self, stretch: Factors | None, gesture: str = "") -> None:
+        """Stretch the object (:mod:`core.rendering.size`); None: to its natural size.
+
+        The camera keeps the view's scale, so that sides that are not stretched stay where they are.
+        """
+        before, camera = self.scene.instance, self.scene.camera
+        instance = before.changed(stretch=stretch)
+        nearest, farthest = orbit.reach(camera, self.model)
+        distance = camera.distance * before.codes.scale / instance.codes.scale
+        camera = replace(camera, distance=max(nearest, min(farthest, distance)))
+        self._edit(Scene(instance, camera), gesture=gesture)
+
     def set_texture(self, texture: Tensor, gesture: str = "") -> None:
         """Give the object another texture code."""
         self._set_codes(self.scene.instance.changed(texture=texture), self.state.mix, gesture)
 
     def reset(self) -> None:
-        """Return to object A without its edits and without any of B, except locked parts."""
+        """Return to object A without its edits and without any of B, except locked parts; its edits are a version."""
+        self.objects.keep(self.state.version_of, self.scene.instance)
         self._set_codes(self.original, replace(self.state.mix, shape=0.0, texture=0.0), is_a=True)
 
     def sample(self) -> None:
@@ -180,25 +192,18 @@ class Editor:
         self._set_codes(instance, self._mix_from(pair), camera=camera, is_a=True)
         self.object_chosen.emit()
 
-    def show_unedited(self, name: str) -> None:
-        """Show an object as it was left, so that undo comes back to its edits, then as fitted or opened."""
-        self.show_object(name)
-        self.reset()
+    def last_version(self, name: str) -> str:
+        """Return the version of an object that was shown last; its first one if none was."""
+        versions = self.objects.versions(name)
+        return next((version for version in self.history.newest if version in versions), name)
 
-    def duplicate(self, name: str) -> str:
-        """Add a copy of an added object with its edits, show it, and return its name."""
-        self.end_gesture()
-        copy = self.objects.add(self.objects[name])
-        self.show_object(copy)
-        return copy
+    def remove(self, *names: str) -> None:
+        """Remove added objects from all lists, even if one is on screen."""
+        self._unlist(self.state.removed.union(names))
 
-    def remove(self, name: str) -> None:
-        """Remove an added object from all lists, even if it is on screen."""
-        self._unlist(self.state.removed | {name})
-
-    def put_back(self, name: str) -> None:
-        """List a removed object again."""
-        self._unlist(self.state.removed - {name})
+    def put_back(self, *names: str) -> None:
+        """List removed objects again."""
+        self._unlist(self.state.removed.difference(names))
 
     def _unlist(self, removed: frozenset[str]) -> None:
         self._go(self.history.changed(replace(self.state, removed=removed)))
@@ -273,8 +278,8 @@ class Editor:
     def restore(self, saved: Project) -> None:
         """Add a project's objects and take its undo history in place of this one.
 
-        Its edits of an object replace those made here, which become a branch of the history. The current state is the
-        nearest that can be shown; this one, after the others, if there is none.
+        Its edits of an object replace those made here, which become a version. The current state is the nearest that
+        can be shown; this one, after the others, if there is none.
         """
         self._go(restored(saved, self.state, self.objects, self.models))
 
@@ -388,6 +393,8 @@ class Editor:
         before = self.scene
         if self.history.gesture and not history.gesture:
             self.objects.leave(self.state.version_of, before.instance)
+        for name, instance in self.history.left_by(history).items():
+            self.objects.keep(name, instance)
         self.history = history
         self.objects.unlist(history.now.removed)
         if not history.gesture:

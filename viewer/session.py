@@ -18,11 +18,12 @@ from core.models.scene import open_scene, scene_model
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
-from viewer.activities.idle_turn import IdleTurn
+from viewer.activities.names import Names
 from viewer.activities.painting import Painting
 from viewer.activities.player import Player
 from viewer.activities.reshaping import Reshaping
 from viewer.activities.segmenting import Segmenting
+from viewer.activities.sizing import Sizing
 from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -97,13 +98,14 @@ class Session:
         self.originals = tuple[Original, ...]()  # project files of which something could not be read
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
-        self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
+        self.names = Names(self.editor, self.thumbnails, self._words_of)
         self.player = Player(jobs, self.editor)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting = Painting(jobs, self.editor, self.viewport)
         self.reshaping = Reshaping(jobs, self.editor, self.viewport)
-        self.exporting = Exporting(jobs, self.editor)
+        self.sizing = Sizing(jobs, self.editor)
+        self.exporting = Exporting(jobs, self.editor, self.names)
 
     def start(self) -> None:
         """Begin to render the scene."""
@@ -118,14 +120,14 @@ class Session:
         self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
-        if self._kept != self.editor.objects.version:
+        if self._kept != self.editor.objects.changes:
             self.keep_user_objects()
 
     def close(self) -> None:
         """Cancel all jobs of the activities."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
-        self.jobs.cancel("paint", "paint colour", "coarse paint", "parts", "reshape")
+        self.jobs.cancel("paint", "paint colour", "coarse paint", "parts", "reshape", "size")
         self.exporting.cancel()
 
     # Models and their objects
@@ -187,7 +189,10 @@ class Session:
     @property
     def words(self) -> Words | None:
         """Words for the principal directions of the shown model, such as *wider*; None until they are measured."""
-        model, measure = self.editor.model, self.jobs.backend.direction_words
+        return self._words_of(self.editor.model)
+
+    def _words_of(self, model: Model) -> Words | None:
+        measure = self.jobs.backend.direction_words
         if model.fingerprint not in self._words:
             self._words[model.fingerprint] = None
 
@@ -203,33 +208,31 @@ class Session:
         new = self.editor.rename(name, to)
         self.fitting.rename(name, new)
 
-    def duplicate(self, name: str) -> None:
-        """Add and show a copy of an added object, with its edits and its fit."""
-        self.fitting.view.duplicate(name, self.editor.duplicate(name))
-
-    def remove(self, name: str) -> None:
-        """Remove an added object from all lists, even if it is on screen, and offer to undo that."""
+    def remove(self, *names: str) -> None:
+        """Remove added objects, versions of one, from all lists, even if on screen, and offer to undo that."""
         editor = self.editor
-        editor.remove(name)
-        self.fitting.results.unseen.pop(name, None)
+        editor.remove(*names)
+        for name in names:
+            self.fitting.results.unseen.pop(name, None)
         after = editor.history
 
         def undo() -> None:
-            editor.undo() if editor.history is after else editor.put_back(name)
+            editor.undo() if editor.history is after else editor.put_back(*names)
 
         def relevant() -> bool:
-            return self.editor is editor and name in editor.objects.removed
+            return self.editor is editor and editor.objects.removed.issuperset(names)
 
-        self.messages.notify(f"Removed {name}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
+        label = self.names.label(names[0])
+        self.messages.notify(f"Removed {label}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
 
     def _add_user_objects(self, stored: Iterable[EditableObject]) -> None:
         objects = self.editor.objects
         self._initially_there |= frozenset(objects.match(stored).values())
-        self._kept = objects.version
+        self._kept = objects.changes
 
     def keep_user_objects(self) -> None:
         """Store fitted objects with their edits for the next launch, also removed ones; report an error."""
-        self._kept = self.editor.objects.version
+        self._kept = self.editor.objects.changes
         self._store(self.editor.objects.ever_added)
 
     def sweep_photos(self) -> None:

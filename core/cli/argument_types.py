@@ -58,14 +58,6 @@ def view_numbers(text: str) -> tuple[int, ...]:
         raise argparse.ArgumentTypeError(f"views are whole numbers V,V from 0, not {text!r}") from None
 
 
-def part(text: str) -> tuple[int, int]:
-    """Parse part K of N, ``K/N``, with K from 1."""
-    number, _, total = text.partition("/")
-    if not (number.isdecimal() and total.isdecimal() and 1 <= int(number) <= int(total)):
-        raise argparse.ArgumentTypeError(f"a part is K/N, like 1/2, not {text!r}")
-    return int(number), int(total)
-
-
 def image_size(text: str) -> tuple[int, int]:
     """Parse a width and height in px, ``WxH``, or one number for a square."""
     width, _, height = text.lower().partition("x")
@@ -73,6 +65,14 @@ def image_size(text: str) -> tuple[int, int]:
     if not all(side.isdecimal() and int(side) for side in sides):
         raise argparse.ArgumentTypeError(f"a size is PX or WxH, like 512 or 854x480, not {text!r}")
     return int(sides[0]), int(sides[1])
+
+
+def size_cm(text: str) -> tuple[float, float, float]:
+    """Parse width, depth and height in centimetres, ``WxDxH``."""
+    sides = tuple(map(_as_number, text.lower().split("x")))
+    if len(sides) != 3 or not all(0 < side < math.inf for side in sides):
+        raise argparse.ArgumentTypeError(f"a size is WxDxH in centimetres, like 60x58x92, not {text!r}")
+    return sides
 
 
 def box(text: str) -> tuple[float, ...]:

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from core.cli.argument_types import count, number_from, part, whole_from
+from core.cli.argument_types import count, number_from, whole_from
 from core.cli.options import add_command, add_device, add_model, add_seed
 
 
@@ -29,9 +29,6 @@ def _add_fits(kind: argparse.ArgumentParser) -> None:
 def _add_robustness(kind: argparse.ArgumentParser) -> None:
     kind.add_argument("--stressors", nargs="+", default=[], metavar="S", help="stressors to run (default: all)")
     kind.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="presets to compare")
-    kind.add_argument(
-        "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
-    )
 
 
 def _add_photos(kind: argparse.ArgumentParser) -> None:

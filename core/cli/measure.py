@@ -1,85 +1,33 @@
-"""``evaluate`` and ``bench``: accuracy, speed and failures."""
+"""``bench``: speed, accuracy and failures of fits, and candidates for a better model."""
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
-from statistics import fmean
 from typing import Any, TypeVar
 
 import torch
 from tqdm import tqdm
 
+from core.cli.evaluate import index_entries
 from core.cli.output import say
 from core.cli.progress import wait_for_view_bank
 from core.fitting.settings import PRESETS
-from core.lab.benchmarks import (
-    ablations,
-    candidates,
-    charts,
-    drawing,
-    fits,
-    gate,
-    photos,
-    robustness,
-)
-from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, write_results
+from core.lab.benchmarks import ablations, candidates, charts, fits, gate, photos, robustness
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
+from core.lab.benchmarks.results import append_row, frame_of, keys_of, read_frame, write_frame
 from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import Dataset, ObjectEntry, ObjectViews, index_objects, read_dataset
-from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
-from core.lab.evaluation.protocol import evaluate as scored
-from core.lab.evaluation.report import format_table, write_report
+from core.lab.datasets.srn import Dataset, index_objects, read_dataset
 from core.lab.training.recipes import TrainSettings
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
-from core.runtime.files import is_stream, require_writable
 from core.runtime.threads import thread_count, use_threads
 
 _Item = TypeVar("_Item")
-
-
-def evaluate(chosen: argparse.Namespace) -> None:
-    """Run ``evaluate``: the paper's table on a test set."""
-    protocol = EvaluationProtocol(
-        chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride
-    )
-    model = load_model(chosen.model, chosen.device)
-    entries = _index_entries(model, chosen.datasets, chosen.pose_scale)
-    if chosen.report:
-        require_writable(chosen.report)
-    wait_for_view_bank(model)
-    conditions = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
-    entries = evenly_spaced(entries, chosen.objects)
-    scores = list[ObjectScore]()
-    views = _with_objects((entry.read() for entry in entries), protocol)
-    with tqdm(total=len(entries), unit="object", disable=None) as bar:
-        for score in scored(model, views, protocol):
-            scores.append(score)
-            if chosen.report and not is_stream(chosen.report):  # after each, so that a later failure loses nothing
-                write_report(chosen.report, scores, protocol, conditions)
-            bar.set_postfix_str(f"{fmean(score.psnr for score in scores):.2f} dB")
-            bar.update()
-    if not scores:
-        raise ValueError("all objects of the dataset are blank")
-    if chosen.report and is_stream(chosen.report):
-        write_report(chosen.report, scores, protocol, conditions)
-    print(format_table(scores, protocol), flush=True)
-
-
-def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:
-    """Yield objects with visible input views; report the others. ShapeNet has a few all-white ones."""
-    for views in objects:
-        blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
-        if blank:
-            say(f"{views.name} is skipped: view {blank[0]} shows no object")
-        else:
-            yield views
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
@@ -90,7 +38,7 @@ def bench_gate(chosen: argparse.Namespace) -> None:
     wait_for_view_bank(model)
     ratios = list(_reported(gate.measure_ratios(model)))
     if chosen.write:
-        write_results(path, Results({}, tuple(ratios)))
+        write_frame(path, frame_of(ratios))
     elif lines := gate.compare(ratios, baseline):
         raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
 
@@ -100,26 +48,25 @@ def bench_fit(chosen: argparse.Namespace) -> None:
     model, views = _held_out_views(chosen)
     methods = {name: fits.FitMethod(preset) for name, preset in PRESETS.items()}
     conditions = {"machine": describe_machine(model.device), "model": model.fingerprint}
-    _bench(chosen, "fit", fits.FitTrial, conditions, partial(fits.fit_views, model, views, methods))
+    _bench(chosen, "fit", conditions, partial(fits.fit_views, model, views, methods))
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
     """Run ``bench ablations``: blind fits without each component of the method."""
-    drawing.prepare(chosen.out)
+    chosen.out.mkdir(parents=True, exist_ok=True)
     model, views = _held_out_views(chosen)
-    trials = list(_reported(fits.fit_views(model, views, ablations.ABLATIONS)))
-    results = Results({"machine": describe_machine(model.device)}, ablations.summarise_ablations(trials))
-    print(charts.write(chosen.out, "ablations", results), flush=True)
+    trials = frame_of(_reported(fits.fit_views(model, views, ablations.ABLATIONS)))
+    conditions = {"machine": describe_machine(model.device)}
+    write_frame(chosen.out / "ablations.csv", frame_of(ablations.summarise_ablations(trials), conditions))
+    print(charts.draw(chosen.out, "ablations"), flush=True)
 
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
     """Run ``bench robustness``: failures of blind fits."""
     model, views = _held_out_views(chosen)
     conditions = {"machine": describe_machine(model.device)}
-    measure = partial(
-        robustness.measure_robustness, model, views, chosen.stressors, chosen.presets, chosen.part, chosen.seed
-    )
-    _bench(chosen, "robustness", robustness.RobustnessTrial, conditions, measure)
+    measure = partial(robustness.measure_robustness, model, views, chosen.stressors, chosen.presets, chosen.seed)
+    _bench(chosen, "robustness", conditions, measure)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
@@ -130,7 +77,7 @@ def bench_photos(chosen: argparse.Namespace) -> None:
     if not files:
         raise ValueError(f"{chosen.by_eye}: none of its photos is in {', '.join(map(str, chosen.folders))}")
     measure = partial(photos.measure_photos, files, judgements, chosen.preset)
-    _bench(chosen, "photos", photos.PhotoTrial, conditions, measure)
+    _bench(chosen, "photos", conditions, measure)
 
 
 def bench_candidates(chosen: argparse.Namespace) -> None:
@@ -161,7 +108,7 @@ def bench_candidates(chosen: argparse.Namespace) -> None:
             report=say,
         )
         try:
-            _bench(chosen, "candidates", candidates.Judgement, conditions, lambda done: measure(done=done))
+            _bench(chosen, "candidates", conditions, lambda done: measure(done=done))
         except ValueError:  # of some candidates or fits: show the table of the rest
             if (chosen.out / "candidates.csv").exists():
                 print(charts.draw(chosen.out, "candidates"), flush=True)
@@ -202,29 +149,28 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
     generator = torch.Generator().manual_seed(chosen.seed)
     if not chosen.dataset:
         return model, tuple(training_object_views(model, chosen.objects, generator))
-    entries = evenly_spaced(_index_entries(model, chosen.dataset), chosen.objects)
+    entries = evenly_spaced(index_entries(model, chosen.dataset), chosen.objects)
     return model, tuple(dataset_views(model, entries, generator))
 
 
 def _bench(
     chosen: argparse.Namespace,
     name: str,
-    kind: type[Any],
-    conditions: Row,
+    conditions: Mapping[str, str],
     measure: Callable[[set[Any]], Iterator[Any]],
 ) -> None:
     """Measure a benchmark's missing rows into its CSV file; write its table and chart.
 
     Args:
-        kind: type of the rows, which have a ``key``.
         conditions: the conditions of the rows, such as the machine.
         measure: yields the rows whose keys are not in its argument, the keys of an earlier run.
     """
-    drawing.prepare(chosen.out)
+    chosen.out.mkdir(parents=True, exist_ok=True)
     path = chosen.out / f"{name}.csv"
-    done = {row.key for row in read_records(path, kind, conditions)}
+    key = charts.CHARTS[name].key
+    done = keys_of(read_frame(path, key, conditions), key) if path.exists() else set()
     for row in _reported(measure(done)):
-        append_record(path, conditions, row)
+        append_row(path, conditions, row)
     print(charts.draw(chosen.out, name), flush=True)
 
 
@@ -233,11 +179,3 @@ def _reported(rows: Iterator[_Item]) -> Iterator[_Item]:
     for row in rows:
         tqdm.write(str(row), file=sys.stderr)
         yield row
-
-
-def _index_entries(model: Model, datasets: Sequence[Path], scale: float = 1.0) -> tuple[ObjectEntry, ...]:
-    """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
-    category, entries = index_objects(datasets, scale)
-    if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, but the model {model.category}")
-    return entries

@@ -15,6 +15,7 @@ from core.cli.argument_types import (
     number_from,
     paints,
     point,
+    size_cm,
     view_numbers,
     whole_from,
 )
@@ -80,6 +81,12 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
         default=(),
         metavar="[PART=]#rrggbb,…",
         help="colour the body of a car, the fabric or wood of a chair, or another part; photo detail stays",
+    )
+    command.add_argument(
+        "--size-cm",
+        type=size_cm,
+        metavar="WxDxH",
+        help="stretch the object to this width, depth and height in centimetres: 60x58x92 (default: as it is)",
     )
 
 
@@ -151,7 +158,10 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("--triangles", type=count, metavar="N", help="at most (default: all; 8,000 with a texture)")
     command.add_argument(
-        "--metres", type=number_from(1e-4, 1e6), metavar="M", help="longest side, on the ground (default: scene units)"
+        "--metres",
+        type=number_from(1e-4, 1e6),
+        metavar="M",
+        help="longest side, on the ground (default: --size-cm, else scene units)",
     )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
@@ -347,7 +357,7 @@ def _add_convert(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, score others")
+    command = add_command(commands, "evaluate", "evaluate.evaluate", "the paper's protocol: fit a view, score others")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders of objects to test on")
     add_model(command)
     command.add_argument("--input-views", type=view_numbers, default="64", metavar="V,V", help="the fitted views")

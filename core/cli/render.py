@@ -21,6 +21,7 @@ from core.geometry.pixels import to_bytes
 from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Instance
 from core.models.scene import Scene, open_scene, save_image, scene_model
+from core.rendering.size import sized
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
@@ -127,7 +128,7 @@ def _model_name(chosen: argparse.Namespace) -> str:
 
 
 def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
-    """Apply ``--edit`` and ``--paint`` to an object."""
+    """Apply ``--edit``, ``--paint`` and ``--size-cm`` to an object."""
     if chosen.edit:
         *_, words = direction_words(instance.model)
         assert words is not None
@@ -137,6 +138,6 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
                 noun = instance.model.noun
                 say(f"{name}={amount:g}: ends at {limit:.2g}, beyond which this {noun} would fall to pieces")
             instance = moved(instance, words, name, amount)
-    for name, colour in chosen.paint:
-        instance = run_to_end(paint(instance, Paint(colour, name)))
-    return instance
+    for part, colour in chosen.paint:
+        instance = run_to_end(paint(instance, Paint(colour, part)))
+    return sized(instance, chosen.size_cm) if chosen.size_cm else instance

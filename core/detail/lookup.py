@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera, camera_directions
+from core.geometry.camera import Camera, Factors
 from core.models.motion import Warp
 from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
@@ -91,6 +91,7 @@ class PhotoMaps:
         origins: Float[Tensor, "points 3"],
         directions: Float[Tensor, "points 3"],
         map: Float[Tensor, "4 _ _"],
+        stretch: Factors | None = None,
     ) -> tuple[Float[Tensor, "points 4"], Float[Tensor, "points"], Float[Tensor, "points"]]:
         """Sample a map where points' origins project; return its values and two weights, 0..1.
 
@@ -100,6 +101,7 @@ class PhotoMaps:
         Args:
             origins: the points on the fitted object, which differ on an edited one.
             directions: unit viewing directions.
+            stretch: of space, where the viewer is; the photo's camera stays where the photo was taken.
         """
         rotation, origin = self.camera.world_to_camera(points.device)
         away = origins - origin
@@ -112,6 +114,9 @@ class PhotoMaps:
         behind = (distance - surface[:, 3]).abs()
         facing = smooth_step(-(directions * surface[:, :3]).sum(-1), 0.0, FACING)
         steep = smooth_step(-(ray * surface[:, :3]).sum(-1), FLAT, STEEP)
+        if stretch is not None:
+            factors = points.new_tensor(stretch)
+            points, directions = points * factors, functional.normalize(directions * factors, dim=-1)
         along = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
         same_side = torch.maximum(facing * steep, smooth_step(along, *BESIDE))
         visible = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * same_side
@@ -129,13 +134,18 @@ class DetailMaps:
     other_side: OtherSide = "mirrored"
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
     warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
+    stretch: Factors | None = None  # of space (:attr:`core.models.codes.Codes.proportions`)
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Sources]:
-        """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change."""
+        """Return a render with photo detail added, and the sources of its colours. Opacity and depth do not change.
+
+        Args:
+            camera: of the object's own space (:meth:`core.models.model.Instance.local_camera`).
+        """
         index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
-        rotation, origin = camera.world_to_camera(index.device)
+        _, origin = camera.world_to_camera(index.device)
         pixels = torch.stack((index % camera.width, index // camera.width), -1) + 0.5
-        directions = camera_directions(pixels, camera.focal, (camera.width, camera.height)) @ rotation
+        directions = camera.directions(pixels)
         points = origin + directions * rendered.depth.flatten().index_select(0, index)[:, None]
         opacity = rendered.opacity.flatten().index_select(0, index)
         left = (1 - opacity)[:, None]
@@ -203,7 +213,7 @@ class DetailMaps:
         weights = list[Float[Tensor, "points"]]()  # 0..1
         factors = list[Float[Tensor, "points"]]()  # of the average
         for photo, map in zip(self.photos, maps, strict=True):
-            values, visible, near = photo.look_up(points, origins, directions, map)
+            values, visible, near = photo.look_up(points, origins, directions, map, self.stretch)
             packed_weight = values[:, 3]
             weight, reach = (packed_weight, packed_weight) if soft else unpacked(packed_weight)
             weight = torch.maximum(visible * weight, reach * near) if own else visible * weight

@@ -85,7 +85,8 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
         with torch.inference_mode():
             known = _painted_maps(photos, instance)
         CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
-    return DetailMaps(known[0], strength, detail.other_side, known[1], warp_to_fitted(instance))
+    warp = warp_to_fitted(instance)
+    return DetailMaps(known[0], strength, detail.other_side, known[1], warp, instance.codes.proportions)
 
 
 def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:
@@ -94,11 +95,11 @@ def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedP
     fitted = instance.fitted
     for view in instance.detail.views if instance.detail else ():
         key = fitted.model, fitted, view
-        known: ComparedPhoto | None = CACHE.get(CacheKind.DETAIL, key)
-        if known is None:
-            known = yield from compare_photo(fitted, view)
-            CACHE.put(CacheKind.DETAIL, key, known, known.size)
-        photos.append(known)
+        photo: ComparedPhoto | None = CACHE.get(CacheKind.DETAIL, key)
+        if photo is None:
+            photo = yield from compare_photo(fitted, view)
+            CACHE.put(CacheKind.DETAIL, key, photo, photo.size)
+        photos.append(photo)
     return photos
 
 
@@ -143,16 +144,16 @@ class ComparedPhoto:
         main = smooth_step(blurred(certain[None], reach), least, enough) * smooth_step(strength, *_OTHER)
         paint = torch.lerp(self.render + offset, photo, main)
         moved = torch.lerp(moved_paint(change, offset), moved_paint(even, photo - render), main)
-        known = self.body * smooth_step(strength - _ROUGH * self.rough, *_PAINTED)
-        painted = torch.maximum(known, self.alike)
+        painted = self.body * smooth_step(strength - _ROUGH * self.rough, *_PAINTED)
+        painted = torch.maximum(painted, self.alike)
         colour, moved, painted = enlarged(torch.cat((paint, moved, painted[None])), self.photo).split((3, 3, 1))
         return repainted(self.photo, colour, moved, painted[0])
 
     @property
     def size(self) -> int:
         """bytes"""
-        maps = (part for part in vars(self).values() if isinstance(part, Tensor))
-        return sum(part.nbytes for part in (*maps, self.texels.features))
+        maps = (value for value in vars(self).values() if isinstance(value, Tensor))
+        return sum(image.nbytes for image in (*maps, self.texels.features))
 
 
 class SurfaceTexels(NamedTuple):
@@ -216,9 +217,11 @@ def _flank(
         return torch.zeros_like(weight)
     wheels, glass = (parts[name] for name in UNPAINTED)
     body = 1 - wheels - glass
-    (reach, *wheel), (beside, *pane) = _WHEEL, _PANE
-    away = smooth_step(blurred(wheels[None], reach)[0], *wheel) * smooth_step(blurred(body[None], beside)[0], *pane)
-    return (weight > 0) * body * away * smooth_step(normals[..., 0].abs(), *_FLANK)
+    wheel_blur, *wheel_ends = _WHEEL
+    pane_blur, *pane_ends = _PANE
+    beside_wheels = smooth_step(blurred(wheels[None], wheel_blur)[0], *wheel_ends)
+    beside_panes = smooth_step(blurred(body[None], pane_blur)[0], *pane_ends)
+    return (weight > 0) * body * (beside_wheels * beside_panes) * smooth_step(normals[..., 0].abs(), *_FLANK)
 
 
 def _surface_texels(
@@ -260,7 +263,8 @@ def _paint_places(
     if not bool(certain.any()):
         return body, rough, torch.zeros_like(body)
     paint = photo[:, certain].median(1).values[:, None, None]
-    hue, light = same_hue(photo, paint), light_share(photo, paint)
+    hue = same_hue(photo, paint)
+    light = light_share(photo, paint)
     vivid = smooth_step(chroma(paint).abs().amax(0) / (0.3 + 0.7 * lightness(paint)), *_VIVID)
     alike = body * smooth_step(light, *_GREY_LIT) * smooth_step(rough, *_CALM)
     if "glass" in parts:
@@ -272,7 +276,8 @@ def _paint_places(
 
 def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
     """Return the standard deviation of lightness in the calmest of the windows around each pixel."""
-    light, (deviation, reach) = lightness(image)[None], _WINDOW
+    light = lightness(image)[None]
+    deviation, reach = _WINDOW
     variance = blurred(light**2, deviation) - blurred(light, deviation) ** 2
     return -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
 
@@ -336,7 +341,8 @@ def surface_normals(
 
 def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, "h w"]:
     """Return the weight, 0..1, by which photo and render differ in paint rather than in shape."""
-    photo, render = mask > 0.5, source.opacity > 0.5
+    photo = mask > 0.5
+    render = source.opacity > 0.5
     inside = photo & render & ~_leaps(source.depth)
     thick = distance(photo ^ render) > _DISAGREEMENT / 2  # the core of regions wider than that
     shape = smooth_step(distance(~thick, beyond=True), 2 * _DISAGREEMENT, 2 * _DISAGREEMENT + _SHAPE_FADE)
@@ -371,6 +377,7 @@ def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor
 
 def _core(mask: Bool[Tensor, "h w"], depth: float) -> Bool[Tensor, "h w"]:
     """Return the pixels of a mask at least ``depth`` px inside it, and the middle of narrower parts."""
-    inside, reach = distance(mask), math.ceil(depth)
+    inside = distance(mask)
+    reach = math.ceil(depth)
     deepest = functional.max_pool2d(inside[None], 2 * reach + 1, 1, reach)[0]
     return mask & (inside >= deepest.clamp_max(depth))

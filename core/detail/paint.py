@@ -16,7 +16,7 @@ from torch.nn import functional
 from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.progressive import Frame
 from core.detail.repaint import lightness, lit_paint, replaced_share
-from core.geometry.camera import Camera, camera_directions
+from core.geometry.camera import Camera
 from core.models.latents import Latents
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
@@ -26,11 +26,11 @@ from core.runtime.layers import pad_rows
 
 Rgb = tuple[float, float, float]
 MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that surely has it; metal legs count as wood
-_POINTS = 1500  # of the surface; more would change the result by less than 1/255
+_POINTS = 1500  # points sampled on the surface; more would change the result by less than 1/255
 _TEXTURES = 500  # trained textures tried as the start
-_FEW = 6  # every so many points are compared with these: three times as fast, and the start is as near
-_STEPS = 80  # of Adam
-_RATE = 0.06  # of Adam, in standard deviations of the trained textures
+_FEW = 6  # one in six points is compared with trained textures: three times as fast, and the start is as near
+_STEPS = 80  # steps of Adam
+_RATE = 0.06  # learning rate of Adam, in standard deviations of the trained textures
 _PRIOR = 2e-5  # weight of the squared coordinates against squared colour errors
 _DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
 _COARSE = 128  # px along an image's shorter side at which a coarse paint asks for parts: 40 ms instead of a second
@@ -93,8 +93,8 @@ class CoarsePaint:
     """The paint of a part in an image, which changes at once; its texture is found by :func:`paint`."""
 
     image: Float32[np.ndarray, "height width 3"]  # 0..255
-    fraction: Float32[np.ndarray, "height width"]  # of a change of paint that a pixel takes, 0..1.6
-    colour: Rgb  # of the paint now
+    fraction: Float32[np.ndarray, "height width"]  # how much of a change of paint a pixel takes, 0..1.6
+    colour: Rgb  # the present paint
 
     def repainted(self, colour: Rgb) -> UInt8[np.ndarray, "height width 3"]:
         """Return the image in another colour of the part."""
@@ -111,7 +111,7 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     image = torch.from_numpy(frame.image).movedim(-1, 0) / 255
     paint = torch.ones(3)
     if bool(opaque.any()):
-        points = frame_points(frame, camera, opaque, step).to(instance.model.device)
+        points = frame_points(instance, camera, frame, opaque, step).to(instance.model.device)
         colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
         membership = _membership(instance, points, colours, part)
         amount[opaque] = membership.cpu()
@@ -125,15 +125,14 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
 
 
 def frame_points(
-    frame: Frame, camera: Camera, mask: Bool[Tensor, "rows columns"], step: int
+    instance: Instance, camera: Camera, frame: Frame, mask: Bool[Tensor, "rows columns"], step: int
 ) -> Float[Tensor, "points 3"]:
-    """Return the surface points in the pixels of a mask over every ``step``-th pixel of a frame."""
+    """Return the surface points in the pixels of a mask over every ``step``-th pixel of a frame, before stretching."""
     camera = camera.resized(*frame.resolution)
-    rotation, origin = camera.world_to_camera(torch.device("cpu"))
-    pixels = mask.nonzero().flip(-1) * step + 0.5
-    directions = camera_directions(pixels, camera.focal, frame.resolution) @ rotation
+    _, origin = camera.world_to_camera(torch.device("cpu"))
+    directions = camera.directions(mask.nonzero().flip(-1) * step + 0.5)
     depth = torch.from_numpy(frame.depth[::step, ::step].copy())[mask]
-    return origin + directions * depth[:, None]
+    return (origin + directions * depth[:, None]) / torch.tensor(instance.codes.proportions or 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +153,7 @@ class _Surface:
         return model.field.colour(self.features, self.direction_bias, model.biases(codes)[1])
 
     def every(self, step: int) -> "_Surface":
-        """Return every so many points."""
+        """Return every ``step``-th point."""
         names = ("features", "direction_bias", "colours", "membership")
         return replace(self, **{name: getattr(self, name)[::step] for name in names})
 

@@ -25,7 +25,7 @@ class RenderSettings:
     """The trade-off of a render between speed and accuracy. Raises ``ValueError`` for unusable values."""
 
     samples: int = SAMPLES  # intervals along the longest side of the scene's box in the last stage
-    divisors: tuple[int, ...] = (8, 4, 2, 1)  # of the image size, stage by stage
+    divisors: tuple[int, ...] = (8, 4, 2, 1)  # of the image's width and height, stage by stage
     preview_samples: int = 64  # intervals in the stages before the last
 
     def __post_init__(self) -> None:
@@ -91,17 +91,19 @@ def render_progressively(job: RenderJob) -> Iterator[Frame | None]:
     cached = [number for number, stage in enumerate(stages) if is_cached(job.instance, *stage)]
     for number in range(max(cached, default=0), len(stages)):
         camera, samples, complete = stages[number]
+        local = job.instance.local_camera(camera)
         rendered = yield from render_steps(job.instance, camera, samples, complete)
         sources = None
         if maps:
-            rendered, fractions = maps.added(rendered, camera)
+            rendered, fractions = maps.added(rendered, local)
             sources = torch.stack(fractions, -1).cpu().numpy()
         image = to_bytes(rendered.colour)
-        depth = rendered.depth.cpu().numpy()
+        depth = local.seen_lengths(rendered.depth.cpu()).numpy()
         opacity = rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
         shadow = shape_occupancy(job.instance, complete).shadow if job.shadow else None
+        shadow = shadow and shadow.stretched(job.instance.codes.proportions)
         yield Frame(image, depth, opacity, number, len(stages), samples, seconds, evaluations, sources, shadow)
 
 
@@ -116,7 +118,7 @@ def render_reference(instance: Instance, camera: Camera) -> Rendered:
     """Return the exact render with photo detail."""
     maps = run_to_end(detail_maps(instance))
     rendered = render_exact(instance, camera)
-    return rendered if maps is None else maps.added(rendered, camera)[0]
+    return rendered if maps is None else maps.added(rendered, instance.local_camera(camera))[0]
 
 
 class _Stage(NamedTuple):

@@ -33,7 +33,7 @@ class Handle(NamedTuple):
 
     part: str
     place: tuple[float, float]  # fractions of the image's width and height
-    point: tuple[float, float, float]  # on the surface, scene units
+    point: tuple[float, float, float]  # on the surface, scene units before stretching
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def part_map(instance: Instance, camera: Camera, frame: Frame, box: Box = (0.0, 
     """
     step = max(1, min(frame.resolution) // _SIDE)
     opaque = _within(box, frame.opacity[::step, ::step] > _OPAQUE) & (not instance.model.white_from_network)
-    points = frame_points(frame, camera, torch.from_numpy(opaque), step)
+    points = frame_points(instance, camera, frame, torch.from_numpy(opaque), step)
     head = instance.model.part_head
     names = head.names if head else (instance.model.noun or "object",)
     images = np.zeros((len(names), *opaque.shape), np.float32)

@@ -42,7 +42,7 @@ def filling_frame(views: Sequence[View], zoom_out: bool = True) -> list[View]:
 
 def filling_distance(instance: Instance, camera: Camera, fraction: float) -> float:
     """Return the distance (scene units) at which the object fills a fraction (0..1) of the frame's width or height."""
-    local = camera.to_camera_axes(_opaque_points(instance, 1))
+    local = instance.local_camera(camera).to_camera_axes(_opaque_points(instance, 1))
     reach = local[:, :2].abs() + max(instance.model.extent) / CELLS  # the points are the middles of cells
     half = fraction * torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
     return camera.distance + float((reach / half + local[:, 2:]).amax())
@@ -67,7 +67,7 @@ def _outline(instance: Instance) -> Float[Tensor, "ends 3"]:
     for axis, side in enumerate(taken.shape):
         number = taken.cumsum(axis)
         ends = ends & ((number == 1) | (number == number.narrow(axis, side - 1, 1)))
-    return points[ends[place.unbind(-1)]]
+    return points[ends[place.unbind(-1)]] * torch.tensor(instance.codes.proportions or 1.0)
 
 
 def _opaque_points(instance: Instance, per_side: int) -> Float[Tensor, "points 3"]:

@@ -1,4 +1,4 @@
-"""A coloured mesh as binary glTF 2.0, with a node for each part and optionally a camera.
+"""A mesh as binary glTF 2.0, with a node for each part and optionally a camera.
 
 The material is unlit because the colours contain the light.
 """
@@ -6,54 +6,78 @@ The material is unlit because the colours contain the light.
 import json
 import math
 import struct
-from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8, UInt16
+from PIL import Image
 
 from core.geometry.camera import WORLD_FROM_GLTF, Camera
 
-_FLOAT, _UINT, _USHORT = 5126, 5125, 5123
-_VERTICES, _INDICES = 34962, 34963
+_UNLIT = "KHR_materials_unlit"
+_COLOUR = "_COLOUR"  # vertex attribute of the linear colours until the file is complete
 MeshParts = tuple[tuple[str, int], ...]  # name and number of triangles of each part, in the order of the triangles
 
 
 def glb(
     vertices: Float[np.ndarray, "vertices 3"],
     normals: Float[np.ndarray, "vertices 3"],
-    colours: Float[np.ndarray, "vertices 3"],
     faces: Int[np.ndarray, "faces 3"],
     part_counts: MeshParts,
+    *,
+    colours: Float[np.ndarray, "vertices 3"] | None = None,
+    uv: Float[np.ndarray, "vertices 2"] | None = None,
+    image: UInt8[np.ndarray, "height width 3"] | None = None,
 ) -> bytes:
-    """Return the bytes of a .glb file.
+    """Return the bytes of a .glb file, with the colours of the vertices or an image.
 
     Args:
         vertices, normals: glTF axes.
-        colours: sRGB, 0..1; written linear as glTF requires, in 16 bits so that dark colours keep their steps.
         part_counts: of the triangles, in their order; vertices are not shared between parts.
+        colours: sRGB, 0..1.
+        uv: places of the vertices in the image, 0..1, from its left and bottom edge.
     """
-    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
-    paint = (np.hstack((linear, np.ones((len(linear), 1)))) * 65535 + 0.5).astype("<u2")
-    document = _empty_document()
-    body = b""
-    for name, triangles in split(faces, part_counts):
-        used, corners = np.unique(triangles, return_inverse=True)
-        arrays = (vertices[used].astype("<f4"), normals[used].astype("<f4"), paint[used], corners.astype("<u4"))
-        _add_mesh(document, name, arrays, len(body))
-        body += b"".join(array.tobytes() for array in arrays)  # every length is a multiple of 4 bytes
-    document["buffers"] = [{"byteLength": len(body)}]
-    return _file(document, struct.pack("<II", len(body), 0x004E4942) + body)
+    from trimesh import Scene, Trimesh  # imported late: the window only lists the formats
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
 
-
-def split(
-    faces: Int[np.ndarray, "faces 3"], part_counts: MeshParts
-) -> Iterator[tuple[str, Int[np.ndarray, "triangles 3"]]]:
-    """Yield each part's name and triangles."""
+    texture = None if image is None else Image.fromarray(image)
+    material = PBRMaterial(baseColorTexture=texture, metallicFactor=0.0, roughnessFactor=1.0)
+    scene = Scene()
     start = 0
     for name, count in part_counts:
-        yield name, faces[start : start + count]
+        used, corners = np.unique(faces[start : start + count], return_inverse=True)
+        mesh = Trimesh(
+            vertices[used],
+            corners.reshape(-1, 3),
+            vertex_normals=normals[used],
+            visual=TextureVisuals(None if uv is None else uv[used], material),
+            vertex_attributes={} if colours is None else {_COLOUR: _linear(colours[used])},
+            process=False,
+            validate=False,
+        )
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
         start += count
+    return scene.export(file_type="glb", tree_postprocessor=_complete, include_normals=True)
+
+
+def _linear(colours: Float[np.ndarray, "vertices 3"]) -> UInt16[np.ndarray, "vertices 4"]:
+    """Return opaque linear colours, as glTF requires, in 16 bits so that dark colours keep their steps."""
+    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    return (np.hstack((linear, np.ones((len(linear), 1)))) * 65535 + 0.5).astype(np.uint16)
+
+
+def _complete(tree: dict[str, Any]) -> None:
+    """Make the materials unlit and name the vertices' colours as glTF does, in the JSON of a file."""
+    tree["extensionsUsed"] = [*tree.get("extensionsUsed", ()), _UNLIT]
+    for material in tree["materials"]:
+        material["extensions"] = {_UNLIT: {}}
+    for mesh in tree["meshes"]:
+        attributes = mesh["primitives"][0]["attributes"]
+        if _COLOUR in attributes:
+            attributes["COLOR_0"] = attributes.pop(_COLOUR)
+            tree["accessors"][attributes["COLOR_0"]]["normalized"] = True
 
 
 def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> bytes:
@@ -84,42 +108,3 @@ def _file(document: dict, rest: bytes) -> bytes:
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + rest
     return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
-
-
-def _empty_document() -> dict:
-    """Return the JSON part without any mesh."""
-    return {
-        "asset": {"version": "2.0", "generator": "CodeNeRF Viewer"},
-        "extensionsUsed": ["KHR_materials_unlit"],
-        "scene": 0,
-        "scenes": [{"nodes": []}],
-        "nodes": [],
-        "meshes": [],
-        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0}, "extensions": {"KHR_materials_unlit": {}}}],
-        "accessors": [],
-        "bufferViews": [],
-    }
-
-
-def _add_mesh(document: dict, name: str, arrays: tuple[np.ndarray, ...], start: int) -> None:
-    """Describe a node and its mesh (positions, normals, colours, indices) whose data begin at byte ``start``."""
-    vertices = arrays[0]
-    corners = arrays[3]
-    first = len(document["accessors"])
-    count = len(vertices)
-    bounds = {"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()}
-    document["accessors"] += [
-        {"bufferView": first, "componentType": _FLOAT, "count": count, "type": "VEC3", **bounds},
-        {"bufferView": first + 1, "componentType": _FLOAT, "count": count, "type": "VEC3"},
-        {"bufferView": first + 2, "componentType": _USHORT, "normalized": True, "count": count, "type": "VEC4"},
-        {"bufferView": first + 3, "componentType": _UINT, "count": corners.size, "type": "SCALAR"},
-    ]
-    for array, kind in zip(arrays, (_VERTICES, _VERTICES, _VERTICES, _INDICES), strict=True):
-        document["bufferViews"].append({"buffer": 0, "byteOffset": start, "byteLength": array.nbytes, "target": kind})
-        start += array.nbytes
-    attributes = {"POSITION": first, "NORMAL": first + 1, "COLOR_0": first + 2}
-    primitive = {"attributes": attributes, "indices": first + 3, "material": 0}
-    index = len(document["meshes"])
-    document["meshes"].append({"name": name, "primitives": [primitive]})
-    document["nodes"].append({"name": name, "mesh": index})
-    document["scenes"][0]["nodes"].append(index)

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float64
 from torch import Tensor
 
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.models.latents import Latents
 from core.models.model import Instance
 
@@ -206,7 +206,17 @@ class _Run:
         if len(self.knots) == 1:
             return nearest
         latents = {name: path(seconds) for name, path in self._paths.items()}
-        return nearest.with_codes(nearest.codes.with_latents(latents))
+        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(stretch=self._stretch(seconds))
+
+    def _stretch(self, seconds: float) -> Factors | None:
+        """Interpolate stretches linearly, which passes no limit between two knots."""
+        stretches = [instance.codes.stretch for _, instance in self.knots]
+        if not any(stretches):
+            return None
+        times = [time for time, _ in self.knots]
+        columns = np.array([stretch or (1.0, 1.0, 1.0) for stretch in stretches]).T
+        x, y, z = (float(np.interp(seconds, times, column)) for column in columns)
+        return x, y, z
 
     @cached_property
     def _paths(self) -> dict[str, Callable[[float], Tensor]]:

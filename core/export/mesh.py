@@ -10,6 +10,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -26,11 +27,12 @@ from core.export.normals import face_normals, vertex_normals
 from core.export.parts import by_part
 from core.export.simplify import simplify
 from core.export.texture import TRIANGLES, TexturedMesh, textured
-from core.geometry.camera import WORLD_FROM_GLTF, Camera
+from core.geometry.camera import WORLD_FROM_GLTF, Camera, Factors
 from core.models.model import Instance, Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, shape_occupancy
+from core.rendering.size import size_of
 from core.runtime.files import atomic_file
 from core.runtime.pool import map_pieces
 from core.streams import subprogress
@@ -64,7 +66,8 @@ class MeshSettings:
     resolution: int | None = None
     """cells along the longest side of the model's box; None: as many as the object's detail needs"""
     metres: float | None = None
-    """m, the object's longest side, standing on the ground; None: scene units, centred at the origin"""
+    """m, the object's longest side, standing on the ground; None: as large as the object was sized, else in scene units
+    and centred at the origin"""
     texture: int = 0  # px, approximate width of the colour image (glb only); 0: colours per vertex
     triangles: int = 0  # at most; 0: all of the grid, or TRIANGLES with a texture
 
@@ -96,29 +99,64 @@ def export_mesh(
         end = _MESH_FRACTION if settings.texture else 1.0
         most = settings.triangles or (TRIANGLES if settings.texture else 0)
         mesh = yield from subprogress(extract_mesh(instance, settings.resolution, most), 0.0, end)
-        detail = yield from subprogress(detail_maps(instance), end, end)
-        origin, scale = _placing(mesh.vertices, settings.metres)
+        detail = yield from subprogress(detail_maps(instance.natural), end, end)
+        placing = _Placing.of(instance, mesh.vertices, settings.metres)
         if settings.texture:
             image_mesh = yield from subprogress(_textured(instance, mesh, settings.texture, detail), end, 1.0)
-            vertices = (scale * (image_mesh.vertices - origin)).astype(np.float32) @ WORLD_FROM_GLTF
-            normals = image_mesh.normals @ WORLD_FROM_GLTF
+            vertices = placing.vertices(image_mesh.vertices) @ WORLD_FROM_GLTF
+            normals = placing.normals(image_mesh.normals) @ WORLD_FROM_GLTF
             unfinished.write_bytes(replace(image_mesh, vertices=vertices, normals=normals).glb())
         else:
             colours = _with_detail(mesh.colours, mesh.vertices, mesh.normals, detail)
-            vertices = (scale * (mesh.vertices - origin)).astype(np.float32)
-            replace(mesh, vertices=vertices, colours=colours).save(unfinished)
+            vertices = placing.vertices(mesh.vertices)
+            normals = placing.normals(mesh.normals)
+            replace(mesh, vertices=vertices, normals=normals, colours=colours).save(unfinished)
         if camera and suffix == ".glb":
-            unfinished.write_bytes(place_camera(unfinished.read_bytes(), camera, origin, scale))
+            unfinished.write_bytes(place_camera(unfinished.read_bytes(), camera, *placing.of_world))
     yield 1.0
 
 
-def _placing(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> tuple[Float[np.ndarray, "3"], float]:
-    """Return the new origin and the scale: the object on the ground, ``metres`` long; unchanged for None."""
-    if metres is None:
-        return np.zeros(3, np.float32), 1.0
-    low = vertices.min(0)
-    high = vertices.max(0)
-    return np.array([*(low + high)[:2] / 2, low[2]]), float(metres / (high - low).max())
+class _Placing(NamedTuple):
+    """The map from an object's own space to a file's axes: a shift, then a scale along each axis."""
+
+    origin: Float[np.ndarray, "3"]
+    scale: float | Float[np.ndarray, "3"]
+    stretch: Factors | None  # from the object's own space to the world
+
+    @classmethod
+    def of(cls, instance: Instance, vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> "_Placing":
+        """Place the object on the ground, ``metres`` long.
+
+        None: as large as it was sized; without a size nothing changes.
+        """
+        low = vertices.min(0)
+        high = vertices.max(0)
+        on_ground = np.array([*(low + high)[:2] / 2, low[2]])
+        stretch = instance.codes.proportions
+        if instance.codes.stretch is not None:
+            # These vertices get the size exactly: the bounds of any mesh differ a little from the field's.
+            size = np.array(size_of(instance)) / 100
+            return cls(on_ground, size * ((metres or size.max()) / size.max()) / (high - low), stretch)
+        if metres is None:
+            return cls(np.zeros(3, np.float32), 1.0, stretch)
+        return cls(on_ground, float(metres / (high - low).max()), stretch)
+
+    def vertices(self, vertices: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, "vertices 3"]:
+        """Return vertices in the file's units."""
+        return (self.scale * (vertices - self.origin)).astype(np.float32)
+
+    def normals(self, normals: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, "vertices 3"]:
+        """Return unit normals of the scaled surface."""
+        if isinstance(self.scale, float):
+            return normals
+        turned = normals / self.scale
+        return (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32)
+
+    @property
+    def of_world(self) -> tuple[Float[np.ndarray, "3"], float]:
+        """The file's origin in the world, and its units per scene unit."""
+        stretch = np.array(self.stretch or (1.0, 1.0, 1.0))
+        return self.origin * stretch, float(np.mean(self.scale / stretch))
 
 
 def _textured(

@@ -46,7 +46,7 @@ def _write_glb(mesh: Mesh, path: Path) -> None:
     """Write with glTF axes: y up, front +z."""
     vertices = mesh.vertices @ WORLD_FROM_GLTF
     normals = mesh.normals @ WORLD_FROM_GLTF
-    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces, mesh.part_counts))
+    path.write_bytes(glb(vertices, normals, mesh.faces, mesh.part_counts, colours=mesh.colours))
 
 
 def _write_ply(mesh: Mesh, path: Path) -> None:

@@ -128,6 +128,7 @@ def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
     }
     return {
         "camera": {**view, "focal": camera.focal / camera.height},
+        "stretch": baked.stretch or (1, 1, 1),
         "field": {
             "uniforms": baked_shader.field_uniforms(baked),
             "texels": _packed(np.moveaxis(baked.texels, -1, 0)),  # by channel, which compresses better

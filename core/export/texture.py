@@ -2,13 +2,11 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
-from PIL import Image
 
-from core.export.glb import MeshParts, split
+from core.export.glb import MeshParts, glb
 from core.export.normals import face_normals, vertex_normals
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
@@ -35,26 +33,8 @@ class TexturedMesh:
     part_counts: MeshParts
 
     def glb(self) -> bytes:
-        """Return the bytes of an unlit .glb file (colours contain the light), with vertices already in glTF axes."""
-        import trimesh
-
-        material = trimesh.visual.material.PBRMaterial(
-            baseColorTexture=Image.fromarray(self.image), metallicFactor=0.0, roughnessFactor=1.0
-        )
-        scene = trimesh.Scene()
-        for name, faces in split(self.faces, self.part_counts):
-            used, corners = np.unique(faces, return_inverse=True)
-            visual = trimesh.visual.TextureVisuals(self.uv[used], material=material)
-            mesh = trimesh.Trimesh(
-                self.vertices[used],
-                corners.reshape(-1, 3),
-                vertex_normals=self.normals[used],
-                visual=visual,
-                process=False,
-                validate=False,
-            )
-            scene.add_geometry(mesh, node_name=name, geom_name=name)
-        return scene.export(file_type="glb", tree_postprocessor=_without_light, include_normals=True)
+        """Return the bytes of a .glb file, with vertices already in glTF axes."""
+        return glb(self.vertices, self.normals, self.faces, self.part_counts, uv=self.uv, image=self.image)
 
 
 def textured(
@@ -80,12 +60,6 @@ def textured(
     image = np.zeros((height, width, 3), np.uint8)
     image[covered] = to_bytes((yield from subprogress(colours(*texels), _UNWRAP_FRACTION, 1.0)))
     return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered), part_counts)
-
-
-def _without_light(tree: dict[str, Any]) -> None:
-    tree["extensionsUsed"] = [*tree.get("extensionsUsed", ()), "KHR_materials_unlit"]
-    for material in tree["materials"]:
-        material["extensions"] = {"KHR_materials_unlit": {}}
 
 
 def _unwrapped(

@@ -5,7 +5,6 @@ themselves: shape and texture of its parameters are offsets from the biases of f
 deviations of the biases over the training codes (:attr:`core.models.model.Model.bias_std`).
 """
 
-import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
@@ -75,11 +74,7 @@ def bias_jacobians(model: Model, parameters: Parameters, origin: Latents | None 
             model.field.shape_bias_jacobian(shapes.code(parameters.shape), shapes.basis).to(dtype),
             model.field.texture_bias_jacobian(textures.code(parameters.texture), textures.basis).to(dtype),
         )
-    shape, texture = (
-        torch.diag(std.flatten()).unflatten(0, std.shape).to(dtype).expand(len(parameters.shape), -1, -1, -1)
-        for std in model.bias_std
-    )
-    return BiasJacobians(shape, texture)
+    return BiasJacobians(*(std.expand(len(parameters.shape), -1, -1) for std in model.bias_std))
 
 
 def hypothesis_cells(

@@ -27,13 +27,13 @@ from core.fitting.hypotheses import (
 )
 from core.fitting.objective import Objective, RenderedPixels, Term, image_squared_error, residual_weights, term_value
 from core.fitting.observations import PixelBatch
-from core.fitting.pieces import Piece, cells_of, map_rays
 from core.fitting.schedule import Stage
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
 from core.models.latents import Latents
 from core.models.model import Model
-from core.rendering.jacobian import BiasJacobians, render_with_jacobian
+from core.rendering.jacobian import render_with_jacobian
+from core.runtime.pool import map_pieces
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
 """Largest step of each camera parameter (:data:`CAMERA_PARAMETERS`): beyond it, the quadratic is unreliable."""
@@ -41,6 +41,7 @@ _MAX_CODE_STEP = 3.0  # standard deviations
 _EFFECTIVE_PIXELS = 64
 """Assumed number of independent errors in a photo: the uncertainty of right cameras then matches their error."""
 _SAMPLES_PER_JACOBIAN = 11  # one sample in 11 is differentiated, on average
+_NO_PIXELS = RenderedPixels(torch.empty(0))  # for terms of parameters
 
 
 class NormalEquations(NamedTuple):
@@ -120,42 +121,89 @@ def normal_equations(
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
     origin: Latents | None = None,
 ) -> NormalEquations:
-    """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`."""
-    terms = [term(pixels, objective) for term in objective.terms]
+    """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`.
+
+    Two threads compute a half each (:func:`_halves`).
+    """
+    hypothesis_count = len(parameters.angles)
+    pixel_count = pixels.pixels.shape[1]
+
+    def evaluate(half: tuple[slice, slice]) -> NormalEquations:
+        hypotheses, chosen = half
+        return _equations_of_half(
+            model,
+            Parameters(*(values[hypotheses] for values in parameters)),
+            pixels.subset(chosen),
+            None if jitter is None else jitter.unflatten(1, (pixel_count, -1))[:, chosen].flatten(1),
+            stage,
+            objective,
+            cells if cells is None else cells[hypotheses],
+            origin,
+        )
+
+    halves = _halves(hypothesis_count, pixel_count)
+    columns = zip(*map_pieces(evaluate, halves), strict=True)
+    if hypothesis_count % 2 == 0:
+        equations = NormalEquations(*map(torch.cat, columns))
+    else:
+        weights = [len(range(pixel_count)[chosen]) / pixel_count for _, chosen in halves]
+        equations = NormalEquations(*(sum(map(torch.mul, values, weights), torch.zeros(())) for values in columns))
+    for term in (build(pixels, objective) for build in objective.terms):
+        if term.channels is None:
+            _add_prior(term, parameters, equations)
+    return equations
+
+
+def _halves(hypotheses: int, pixels: int) -> list[tuple[slice, slice]]:
+    """Return the indices of the hypotheses and pixels of each half: of the pixels if hypotheses are odd."""
+    everything = slice(None)
+    if hypotheses % 2:  # every second pixel, as they are sorted: on the object, near it, elsewhere
+        return [(everything, slice(first, None, 2)) for first in range(min(2, pixels))]
+    middle = hypotheses // 2
+    return [(slice(middle), everything), (slice(middle, None), everything)]
+
+
+def _equations_of_half(
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    jitter: Float[Tensor, "views all_rays"] | None,
+    stage: Stage,
+    objective: Objective,
+    cells: Bool[Tensor, "hypotheses x y z"] | None,
+    origin: Latents | None,
+) -> NormalEquations:
+    """Return :func:`normal_equations` without priors, in this thread."""
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, origin)
-    value, gradient, hessian = (torch.zeros(len(jacobian), *[jacobian.shape[-1]] * axes) for axes in range(3))
-    for term in terms:
-        value += _add_term(term, parameters, rendered, jacobian, gradient, hessian)
+    value = torch.zeros(len(jacobian))
+    slope, curvature = torch.zeros(2, *rendered.channels.shape)
+    for term in (build(pixels, objective) for build in objective.terms):
+        if term.channels is not None:
+            residual = term.residual(parameters, rendered)
+            weights = residual_weights(term, residual)
+            slope[..., term.channels] += weights * residual
+            curvature[..., term.channels] += weights
+            value += term_value(term, residual)
+    rows = jacobian.flatten(1, -2)
+    gradient = (slope.flatten(1)[:, None] @ rows)[:, 0]
+    rows *= curvature.sqrt_().flatten(1)[..., None]
+    hessian = rows.mT @ rows
     error = image_squared_error(rendered, pixels, objective.occluder_scale)
     return NormalEquations(value, error, gradient, hessian)
 
 
 @torch.enable_grad()
-def _add_term(
-    term: Term,
-    parameters: Parameters,
-    rendered: RenderedPixels,
-    jacobian: Float[Tensor, "hypotheses views rays channels parameters"],
-    gradient: Float[Tensor, "hypotheses parameters"],
-    hessian: Float[Tensor, "hypotheses parameters parameters"],
-) -> Float[Tensor, "hypotheses"]:
-    """Add half of a term's gradient and Gauss-Newton Hessian to ``gradient`` and ``hessian``; return its value."""
-    inputs = to_vector(parameters).requires_grad_(), rendered.channels.detach().requires_grad_()
-    residual = term.residual(from_vector(inputs[0], parameters), RenderedPixels(inputs[1]))
+def _add_prior(term: Term, parameters: Parameters, equations: NormalEquations) -> None:
+    """Add a term of parameters to the equations, in place."""
+    vector = to_vector(parameters).requires_grad_()
+    residual = term.residual(from_vector(vector, parameters), _NO_PIXELS)
     value = residual.detach()
-    root = residual_weights(term, value).sqrt()
-    weighted = root * residual
-    weighted_value = root * value
-    grads = [torch.autograd.grad(c.sum(), inputs, retain_graph=True, allow_unused=True) for c in weighted.unbind(-1)]
-    by_vector, by_channels = zip(*grads, strict=True)
-    if by_vector[0] is not None:  # each residual has its own parameter
-        gradient += torch.autograd.grad((weighted_value * weighted).sum(), inputs[0], retain_graph=True)[0]
-        hessian.diagonal(dim1=1, dim2=2).add_(torch.stack(by_vector).square().sum(0))
-    if by_channels[0] is not None:  # each residual has its own pixel
-        rows = (torch.stack(by_channels, -2) @ jacobian).flatten(1, -2)
-        gradient += (weighted_value.flatten(1)[:, None] @ rows)[:, 0]
-        hessian.baddbmm_(rows.mT, rows)
-    return term_value(term, value)
+    weights = residual_weights(term, value)
+    (slope,) = torch.autograd.grad((weights * value * residual).sum(), vector, retain_graph=True)
+    (change,) = torch.autograd.grad((weights.sqrt() * residual).sum(), vector)
+    equations.objective.add_(term_value(term, value))
+    equations.gradient.add_(slope)
+    equations.hessian.diagonal(dim1=1, dim2=2).add_(change.square())
 
 
 def _render(
@@ -168,29 +216,26 @@ def _render(
     origin: Latents | None,
 ) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
     """Render the pixels; return them with the jacobian of their channels with respect to all parameters."""
-    bias_values = (*hypothesis_biases(model, parameters, origin), *bias_jacobians(model, parameters, origin))
-    differentiated = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
-    cells = known_cells(model, cells)
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
-    ray_jacobian = camera_jacobian(parameters, rays)
-
-    def render(piece: Piece) -> tuple[Tensor, Tensor]:
-        shape_bias, texture_bias, *by_parameters = (values[piece[0]] for values in bias_values)
-        jacobians = BiasJacobians(*by_parameters)
-        piece_cells = cells_of(cells, piece[0])
-        frame = render_with_jacobian(
-            model, rays[piece], stage.samples, differentiated, shape_bias, texture_bias, jacobians, piece_cells
-        )
-        by_camera = torch.cat((frame.origin, frame.direction), -1) @ ray_jacobian[piece]
-        return frame.channels.cpu(), torch.cat((by_camera, frame.codes), -1).cpu()
-
-    channels, by_ray = map_rays(render, rays.near.shape, stage.samples)
-    cameras = rays.near.shape[1] * CAMERA_PARAMETERS
-    jacobian = torch.zeros(*by_ray.shape[:-1], cameras + by_ray.shape[-1] - CAMERA_PARAMETERS)
-    for view, first in enumerate(range(0, cameras, CAMERA_PARAMETERS)):  # a ray moves with its own camera only
-        jacobian[:, view, ..., first : first + CAMERA_PARAMETERS] = by_ray[:, view, ..., :CAMERA_PARAMETERS]
-    jacobian[..., cameras:] = by_ray[..., CAMERA_PARAMETERS:]
-    return RenderedPixels(pixels.mean_of_rays(channels)), pixels.mean_of_rays(jacobian)
+    frame = render_with_jacobian(
+        model,
+        rays,
+        stage.samples,
+        max(2, stage.samples // _SAMPLES_PER_JACOBIAN),
+        *hypothesis_biases(model, parameters, origin),
+        bias_jacobians(model, parameters, origin),
+        known_cells(model, cells),
+    )
+    by_camera = torch.cat((frame.origin, frame.direction), -1) @ camera_jacobian(parameters, rays)
+    views = rays.near.shape[1]
+    sizes = views * CAMERA_PARAMETERS, frame.shape.shape[-1], frame.texture.shape[-1]
+    jacobian = torch.zeros(*frame.channels.shape, sum(sizes))
+    cameras, shape, texture = jacobian.split(sizes, -1)
+    own_camera = cameras.unflatten(-1, (views, -1)).diagonal(dim1=1, dim2=-2)  # a ray moves with its own camera only
+    own_camera.copy_(by_camera.movedim(1, -1))
+    shape.copy_(frame.shape)
+    texture[..., : frame.texture.shape[-2], :] = frame.texture
+    return RenderedPixels(pixels.mean_of_rays(frame.channels.cpu())), pixels.mean_of_rays(jacobian)
 
 
 def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypotheses views rays 6 8"]:
@@ -238,16 +283,21 @@ def _solve_damped(
 ) -> Float[Tensor, "hypotheses parameters"]:
     """Return the step to the minimum of the damped quadratic, limited in length; zero if not finite."""
     movable = _free_mask(equations, free)
-    identity = torch.eye(len(movable))
-    diagonal = equations.hessian.diagonal(dim1=1, dim2=2)
-    hessian = equations.hessian + torch.diag_embed(diagonal * damping + 1e-9)
-    hessian = torch.where(movable[:, None] & movable, hessian, identity)
     gradient = equations.gradient * movable
-    finite = hessian.flatten(1).isfinite().all(1) & gradient.isfinite().all(1)
-    factor, failed = torch.linalg.cholesky_ex(torch.where(finite[:, None, None], hessian, identity))
+    hessian = equations.hessian.clone()
+    diagonal = hessian.diagonal(dim1=1, dim2=2)
+    diagonal.mul_(1 + damping).add_(1e-9)
+    for fixed in (~movable).nonzero()[:, 0].tolist():
+        hessian[:, fixed] = 0.0
+        hessian[:, :, fixed] = 0.0
+        diagonal[:, fixed] = 1.0
+    # A row that is not finite shows on the diagonal, its squared length.
+    finite = diagonal.isfinite().all(1) & gradient.isfinite().all(1)
+    hessian[~finite] = torch.eye(len(movable))
+    factor, failed = torch.linalg.cholesky_ex(hessian)
     finite = finite & (failed == 0)
-    factor = torch.where(finite[:, None, None], factor, identity)
-    step = -torch.cholesky_solve(gradient.where(finite[:, None], 0.0)[..., None], factor)[..., 0]
+    step = -torch.cholesky_solve(gradient[..., None], factor)[..., 0]
+    step = step.where(finite[:, None], 0.0)
     longest = torch.tensor(_MAX_STEP * len(free) + (_MAX_CODE_STEP,) * (len(movable) - free.numel()))
     return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
 

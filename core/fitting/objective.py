@@ -1,6 +1,6 @@
-"""The objective of a fit: a sum of loss terms, each a residual function, a weight and a robust kernel.
+"""The objective of a fit: a sum of loss terms, each a residual function, a weight and a scale of Cauchy's loss.
 
-A term's value and its part of the Gauss-Newton equations (:mod:`core.fitting.gauss_newton`) follow from these three. To
+A term's value and its part of the Gauss-Newton equations (:mod:`core.fitting.gauss_newton`) follow from these. To
 add a term, write a function that returns a :class:`Term` and list it in :data:`TERMS`.
 """
 
@@ -33,8 +33,6 @@ CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)  # relative to 
 _VIEWPOINT_LOSS_WEIGHT = 0.15
 """Weight of a camera's negative log-likelihood relative to the log objective; chosen on 15 held-out chairs."""
 
-Kernel = Callable[[Tensor], Tensor]  # from squared errors to losses, elementwise; robust if it grows sublinearly
-
 
 class RenderedPixels(NamedTuple):
     """Pixels rendered by hypotheses."""
@@ -53,19 +51,20 @@ class RenderedPixels(NamedTuple):
 
 
 class Term(NamedTuple):
-    """A loss term: the sum over its items of weight times kernel of the squared error."""
+    """A loss term: the sum over its items of weight times Cauchy's loss of the squared error."""
 
     residual: Callable[[Parameters, RenderedPixels], Float[Tensor, "hypotheses *items components"]]
-    """The squared error of an item is the mean square of its components. Either each item depends on one rendered pixel
-    and has its index (hypotheses, views, rays, components), or each item depends on one parameter that no other uses.
-    """
+    """The squared error of an item is the mean square of its components."""
     weight: Float[Tensor, "*#items"] | float
-    kernel: Kernel = torch.positive  # the identity: least squares
+    scale: Float[Tensor, "*#items"] | float = math.inf  # of Cauchy's loss; infinite: least squares
+    channels: slice | None = None
+    """channels of a rendered pixel (hypotheses, views, rays) of which the components are errors, with a derivative of
+    1; None: each item depends on one parameter that no other uses"""
 
 
 def term_value(term: Term, residual: Float[Tensor, "hypotheses *items components"]) -> Float[Tensor, "hypotheses"]:
     """Return the value of a term from its residuals."""
-    return (term.weight * term.kernel(residual.square().mean(-1))).flatten(1).sum(1)
+    return (term.weight * cauchy(residual.square().mean(-1), term.scale)).flatten(1).sum(1)
 
 
 def residual_weights(
@@ -75,29 +74,35 @@ def residual_weights(
 
     The sum of weighted squared residuals, with constant weights, has the gradient of the term's value.
     """
-    return (term.weight * _derivative(term.kernel, residual.square().mean(-1)))[..., None] / residual.shape[-1]
+    return (term.weight * cauchy_slope(residual.square().mean(-1), term.scale))[..., None] / residual.shape[-1]
 
 
-def cauchy(scale: Float[Tensor, "views rays"]) -> Kernel:
-    """Return Cauchy's loss: quadratic far below a scale of the error, logarithmic far above it."""
+def cauchy(squared: Float[Tensor, "*items"], scale: Float[Tensor, "*#items"] | float) -> Float[Tensor, "*items"]:
+    """Return Cauchy's loss of squared errors: quadratic far below a scale of the error, logarithmic far above it."""
+    scale = torch.as_tensor(scale)
     robust = scale.isfinite()
     unit = scale.square().where(robust, 1.0)
-    return lambda squared: (unit * (squared / unit).log1p()).where(robust, squared)
+    return (unit * (squared / unit).log1p()).where(robust, squared)
+
+
+def cauchy_slope(squared: Float[Tensor, "*items"], scale: Float[Tensor, "*#items"] | float) -> Float[Tensor, "*items"]:
+    """Return the derivative of :func:`cauchy` with respect to the squared error."""
+    return 1 / (1 + squared / torch.as_tensor(scale).square())
 
 
 def photometric_term(pixels: PixelBatch, objective: "Objective") -> Term:
     """Return the term of colour errors, averaged over pixels and views."""
     outside = min(objective.robust_scale, objective.occluder_scale)
-    kernel = cauchy(_scales(pixels, objective.robust_scale, outside))
+    scale = _scales(pixels, objective.robust_scale, outside)
     weight = pixels.certainty / pixels.certainty.numel()
-    return Term(lambda _, rendered: rendered.colour - pixels.colours, weight, kernel)
+    return Term(lambda _, rendered: rendered.colour - pixels.colours, weight, scale, slice(0, 3))
 
 
 def mask_term(pixels: PixelBatch, objective: "Objective") -> Term:
     """Return the term of opacity errors where the mask is known, averaged over pixels and views."""
-    kernel = cauchy(_scales(pixels, math.inf, objective.occluder_scale))
+    scale = _scales(pixels, math.inf, objective.occluder_scale)
     weight = objective.mask_weight * pixels.mask_valid * pixels.certainty / pixels.certainty.numel()
-    return Term(lambda _, rendered: (rendered.opacity - pixels.target_opacity)[..., None], weight, kernel)
+    return Term(lambda _, rendered: (rendered.opacity - pixels.target_opacity)[..., None], weight, scale, slice(3, 4))
 
 
 def camera_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
@@ -107,7 +112,7 @@ def camera_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
         distance = camera_residuals(parameters, objective.expected_scale) / objective.camera_scale
         return distance[..., None].where(distance[..., None] != 0, 0.0)  # residuals of zero add no curvature
 
-    return Term(residual, objective.camera_weight / len(pixels.pixels), torch.log1p)
+    return Term(residual, objective.camera_weight / len(pixels.pixels), 1.0)
 
 
 def code_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
@@ -207,8 +212,8 @@ def image_squared_error(
     Args:
         occluder_scale: see :class:`Objective`.
     """
-    kernel = cauchy(_scales(pixels, math.inf, occluder_scale))
-    visibility = _derivative(kernel, (rendered.opacity - pixels.target_opacity).square())
+    scale = _scales(pixels, math.inf, occluder_scale)
+    visibility = cauchy_slope((rendered.opacity - pixels.target_opacity).square(), scale)
     squared = visibility * (rendered.colour - pixels.colours).square().mean(-1)
     return (squared * pixels.weights).sum((1, 2)) / squared.shape[1]
 
@@ -242,12 +247,6 @@ def viewpoint_weights(
         if probability is not None:
             nll += viewpoint_nll(probability, *angles.unbind(-1))
     return (_VIEWPOINT_LOSS_WEIGHT * nll).exp()
-
-
-def _derivative(kernel: Kernel, squared: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-    with torch.enable_grad():
-        variable = squared.detach().requires_grad_()
-        return torch.autograd.grad(kernel(variable).sum(), variable)[0]
 
 
 def _scales(pixels: PixelBatch, on_object: float, outside: float) -> Float[Tensor, "views rays"]:

@@ -41,6 +41,11 @@ class PixelBatch(NamedTuple):
         """Image points of all rays, those of a pixel in sequence, in the units of ``pixels``."""
         return (self.pixels[:, :, None] + self.footprints).flatten(1, 2)
 
+    def subset(self, index: slice) -> "PixelBatch":
+        """Return the pixels of a slice, weighted to estimate the same means."""
+        batch = PixelBatch(*(values[:, index] for values in self))
+        return batch._replace(weights=batch.weights * (self.pixels.shape[1] / batch.pixels.shape[1]))
+
     def mean_of_rays(self, values: Float[Tensor, "hypotheses views all_rays ..."]) -> Tensor:
         """Average the rays of each pixel: (hypotheses, views, all_rays, ...) to (hypotheses, views, rays, ...)."""
         rays = self.footprints.shape[2]

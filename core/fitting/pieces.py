@@ -10,7 +10,7 @@ from torch import Tensor
 
 from core.runtime.pool import map_pieces
 
-_PIECE_SAMPLES = 16384  # of a piece; with smaller pieces, threads wait longer for Python's lock
+_PIECE_SAMPLES = 65536  # of a piece; with smaller pieces, threads wait longer for Python's lock
 _MAX_PIECES = 16
 
 Piece = tuple[slice, slice, slice]  # index of some hypotheses, views and rays

@@ -21,6 +21,7 @@ FRONT_AZIMUTH = math.pi / 2  # rad, of a camera that sees an object's front
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """World axes from glTF's (y up, front at +z). A rotation: row vectors times this matrix go from world to glTF."""
 MAX_SIDE = 16_384  # px: largest side that most OpenGL drivers support; limits the area to its square
+Factors = tuple[float, float, float]  # of lengths along x, y, z
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """Converts OpenCV's camera axes (x right, y down, looking along +z) to OpenGL's, which are ours, and back."""
 
@@ -37,7 +38,7 @@ class Camera:
     height: int
 
     def __post_init__(self) -> None:
-        for field in fields(self):
+        for field in fields(Camera):
             if not math.isfinite(getattr(self, field.name)):
                 raise ValueError(f"camera {field.name} must be finite, got {getattr(self, field.name)}")
             if field.type is int:
@@ -64,6 +65,11 @@ class Camera:
         """Return world points in the camera's axes: x right, y up, z negative in front."""
         rotation, origin = self.world_to_camera(points.device)
         return (points - origin) @ rotation.T
+
+    def directions(self, pixels: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3"]:
+        """Return the unit directions in the world of the rays through image points."""
+        rotation, _ = self.world_to_camera(pixels.device)
+        return camera_directions(pixels, self.focal, (self.width, self.height)) @ rotation
 
     def project(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 2"]:
         """Return the image points of world points in front of the camera.
@@ -96,6 +102,25 @@ class Camera:
         matrix[:3, 3] = angles[2] * rotation[2]
         return matrix @ torch.from_numpy(OPENCV_FROM_OPENGL)
 
+    def lengths_to(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return the distances of points along the camera's rays, scene units."""
+        return self.to_camera_axes(points).norm(dim=-1)
+
+    def seen_lengths(self, lengths: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
+        """Return lengths along the rays of pixels as the camera sees them, scene units."""
+        return lengths
+
+    @property
+    def magnification(self) -> float:
+        """Largest factor between lengths that the camera sees and lengths of its points."""
+        return 1.0
+
+    def stretched(self, stretch: Factors | None) -> "Camera":
+        """Return the camera as seen from a space that is stretched along the axes when the camera looks at it."""
+        if stretch is None:
+            return self
+        return StretchedCamera(**vars(self), stretch=stretch)
+
     @classmethod
     def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":
         """Return the orbit camera at a camera-to-world matrix with OpenCV axes.
@@ -121,6 +146,55 @@ class Camera:
         if error > 2e-2:
             raise ValueError(f"the pose does not look at the origin with z up (off by {error:.3f})")
         return camera
+
+
+@dataclass(frozen=True)
+class StretchedCamera(Camera):
+    """A camera that sees space stretched along the axes, with points and rays of the space before.
+
+    Rays stay straight. Only angles and lengths change, so directions are normalised anew.
+
+    Example:
+        >>> camera, point = Camera(0.3, 0.4, 1.3, 131.25, 128, 96), torch.tensor([0.1, 0.2, 0.3])
+        >>> stretched = camera.stretched((1.0, 0.5, 2.0))
+        >>> torch.allclose(stretched.project(point), camera.project(torch.tensor([0.1, 0.1, 0.6])))
+        True
+    """
+
+    stretch: Factors = (1.0, 1.0, 1.0)
+
+    @property
+    def magnification(self) -> float:
+        """The largest of the three factors."""
+        return max(self.stretch)
+
+    def world_to_camera(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
+        """Return the matrix from the space before to camera axes, no rotation, and the camera's place there."""
+        rotation, place = super().world_to_camera(device)
+        factors = place.new_tensor(self.stretch)
+        return rotation * factors, place / factors
+
+    def directions(self, pixels: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3"]:
+        """Return the unit directions of rays in the space before."""
+        rotation, _ = super().world_to_camera(pixels.device)
+        along = camera_directions(pixels, self.focal, (self.width, self.height)) @ rotation
+        return torch.nn.functional.normalize(along / along.new_tensor(self.stretch), dim=-1)
+
+    def lengths_to(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return the distances in the space before."""
+        _, place = self.world_to_camera(points.device)
+        return (points - place).norm(dim=-1)
+
+    def seen_lengths(self, lengths: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
+        """Return the lengths in the stretched space."""
+        directions = self.directions(pixel_centres(self.width, self.height, lengths.device))
+        return lengths * (directions * directions.new_tensor(self.stretch)).norm(dim=-1)
+
+    def pose(self) -> Float[Tensor, "4 4"]:
+        """Return the matrix from camera axes to the space before, no rigid motion."""
+        matrix = super().pose()
+        matrix[:3] /= matrix.new_tensor(self.stretch)[:, None]
+        return matrix
 
 
 @lru_cache(maxsize=8)

@@ -60,8 +60,8 @@ def camera_rays(camera: Camera, extent: Float[Tensor, "3"], pixel_offset: float 
 
 def rays_at_pixels(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
     """Return the rays of a camera through points of its image: (x, y) in px from the top left corner."""
-    rotation, origin = camera.world_to_camera(extent.device)
-    directions = camera_directions(pixels, camera.focal, (camera.width, camera.height)) @ rotation
+    _, origin = camera.world_to_camera(extent.device)
+    directions = camera.directions(pixels)
     origins = origin.expand_as(directions)
     return Rays(origins, directions, *clip_to_box(origins, directions, extent))
 

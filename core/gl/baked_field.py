@@ -4,30 +4,22 @@ The texture stores logits (before softplus and contrast). Interpolating logits l
 interpolating density, and edges stay crisp on coarse grids. :mod:`core.gl.baking` fills the texture.
 """
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
-from torch.nn import functional
 
 from core.detail.lookup import DetailMaps
-from core.geometry.camera import Camera
-from core.geometry.rays import Rays, camera_rays, ray_points
-from core.models.density import logits_to_density
+from core.geometry.camera import Factors
 from core.models.field_config import FieldConfig
-from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.ground_shadow import GroundShadow
-from core.rendering.occupancy import CELLS
-from core.rendering.reference import Rendered
 
 LOGITS = -8.0, 24.0  # logits that bytes 0 and 255 stand for; -8 is a density of 0.01 per scene unit
 STEPS_PER_TEXEL = 1.5  # samples of a ray; crisp densities lose 3 dB with 0.7, and more adds nothing
 MIN_LIGHT = 0.005  # fraction of its light below which a ray ends; the rest counts as absorbed
 _MAX_DISTANCE = 8  # largest distance stored, so the most cells that a ray skips at a time
-_CHUNK_RAYS = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +31,18 @@ class BakedField:
     distance: UInt8[np.ndarray, "cells cells cells"]
     """for each occupancy cell, the distance from :func:`cell_distances`; 0: the cell is occupied"""
     extent: tuple[float, float, float]  # half the size of the scene's box, scene units
-    config: FieldConfig  # of the field: how density follows from logits
+    config: FieldConfig  # the field's: how density follows from logits
     pixel_offset: float  # px, shift of rays to the left and up of pixel centres
     cells: int  # cells of the texel grid along each axis of the box; the outermost corners lie on the box's faces
     first: tuple[int, int, int] = (0, 0, 0)  # grid corner of the first texel
     detail: DetailMaps | None = None  # photo detail, evaluated per pixel since it is far finer than texels
     shadow: GroundShadow | None = None  # the object's shadow on the ground, to be drawn over a background
+    stretch: Factors | None = None  # of space when it is drawn (:attr:`core.models.codes.Codes.proportions`)
+
+    def stretched(self, stretch: Factors | None) -> "BakedField":
+        """Return the field of a natural object stretched along the axes: the same texels."""
+        detail = self.detail and replace(self.detail, stretch=stretch)
+        return replace(self, stretch=stretch, detail=detail, shadow=self.shadow and self.shadow.stretched(stretch))
 
     @property
     def step(self) -> float:
@@ -75,38 +73,3 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
             along[1:] |= before[:-1]
             along[:-1] |= before[1:]
     return distance.cpu().numpy()
-
-
-@torch.no_grad()
-def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """Render a baked field like :mod:`core.gl.baked_shader`, but on the processor, on white, without shadow."""
-    extent = torch.tensor(baked.extent)
-    rays = camera_rays(camera, extent, baked.pixel_offset)
-    lines = max(1, _CHUNK_RAYS // camera.width)
-    bands = [rays[first : first + lines] for first in range(0, camera.height, lines)]
-    texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255
-    rendered = Rendered.joined(_march(band, baked, texels) for band in bands)
-    return baked.detail.added(rendered, camera)[0] if baked.detail else rendered
-
-
-def _march(rays: Rays, baked: BakedField, texels: Float[Tensor, "1 4 x y z"]) -> Rendered:
-    """Render rays through the occupied cells of a baked field; ``texels`` are its texels, 0..1."""
-    extent = torch.tensor(baked.extent)
-    count = max(1, math.ceil(float((rays.far - rays.near).max()) / baked.step))
-    depths = rays.near[..., None] + (torch.arange(count) + 0.5) * baked.step
-    place = ray_points(rays, depths) / extent
-    cell = ((place + 1) * (CELLS / 2)).long().clamp(0, CELLS - 1)
-    occupied = (depths < rays.far[..., None]) & torch.from_numpy(baked.distance == 0)[cell.unbind(-1)]
-    corner = (place[occupied] + 1) * (baked.cells / 2) - torch.tensor(baked.first)
-    within = 2 * corner / (torch.tensor(baked.texels.shape[:3]) - 1) - 1
-    samples = torch.zeros(*depths.shape, 4)
-    samples[occupied] = functional.grid_sample(
-        texels, within.flip(-1)[None, None, None], padding_mode="border", align_corners=True
-    )[0, :, 0, 0].T
-    logit = LOGITS[0] + (LOGITS[1] - LOGITS[0]) * samples[..., 3]
-    density = occupied * logits_to_density(logit, baked.config)
-    edges = functional.pad(depths + baked.step / 2, (1, 0))
-    edges[..., 0] = rays.near
-    weights, left = compositing_weights(density, edges)
-    depth = (weights * depths).sum(-1) / (1 - left).clamp_min(1e-6)
-    return Rendered(composite_on_white(weights, left, samples[..., :3]), depth * (left < 1), 1 - left)

@@ -113,7 +113,8 @@ class BakedShader:
                 self._texels.release()
             self._texels = self._context.texture3d(sides, 4)
             self._texels.repeat_x = self._texels.repeat_y = self._texels.repeat_z = False
-        self._texels.write(np.ascontiguousarray(baked.texels))
+        if self._baked is None or self._baked.texels is not baked.texels:
+            self._texels.write(np.ascontiguousarray(baked.texels))
         if self._distance is None:
             self._distance = self._context.texture3d((CELLS,) * 3, 1, dtype="u1")
             self._distance.filter = moderngl.NEAREST, moderngl.NEAREST
@@ -141,6 +142,7 @@ class BakedShader:
         """
         baked = self._baked
         assert baked is not None and self._texels is not None and self._distance is not None, "upload a field first"
+        camera = camera.stretched(baked.stretch)
         middle = tuple(
             side / 2 - first + baked.pixel_offset
             for side, first in zip((camera.width, camera.height), corner, strict=True)
@@ -223,9 +225,10 @@ def _tiles(
     A tile is its column, its row, and the nearest and the farthest distance of its cells.
     """
     local = camera.to_camera_axes(centres)
+    lengths = camera.lengths_to(centres)
     points = project(local, camera.focal, (0, 0)) + torch.tensor(middle)
-    reach = math.hypot(*(side / CELLS for side in baked.extent))
-    near, far = splat(local, points, reach, camera.focal, size)
+    reach = max(1.0, camera.magnification) * math.hypot(*(side / CELLS for side in baked.extent))
+    near, far = splat(local, lengths, points, reach, camera.focal, size)
     row, column = (far > 0).nonzero(as_tuple=True)
     tiles = torch.stack((column, row, near[row, column], far[row, column]), -1)
     return tiles.float().numpy(), (near.shape[1], near.shape[0])

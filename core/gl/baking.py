@@ -1,7 +1,7 @@
 """Baking of an object into a 3D texture: density once, colours for several cameras around the object.
 
-A texture holds colours for one view: those of the cameras, mixed (:meth:`BakedViews.seen_from`). Their mean serves all
-views (:func:`bake`).
+A texture holds the colours of one view, interpolated between the baked cameras (:meth:`BakedViews.seen_from`). Their
+mean serves all views (:func:`bake`).
 
 Density is prefiltered, since linear interpolation of exact values is biased where it curves: 2 to 6 dB
 (:func:`prefilter`). Colours change within a cell of a crisp surface, which shows as rings like contour lines; so there
@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.detail.maps import detail_maps
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.gl.baked_field import LOGITS, BakedField, cell_distances, colour_texels, logit_texels
 from core.models.cells import corners_of, divide, unravelled
 from core.models.density import density_to_logits
@@ -31,14 +31,14 @@ from core.rendering.outline import outline
 from core.runtime.caches import CACHE, CacheKind
 from core.runtime.pool import map_pieces
 
-_DIVISIONS = (1, 2)  # of the edges of an occupied cell, from coarse to fine
+_DIVISIONS = (1, 2)  # texels along each edge of an occupied cell, from coarse to fine
 _BLOCK = 4096  # corners that a thread evaluates at a time: the longest wait of a newer job
 _AROUND = tuple(math.pi / 4 + side * math.pi / 2 for side in range(4))  # azimuths of cameras averaged for colours
 _ELEVATION = math.radians(20)
 _MIN_DENSITY = 0.1
 """per scene unit: a cell with less at all corners absorbs under 0.2 % of the light and counts as empty"""
 _BELOW = 12.0  # optical depth along every axis beyond which no camera sees a point
-_CRISP = 9.0  # logits per cell from which a corner moves the whole step; soft surfaces have colours in depth
+_CRISP = 9.0  # logit slope per cell above which a corner moves to the surface; below it, colour varies with depth
 _MOVES = 1.5, 0.5  # cells by which a corner moves at most in each Newton step towards the surface
 MAX_TURN = math.radians(16)  # largest angle around the object from a camera to the nearest baked one
 _REACH = 0.5  # rad, standard deviation of the kernel between cameras; 0.3 to 0.8 are as good
@@ -142,16 +142,18 @@ class BakedViews:
     """An object's baked shape, with the colours of its corners for several cameras."""
 
     shape: BakedShape
-    cameras: tuple[Camera, ...]
+    cameras: tuple[Camera, ...]  # of the object's own space (:meth:`core.models.model.Instance.local_camera`)
     colours: Float[Tensor, "cameras visible 3"]
+    stretch: Factors | None  # as that of fields
 
     def mean(self) -> BakedField:
         """Return the field with mean colours over the cameras, for all views."""
-        return self.shape.coloured(self.colours.mean(0))
+        return self.shape.coloured(self.colours.mean(0)).stretched(self.stretch)
 
     def seen_from(self, camera: Camera) -> BakedField:
         """Return the field with colours for a camera, which may lie between the baked ones."""
-        return self.shape.coloured(torch.einsum("c,cnk->nk", self._weights(camera), self.colours))
+        weights = self._weights(camera.stretched(self.stretch))
+        return self.shape.coloured(torch.einsum("c,cnk->nk", weights, self.colours)).stretched(self.stretch)
 
     def _weights(self, camera: Camera) -> Float[Tensor, "cameras"]:
         """Interpolate between the cameras by a Gaussian process over directions; the weights' sum is 1."""
@@ -178,13 +180,13 @@ def bake_views(instance: Instance, cameras: Sequence[Camera], cells: int) -> Gen
         shape = yield from _bake_shape(instance.model, folded, occupancy, cells)
         if shape.size <= CACHE.limit - CACHE.used:
             CACHE.put(CacheKind.VIEW, key, shape, shape.size)
-    cameras = spread(cameras)
+    cameras = spread([instance.local_camera(camera) for camera in cameras])
     colours = list[Float[Tensor, "cameras block 3"]]()
     evaluate = partial(_colours, folded, shape, cameras)
     for block in map_pieces(evaluate, torch.arange(len(shape.corners)).split(_BLOCK)):
         colours.append(block)
         yield
-    return BakedViews(shape, tuple(cameras), torch.cat(colours, 1))
+    return BakedViews(shape, tuple(cameras), torch.cat(colours, 1), instance.codes.proportions)
 
 
 @torch.inference_mode()
@@ -203,13 +205,13 @@ def _colours(
 def bake(instance: Instance) -> Iterator[BakedField | None]:
     """Bake an object with its photo detail and mean colours over four cameras: 64 cells per axis, then 128.
 
-    Yields None many times between.
+    Yields None many times between. The texels of an object and of its stretched forms are the same.
     """
     maps = yield from detail_maps(instance)
     cameras = [instance.model.camera(azimuth, _ELEVATION) for azimuth in _AROUND]
     for divisions in _DIVISIONS:
-        views = yield from bake_views(instance, cameras, CELLS * divisions)
-        yield replace(views.mean(), detail=maps)
+        views = yield from bake_views(instance.natural, cameras, CELLS * divisions)
+        yield replace(views.mean(), detail=maps).stretched(instance.codes.proportions)
 
 
 def _world(

@@ -52,6 +52,7 @@ uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
 uniform vec2 photo_focal[{MAX_PHOTOS}]; // in widths and heights of the photo
 uniform float level[{MAX_PHOTOS}];
 uniform vec3 warp[{len(TERMS)}];
+uniform vec3 stretch;  // of space, where the viewer is
 float smooth_step(float start, float end, float value) {{
     float progress = clamp((value - start) / (end - start), 0.0, 1.0);
     return progress * progress * (3.0 - 2.0 * progress);
@@ -74,7 +75,8 @@ float photo_weights(
     vec3 ray = away / max(reached, 1e-6);
     float facing = smooth_step(0.0, {FACING}, -dot(along, hit.xyz));
     float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, hit.xyz));
-    float angle = dot(normalize(point - photo_origin[photo]), along);
+    vec3 line = stretch == vec3(1.0) ? along : normalize(along * stretch);
+    float angle = dot(normalize(point * stretch - photo_origin[photo]), line);
     float beside = smooth_step({BESIDE[0]}, {BESIDE[1]}, angle);
     float inside = local.z < 0.0 && place == clamp(place, 0.0, 1.0) ? 1.0 : 0.0;
     near = inside * smooth_step({NEAR[0]}, {NEAR[1]}, angle) * smooth_step({NEAR_DEPTHS[0]}, {NEAR_DEPTHS[1]}, behind);
@@ -165,5 +167,6 @@ def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
         "photo_axes": axes,
         "photo_focal": focals,
         "level": levels,
+        "stretch": maps.stretch or (1.0, 1.0, 1.0),
         "warp": maps.warp.coefficients if maps.warp else ((0.0, 0.0, 0.0),) * len(TERMS),
     }

@@ -1,5 +1,6 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,25 +10,61 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.geometry.camera import Factors
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
 from core.models.photo_detail import PhotoDetail
 
 __all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", "farthest_first"]
 
 
+STRETCH = 0.01, 100.0  # least and largest stretch of a side
+MAX_DISTORTION = 10.0  # largest stretch of a side relative to that of another one
+
+
 @dataclass(frozen=True, eq=False)
 class Codes(Latents):
-    """The latent numbers of an object of a model, with the photos of a fitted object."""
+    """The latent numbers of an object of a model, with the photos of a fitted object, and its size.
+
+    Raises ``ValueError`` for a stretch out of range.
+    """
 
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
+    stretch: Factors | None = None
+    """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.stretch is None:
+            return
+        low, high = STRETCH
+        if len(self.stretch) != 3 or not all(low <= factor <= high for factor in self.stretch):
+            raise ValueError(f"a side is {low:g} to {high:g} times its natural one, got {self.stretch}")
+        if max(self.stretch) > MAX_DISTORTION * min(self.stretch):
+            raise ValueError(f"a side is stretched at most {MAX_DISTORTION:g} times as much as another one")
+        if self.stretch == (1.0, 1.0, 1.0):
+            object.__setattr__(self, "stretch", None)
 
     def __eq__(self, value: object) -> bool:
         if not isinstance(value, Codes):
             return NotImplemented
-        return super().__eq__(value) and (self.detail is value.detail or self.detail == value.detail)
+        same_detail = self.detail is value.detail or self.detail == value.detail
+        return super().__eq__(value) and self.stretch == value.stretch and same_detail
 
     __hash__ = Latents.__hash__
+
+    @property
+    def scale(self) -> float:
+        """The part of the stretch that images do not show: its root mean square."""
+        return 1.0 if self.stretch is None else math.sqrt(sum(factor**2 for factor in self.stretch) / 3)
+
+    @property
+    def proportions(self) -> Factors | None:
+        """The stretch in images: that without its scale. None if no side changes relative to the others."""
+        if self.stretch is None or len(set(self.stretch)) == 1:
+            return None
+        x, y, z = (factor / self.scale for factor in self.stretch)
+        return x, y, z
 
     def with_latents(self, tensors: Mapping[str, Tensor]) -> "Codes":
         """Return these codes with other numbers, by field of :class:`core.models.latents.Latents`."""
@@ -39,7 +76,7 @@ class Codes(Latents):
         return cls(latents.shape, latents.texture, latents.shape_offsets, latents.texture_offsets)
 
     def mixed(self, second: "Codes", shape: float, texture: float) -> "Codes":
-        """Interpolate linearly between two objects' codes and offsets.
+        """Interpolate linearly between two objects' codes, offsets and sizes.
 
         ``shape`` and ``texture`` are positions from 0 (these codes) to 1 (the second's). The photo detail is that of
         the nearer shape.
@@ -51,16 +88,27 @@ class Codes(Latents):
             mixed_offsets(self.shape_offsets, second.shape_offsets, shape),
             mixed_offsets(self.texture_offsets, second.texture_offsets, texture),
             detail,
+            _mixed_stretch(self.stretch, second.stretch, shape),
         )
 
     def taking(self, kind: CodeKind, source: "Codes") -> "Codes":
         """Return these codes with the shape or the texture of another object, offsets included.
 
-        A shape comes with its photo detail.
+        A shape comes with its photo detail and its size.
         """
         if kind == "shape":
-            return replace(self, shape=source.shape, shape_offsets=source.shape_offsets, detail=source.detail)
+            names = "shape", "shape_offsets", "detail", "stretch"
+            return replace(self, **{name: getattr(source, name) for name in names})
         return replace(self, texture=source.texture, texture_offsets=source.texture_offsets)
+
+
+def _mixed_stretch(first: Factors | None, second: Factors | None, amount: float) -> Factors | None:
+    """Interpolate linearly; None stands for ones."""
+    if first == second:
+        return first
+    ends = zip(first or (1.0, 1.0, 1.0), second or (1.0, 1.0, 1.0), strict=True)
+    x, y, z = ((1 - amount) * start + amount * end for start, end in ends)
+    return x, y, z
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import ViewpointClassifier
-from core.geometry.camera import MAX_SIDE, Camera
+from core.geometry.camera import MAX_SIDE, Camera, Factors
 from core.models.codes import CodeBook, Codes
 from core.models.field import Field
 from core.models.latents import CodeKind, Latents
@@ -299,6 +299,19 @@ class Instance:
         return self.with_codes(Codes.of(self.detail.fitted))
 
     @property
+    def natural(self) -> "Instance":
+        """The object in its natural size."""
+        return self if self.codes.stretch is None else self.changed(stretch=None)
+
+    def local_camera(self, camera: Camera) -> Camera:
+        """Return a camera as seen from the object's own space, before its size stretches that.
+
+        The field, photo detail and outline know that space alone: a picture of a stretched object is one of the
+        natural object through this camera.
+        """
+        return camera.stretched(self.codes.proportions)
+
+    @property
     def biases(self) -> tuple[Float[Tensor, "blocks width"], Float[Tensor, "more_blocks width"]]:
         """Biases of the shape blocks and of the texture blocks."""
         return self.model.biases(self.codes)
@@ -307,7 +320,7 @@ class Instance:
         """Return an object of the same model."""
         return Instance(self.model, codes)
 
-    def changed(self, **fields: Tensor | PhotoDetail | None) -> "Instance":
+    def changed(self, **fields: Tensor | PhotoDetail | Factors | None) -> "Instance":
         """Return the object with other values of some fields of its codes (:class:`core.models.codes.Codes`)."""
         return self.with_codes(replace(self.codes, **fields))  # type: ignore[arg-type]
 
@@ -327,7 +340,7 @@ class Instance:
     def taking(self, kind: CodeKind, source: "Instance") -> "Instance":
         """Return the object with the shape or the texture of another one.
 
-        A shape comes with its photo detail. Raises ``ValueError`` for an object of another model.
+        A shape comes with its photo detail and its size. Raises ``ValueError`` for an object of another model.
         """
         self._require_same_model(source)
         return self.with_codes(self.codes.taking(kind, source.codes))

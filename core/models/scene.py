@@ -14,7 +14,7 @@ import torch
 from jaxtyping import UInt8
 from PIL import Image, PngImagePlugin
 
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.models.codes import Codes
 from core.models.latents import read_offsets
 from core.models.missing import MissingInstance, adopted
@@ -50,12 +50,15 @@ class Scene:
         """Return the scene as JSON text."""
         codes = self.instance.codes
         camera = {name: getattr(self.camera, name) for name in Camera.__dataclass_fields__}
-        content = {
+        content: dict[str, object] = {
             "model": self.instance.fingerprint,
             "camera": camera,
             "shape": codes.shape.tolist(),
             "texture": codes.texture.tolist(),
-        } | codes.offsets_json()
+            **codes.offsets_json(),
+        }
+        if codes.stretch:
+            content["stretch"] = codes.stretch
         if codes.detail:
             content["detail"] = codes.detail.to_json()
         return json.dumps(content, indent=1)
@@ -89,6 +92,7 @@ class Scene:
             read_offsets(content.shape_offsets),
             read_offsets(content.texture_offsets),
             detail,
+            content.stretch,
         )
         return cls(MissingInstance(content.model, codes), content.camera)
 
@@ -144,6 +148,7 @@ class _SceneJson(NamedTuple):
     detail: _Detail | None = None
     shape_offsets: tuple[str, ...] | None = None
     texture_offsets: tuple[str, ...] | None = None
+    stretch: Factors | None = None
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

@@ -7,6 +7,7 @@ the occupied cells.
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import torch
@@ -43,32 +44,32 @@ def render_steps(
         complete: that of :func:`core.rendering.occupancy.shape_occupancy`.
     """
     folded = FoldedField.of(instance)
-
-    def shade(chunk: Chunk) -> tuple[Chunk, Float[Tensor, "rays 3"]]:
-        with torch.inference_mode():
-            return chunk, _shade(folded, chunk)
-
+    shade = partial(_shade, folded)
     key = VisibilityKey.of(instance, camera, samples, complete)
-    known: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
-    keep, size, done = known is None, 0, 0.0
-    seen, image = list[Chunk](), _blank(camera, instance.model.device)
-    if known is None:
-        visible, pixels = _visibility(folded, instance, key)
-        shaded = map_pieces(lambda some: shade(visible(some)), pixels)
+    cached: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
+    if cached is None:
+        visible, slices = _visibility(folded, instance, key)
+        shaded = map_pieces(lambda rays: shade(visible(rays)), slices)
     else:
-        shaded = map_pieces(shade, known)
+        shaded = map_pieces(shade, cached)
+    image = _blank(camera, instance.model.device)
+    chunks = list[Chunk]()
+    keep = cached is None
+    size = 0
+    done = 0.0
     for chunk, colour in shaded:
         with torch.inference_mode():
-            for whole, part in zip(image, (colour, chunk.depth, chunk.opacity, chunk.evaluations), strict=True):
-                whole[chunk.pixel] = part
-        size, done = size + chunk.size, done + chunk.fraction
+            for channel, values in zip(image, (colour, chunk.depth, chunk.opacity, chunk.evaluations), strict=True):
+                channel[chunk.pixel] = values
+        size += chunk.size
+        done += chunk.fraction
         # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
         keep = keep and CACHE.make_room(CacheKind.VIEW, round(size / done))
-        seen.append(chunk) if keep else seen.clear()
+        chunks.append(chunk) if keep else chunks.clear()
         yield None
     if keep:
-        CACHE.put(CacheKind.VIEW, key, seen, size)
-    return Rendered(*(part.unflatten(0, (camera.height, camera.width)) for part in image))
+        CACHE.put(CacheKind.VIEW, key, chunks, size)
+    return Rendered(*(channel.unflatten(0, (camera.height, camera.width)) for channel in image))
 
 
 def render(instance: Instance, camera: Camera, samples: int, complete: bool = True) -> Rendered:
@@ -80,20 +81,20 @@ def render(instance: Instance, camera: Camera, samples: int, complete: bool = Tr
 class Chunk:
     """A shape as seen by some rays: depth, opacity and the intervals to colour."""
 
-    pixel: Int[Tensor, "rays"]  # of the image, row by row
+    pixel: Int[Tensor, "rays"]  # index of each ray's pixel, row by row
     directions: Float[Tensor, "rays 3"]
     depth: Float[Tensor, "rays"]
     opacity: Float[Tensor, "rays"]
     evaluations: Int[Tensor, "rays"]  # intervals of each ray whose density was evaluated
-    ray: Int[Tensor, "seen"]
-    weight: Float[Tensor, "seen"]  # fraction of its ray's light
-    features: Float[Tensor, "seen width"]  # input of the texture part
-    fraction: float  # of the view's rays, including empty ones
+    ray: Int[Tensor, "visible"]
+    weight: Float[Tensor, "visible"]  # fraction of its ray's light
+    features: Float[Tensor, "visible width"]  # input of the texture part
+    fraction: float  # the chunk's fraction of the view's rays, including empty ones
 
     @property
     def size(self) -> int:
         """bytes"""
-        return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
+        return sum(value.nbytes for value in vars(self).values() if isinstance(value, Tensor))
 
 
 class VisibilityKey(NamedTuple):
@@ -101,7 +102,7 @@ class VisibilityKey(NamedTuple):
 
     model: Model
     shape: tuple[float, ...]  # :attr:`core.models.latents.Latents.shape_key`
-    camera: Camera
+    camera: Camera  # :meth:`core.models.model.Instance.local_camera`
     samples: int
     complete: bool
     outline: Outline | None
@@ -109,7 +110,8 @@ class VisibilityKey(NamedTuple):
     @classmethod
     def of(cls, instance: Instance, camera: Camera, samples: int, complete: bool) -> "VisibilityKey":
         """Return the key of an object seen from a camera."""
-        return cls(instance.model, instance.codes.shape_key, camera, samples, complete, outline(instance))
+        local = instance.local_camera(camera)
+        return cls(instance.model, instance.codes.shape_key, local, samples, complete, outline(instance))
 
 
 def is_cached(instance: Instance, camera: Camera, samples: int, complete: bool = True) -> bool:
@@ -136,15 +138,16 @@ def _visibility(
         occupancy = shape_occupancy(instance, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
         pixel = (first < last).flatten().nonzero()[:, 0]
-        first, last = (part.flatten().index_select(0, pixel) for part in (first, last))
+        first = first.flatten().index_select(0, pixel)
+        last = last.flatten().index_select(0, pixel)
         step = 2 * float(occupancy.extent.max()) / view.samples
         limits = tolerances(view.samples)
 
-    def visible(some: slice) -> Chunk:
+    def visible(chosen: slice) -> Chunk:
         with torch.inference_mode():
-            rays = _rays(view, occupancy, pixel[some], first[some], last[some])
-            fraction = len(pixel[some]) / len(pixel)
-            return _chunk(folded, occupancy, pixel[some], rays, step, limits, fraction)
+            rays = _rays(view, occupancy, pixel[chosen], first[chosen], last[chosen])
+            fraction = len(pixel[chosen]) / len(pixel)
+            return _chunk(folded, occupancy, pixel[chosen], rays, step, limits, fraction)
 
     size = max(1, min(CHUNK_RAYS, -(-len(pixel) // 2)))  # of a small image, two threads take a half each
     return visible, [slice(start, start + size) for start in range(0, len(pixel), size)]
@@ -161,8 +164,8 @@ def _rays(
     across = view.camera.width
     centres = torch.stack((pixel % across, pixel // across), -1) + 0.5
     rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
-    near, far = torch.maximum(rays.near, first), torch.minimum(rays.far, last)
-    return replace(rays, near=near, far=torch.maximum(near, far))
+    near = torch.maximum(rays.near, first)
+    return replace(rays, near=near, far=torch.maximum(near, torch.minimum(rays.far, last)))
 
 
 def _chunk(
@@ -176,30 +179,33 @@ def _chunk(
 ) -> Chunk:
     """Trace rays, a ``fraction`` of the view's, to the end; drop rays that meet no occupied cell."""
     occupied = occupancy.intersect(rays, step, tolerances.termination)
-    some, ray, counts = torch.unique_consecutive(occupied.ray, return_inverse=True, return_counts=True)
-    pixel, rays = pixel.index_select(0, some), rays[some]
+    hits, ray, counts = torch.unique_consecutive(occupied.ray, return_inverse=True, return_counts=True)
+    pixel = pixel.index_select(0, hits)
+    rays = rays[hits]
     rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts).index_select(0, ray)
     depths = rays.near.index_select(0, ray) + (occupied.interval + 0.5) * step
     points = rays.origins.index_select(0, ray) + rays.directions.index_select(0, ray) * depths[:, None]
     thickness = torch.zeros(len(counts), int(counts.amax()) if len(counts) else 0, device=ray.device)
     slot = ray * thickness.shape[1] + rank
-    evaluated, activations = [], []
+    evaluated = list[Int[Tensor, "block"]]()
+    activations = list[Float[Tensor, "block width"]]()
     for index in _evaluation_rounds(ray, occupied.occluded, thickness, tolerances.termination):
-        for part in index.split(_BLOCK):
-            density, features = folded.density(pad_rows(points.index_select(0, part)))
-            thickness.view(-1).index_copy_(0, slot.index_select(0, part), density[: len(part)] * step)
-            evaluated.append(part)
-            activations.append(features[: len(part)])
+        for block in index.split(_BLOCK):
+            density, features = folded.density(pad_rows(points.index_select(0, block)))
+            thickness.view(-1).index_copy_(0, slot.index_select(0, block), density[: len(block)] * step)
+            evaluated.append(block)
+            activations.append(features[: len(block)])
     optical_depth = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
     transmittance = torch.exp(-optical_depth)
-    weights, opacity = transmittance[:, :-1] - transmittance[:, 1:], 1 - transmittance[:, -1]
-    order, features = torch.cat(evaluated), torch.cat(activations)
+    opacity = 1 - transmittance[:, -1]
+    order = torch.cat(evaluated)
     owner = ray.index_select(0, order)
+    weights = transmittance[:, :-1] - transmittance[:, 1:]
     weight = weights.flatten().index_select(0, slot.index_select(0, order))
     depth = torch.zeros_like(opacity).index_add_(0, owner, weight * depths.index_select(0, order))
     depth = depth / opacity.clamp_min(1e-6)
-    seen = (weight > tolerances.min_weight * opacity.index_select(0, owner)).nonzero()[:, 0]
-    ray, weight, features = (part.index_select(0, seen) for part in (owner, weight, features))
+    visible = (weight > tolerances.min_weight * opacity.index_select(0, owner)).nonzero()[:, 0]
+    ray, weight, features = (values.index_select(0, visible) for values in (owner, weight, torch.cat(activations)))
     evaluations = torch.bincount(owner, minlength=len(counts))
     return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, ray, weight, features, fraction)
 
@@ -209,7 +215,7 @@ def _evaluation_rounds(
     occluded: Bool[Tensor, "crossed"],
     thickness: Float[Tensor, "rays ranks"],
     termination: float,
-) -> Iterator[Int[Tensor, "some"]]:
+) -> Iterator[Int[Tensor, "intervals"]]:
     """Yield intervals to evaluate: visible ones, then the occluded ones of rays that are not yet opaque.
 
     The caller fills ``thickness`` in between.
@@ -222,19 +228,20 @@ def _evaluation_rounds(
     yield (occluded & alive[ray]).nonzero()[:, 0]
 
 
-def _shade(folded: FoldedField, chunk: Chunk) -> Float[Tensor, "rays 3"]:
-    """Return the colours of a chunk's rays, on white."""
+@torch.inference_mode()
+def _shade(folded: FoldedField, chunk: Chunk) -> tuple[Chunk, Float[Tensor, "rays 3"]]:
+    """Return a chunk and the colours of its rays, on white."""
     direction_bias = folded.direction_bias(chunk.directions)
     mixed = torch.zeros_like(chunk.directions)
     for ray, weight, features in zip(
-        *(part.split(_BLOCK) for part in (chunk.ray, chunk.weight, chunk.features)), strict=True
+        *(values.split(_BLOCK) for values in (chunk.ray, chunk.weight, chunk.features)), strict=True
     ):
         colour = folded.colour(pad_rows(features), direction_bias.index_select(0, pad_rows(ray)))[: len(ray)]
         mixed.index_add_(0, ray, colour * weight[:, None])
     total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.weight)[:, None]
     # Rays without a coloured interval count as white.
     mean = torch.where(total > 0, mixed / total.clamp_min(1e-9), 1.0)
-    return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
+    return chunk, torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
 def _blank(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -34,7 +34,7 @@ class FoldedField:
     @classmethod
     def of(cls, instance: Instance) -> "FoldedField":
         """Return the folded field of an object, cached: its renders, bakes and meshes share it."""
-        return _folded(instance, matmul_dtype(instance.model.device.type))
+        return _folded(instance.natural, matmul_dtype(instance.model.device.type))
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """Return the activations of the first layer, which depend on no code."""

@@ -21,12 +21,10 @@ from core.models.cells import contains
 from core.models.density import logits_to_density
 from core.models.field import Field, encode
 from core.models.model import Model
-from core.runtime.layers import linear_relu, pad_rows, relu_
+from core.runtime.layers import chunk_points, linear_relu, pad_rows, relu_
 from core.runtime.pool import map_pieces
 from core.runtime.precision import matmul_dtype
 
-_CHUNK_POINTS = 4096
-"""Points that a thread evaluates at a time: with fewer, threads wait for Python's lock; more leave the cache."""
 _RESOLUTION = 8192  # entries along each axis
 _MARGIN = 1.1  # size of the position table relative to the scene's box: samples may lie slightly outside the box
 
@@ -94,21 +92,25 @@ def batch_density(
         cells: occupied cells (:mod:`core.models.occupied_cells`), outside which the density is 0; None: everywhere.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
-    biases = shape_bias.to(weights.features.dtype)
+    biases = shape_bias.to(weights.features.dtype).unbind(0)
     # A network that paints the background is evaluated outside the box, too.
     first = weights.position.evaluate if model.white_from_network else weights.position
-    found = torch.zeros(points.shape[:-1], device=points.device)
-    inside = torch.ones_like(found, dtype=torch.bool) if cells is None else contains(cells, points, model.extent_tensor)
+    densities = torch.zeros(points.shape[:-1], device=points.device)
+    if cells is None:
+        inside = torch.ones_like(densities, dtype=torch.bool)
+    else:
+        inside = contains(cells, points, model.extent_tensor)
 
-    def evaluate(piece: tuple[int, Int[Tensor, "some"]]) -> Float[Tensor, "some"]:
-        of, index = piece
-        some = relu_(first(pad_rows(points[of].index_select(0, index))))
-        return folded_density(model.field, weights, some, biases[of].unbind(0))[0][: len(index)]
+    def evaluate(piece: tuple[int, Int[Tensor, "_"]]) -> Float[Tensor, "_"]:
+        number, index = piece
+        y = relu_(first(pad_rows(points[number].index_select(0, index))))
+        return folded_density(model.field, weights, y, biases[number].unbind(0))[0][: len(index)]
 
-    pieces = [(of, index) for of, where in enumerate(inside) for index in where.nonzero()[:, 0].split(_CHUNK_POINTS)]
-    for (of, index), density in zip(pieces, map_pieces(evaluate, pieces), strict=True):
-        found[of, index] = density
-    return found
+    chunk = chunk_points(weights.features.dtype)
+    pieces = [(number, index) for number, mask in enumerate(inside) for index in mask.nonzero()[:, 0].split(chunk)]
+    for (number, index), density in zip(pieces, map_pieces(evaluate, pieces), strict=True):
+        densities[number].index_copy_(0, index, density)
+    return densities
 
 
 @torch.no_grad()
@@ -123,13 +125,15 @@ def batch_colour(
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
     first = weights.position.evaluate if model.white_from_network else weights.position
-    found = []
-    for one, towards, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
+    colours = []
+    chunk = chunk_points(dtype)
+    objects = zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True)
+    for positions, viewing, *biases in objects:
         shape, texture = (bias.unbind(0) for bias in biases)
-        for part, direction in zip(one.split(_CHUNK_POINTS), towards.split(_CHUNK_POINTS), strict=True):
-            y = _features(weights, relu_(first(part)), shape)
-            found.append(folded_colour(model.field, weights, y, weights.direction(direction), texture))
-    return torch.cat(found).reshape(points.shape)
+        for position, direction in zip(positions.split(chunk), viewing.split(chunk), strict=True):
+            y = _features(weights, relu_(first(position)), shape)
+            colours.append(folded_colour(model.field, weights, y, weights.direction(direction), texture))
+    return torch.cat(colours).reshape(points.shape)
 
 
 def _features(
@@ -186,7 +190,8 @@ def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     field: Field = model.field
     if model.is_ablation:
         raise ValueError(f"a model of architecture {field.config.architecture} needs --exact and cannot be fitted")
-    width, features = field.config.width, field.feature_layer
+    width = field.config.width
+    features = field.feature_layer
     entry = field.direction_layer
     from_features = entry.weight[:, :width]
 
@@ -196,7 +201,8 @@ def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     def layer(name: str) -> tuple[Tensor, Tensor]:
         return cast(field.get_parameter(f"{name}.weight")), cast(field.get_parameter(f"{name}.bias"))
 
-    sigma, point = field.density_layer, field.point_layer
+    sigma = field.density_layer
+    point = field.point_layer
     view = entry.weight[:, width:], from_features @ features.bias + entry.bias
     reach = _MARGIN * model.extent_tensor
     return FieldWeights(

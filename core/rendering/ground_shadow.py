@@ -8,7 +8,7 @@ is composited over the shadow like over any background. Seen from below, there i
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ from jaxtyping import Bool, Complex, Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.geometry.rays import camera_rays
 
 _OVERHEAD = 3  # 1: a uniform sky; more: brighter overhead, so that the shadow lies below the object
@@ -43,6 +43,13 @@ class GroundShadow:
     darkness: UInt8[np.ndarray, "y x"]  # 255: all light is lost
     reach: tuple[float, float]  # scene units from the map's middle to its sides, along x and y
     height: float  # z of the ground
+
+    def stretched(self, stretch: Factors | None) -> "GroundShadow":
+        """Return the shadow of the object stretched along the axes."""
+        if stretch is None:
+            return self
+        reach = self.reach[0] * stretch[0], self.reach[1] * stretch[1]
+        return replace(self, reach=reach, height=self.height * stretch[2])
 
     def seen_by(self, camera: Camera) -> Float[Tensor, "height width"]:
         """Return the fraction (0..1) of the ground's light that each pixel loses; 0 where no ground is visible."""

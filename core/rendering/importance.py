@@ -58,23 +58,21 @@ def render_top_samples(
     """
     differentiable = torch.is_grad_enabled()
     depths, edges = sample_intervals(model, rays, samples)
-    points = ray_points(rays, depths)
+    points = ray_points(rays, depths).flatten(1, 3)
     with torch.no_grad():
-        density_all = batch_density(model, points.flatten(1, 3), shape_bias, cells).reshape(depths.shape)
-        weights, transmittance = compositing_weights(density_all, edges)
+        densities = batch_density(model, points, shape_bias, cells)
+        weights, transmittance = compositing_weights(densities.reshape(depths.shape), edges)
         top = largest_weights(weights, kept, 0.0 if differentiable else MIN_WEIGHT)
     ray = top // samples
     objects = torch.arange(len(points), device=top.device)[:, None]
-    positions = points.flatten(1, 3)[objects, top]
+    positions = points[objects, top]
     directions = rays.directions.flatten(1, 2)
     if differentiable:
         density, features = model.field.density(positions, shape_bias[:, None])
-        density = density * (density_all.flatten(1).gather(1, top) > 0)  # empty outside of the cells
+        density = density * (densities.gather(1, top) > 0)  # empty outside of the cells
         direction_bias = model.field.direction_bias(directions)[objects, ray]
         rgb = model.field.colour(features, direction_bias, texture_bias[:, None])
-        weights, transmittance = compositing_weights(
-            density_all.flatten(1).scatter(1, top, density).reshape(density_all.shape), edges
-        )
+        weights, transmittance = compositing_weights(densities.scatter(1, top, density).reshape(depths.shape), edges)
     else:
         rgb = batch_colour(model, positions, directions[objects, ray], shape_bias, texture_bias)
     return _composite(rgb, weights.flatten(1).gather(1, top)[..., None], ray, transmittance[..., None])

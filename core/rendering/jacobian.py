@@ -22,17 +22,18 @@ from core.rendering.compositing import compositing_weights
 from core.rendering.folded_layers import batch_density, field_weights
 from core.rendering.importance import MIN_WEIGHT, largest_weights
 from core.rendering.reference import sample_intervals
-from core.runtime.layers import linear_relu, relu_, relu_backward_
+from core.runtime.layers import chunk_points, linear_relu, relu_, relu_backward_
 from core.runtime.precision import matmul_dtype
-
-CHUNK_POINTS = 4096  # points differentiated at a time: fewer cost more in calls than they save by staying in cache
 
 
 class BiasJacobians(NamedTuple):
-    """Derivatives of the field's biases with respect to the estimated numbers (coordinates) of the codes."""
+    """Derivatives of the field's biases with respect to the estimated numbers (coordinates) of the codes.
 
-    shape: Float[Tensor, "objects blocks width shape_numbers"]
-    texture: Float[Tensor, "objects more_blocks width texture_numbers"]
+    Without the last axis, each bias depends on a number of its own, in the same order.
+    """
+
+    shape: Float[Tensor, "objects blocks width *shape_numbers"]
+    texture: Float[Tensor, "objects more_blocks width *texture_numbers"]
 
 
 class RenderedJacobian(NamedTuple):
@@ -42,7 +43,8 @@ class RenderedJacobian(NamedTuple):
     origin: Float[Tensor, "objects views rays channels 3"]  # with respect to the ray's origin
     direction: Float[Tensor, "objects views rays channels 3"]
     """with respect to the ray's direction, which moves the samples and is the viewing direction"""
-    codes: Float[Tensor, "objects views rays channels numbers"]  # with respect to the numbers of shape, then of texture
+    shape: Float[Tensor, "objects views rays channels shape_numbers"]  # with respect to the numbers of the shape code
+    texture: Float[Tensor, "objects views rays 3 texture_numbers"]  # of the texture code, which does not change opacity
 
 
 @torch.no_grad()
@@ -65,15 +67,16 @@ def render_with_jacobian(
     density = batch_density(model, points, shape_bias, cells).reshape(depths.shape)
     sample_weights, transmittance = compositing_weights(density, edges)
     top = largest_weights(sample_weights, kept, MIN_WEIGHT).sort().values
-    ray, objects = top // samples, torch.arange(len(points), device=top.device)[:, None]
-    chunks = list(_chunks(*top.shape))
-    colours, activations = torch.empty(*top.shape, 3, device=top.device), []
-    for some in chunks:
-        chosen, owners = top[some], objects[some[0]]
-        directions = rays.directions.flatten(1, 2)[owners, ray[some]]
-        forward, colours[some] = _forward(
-            model, points[owners, chosen], directions, shape_bias[some[0]], texture_bias[some[0]]
-        )
+    ray = top // samples
+    objects = torch.arange(len(points), device=top.device)[:, None]
+    chosen_points = points[objects, top]
+    directions = rays.directions.flatten(1, 2)[objects, ray]
+    chunks = list(_chunks(top.shape, chunk_points(matmul_dtype(model.device.type))))
+    colours = torch.empty(*top.shape, 3, device=top.device)
+    activations = []
+    for chunk in chunks:
+        biases = shape_bias[chunk[0]], texture_bias[chunk[0]]
+        forward, colours[chunk] = _forward(model, chosen_points[chunk], directions[chunk], *biases)
         activations.append(forward)
     composited = _composite(colours, sample_weights, transmittance, top)
     by_logit = density_derivative(density.flatten(1).gather(1, top), model.field.config)
@@ -81,17 +84,18 @@ def render_with_jacobian(
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
     by_density = composited.by_thickness * lengths.where(lengths < 1e9, 0.0)
     depth = depths.flatten(1).gather(1, top)
-    summed = _RayGradients.zeros(model, transmittance.numel(), composited.channels.shape[-1], top.device)
+    summed = _RayGradients.zeros(model, transmittance.numel(), composited.channels.shape[-1])
     row = ray + objects * transmittance[0].numel()
-    for some, forward in zip(chunks, activations, strict=True):
-        part = _backward(model, forward, composited.by_colour[some], by_density[some], by_logit[some], depth[some])
-        for whole, gradient in zip(summed.all, part.all, strict=True):
-            whole.index_add_(0, row[some].flatten(), gradient.flatten(0, 1).to(whole.dtype))
-    codes = _along_codes(summed, bias_jacobians, len(points))
-    shape = (*transmittance.shape, composited.channels.shape[-1], -1)
-    return RenderedJacobian(
-        composited.channels, summed.origin.reshape(shape), summed.direction.reshape(shape), codes.reshape(shape)
+    for chunk, forward in zip(chunks, activations, strict=True):
+        along = composited.by_colour[chunk], by_density[chunk], by_logit[chunk], depth[chunk]
+        summed.add(_backward(model, forward, *along), row[chunk].flatten())
+    by_ray = (
+        summed.origin,
+        summed.direction,
+        _along_codes(summed.shape, bias_jacobians.shape),
+        _along_codes(summed.texture, bias_jacobians.texture),
     )
+    return RenderedJacobian(composited.channels, *(values.unflatten(0, transmittance.shape) for values in by_ray))
 
 
 class _RayGradients(NamedTuple):
@@ -110,33 +114,39 @@ class _RayGradients(NamedTuple):
         """All tensors, in this order."""
         return self.origin, self.direction, *self.shape, *self.texture
 
+    def add(self, by_samples: "_RayGradients", row: Int[Tensor, "samples"]) -> None:
+        """Add the gradients of samples to those of their rays, in place; ``row`` is the ray of each, ascending."""
+        rows = slice(int(row[0]), int(row[-1]) + 1)
+        starts = torch.searchsorted(row, torch.arange(rows.start, rows.stop, device=row.device))
+        order = torch.arange(len(row), device=row.device)
+        for total, gradient in zip(self.all, by_samples.all, strict=True):
+            sums = functional.embedding_bag(order, gradient.flatten(0, 1).flatten(1), starts, mode="sum")
+            total[rows] += sums.unflatten(1, total.shape[1:])
+
     @classmethod
-    def zeros(cls, model: Model, rays: int, channels: int, device: torch.device) -> "_RayGradients":
+    def zeros(cls, model: Model, rays: int, channels: int) -> "_RayGradients":
         """Return zeros to sum into."""
         config = model.field.config
-
-        def zeros(*shape: int) -> Tensor:
-            return torch.zeros(rays, *shape, device=device)
-
-        shape = tuple(zeros(channels, config.width) for _ in range(config.shape_blocks))
-        texture = tuple(zeros(3, config.width) for _ in range(config.texture_blocks))
-        return cls(zeros(channels, 3), zeros(channels, 3), shape, texture)
+        device = model.device
+        dtype = matmul_dtype(device.type)
+        origin, direction = torch.zeros(2, rays, channels, 3, device=device)
+        shape = torch.zeros(config.shape_blocks, rays, channels, config.width, device=device, dtype=dtype)
+        texture = torch.zeros(config.texture_blocks, rays, 3, config.width, device=device, dtype=dtype)
+        return cls(origin, direction, shape.unbind(), texture.unbind())
 
 
 def _along_codes(
-    summed: _RayGradients, bias_jacobians: BiasJacobians, objects: int
-) -> Float[Tensor, "objects rays channels numbers"]:
-    """Map derivatives by the biases of each object's blocks to derivatives by the numbers of its codes."""
-
-    def taken(gradients: tuple[Tensor, ...], entries: Float[Tensor, "objects blocks width numbers"]) -> Tensor:
-        products = [
-            gradient.reshape(objects, -1, gradient.shape[-1]) @ entry.float()
-            for gradient, entry in zip(gradients, entries.unbind(1), strict=True)
-        ]
-        return sum(products[1:], products[0]).unflatten(1, (-1, gradients[0].shape[1]))
-
-    shape, texture = taken(summed.shape, bias_jacobians.shape), taken(summed.texture, bias_jacobians.texture)
-    return torch.cat((shape, pad(texture, (0, 0, 0, shape.shape[2] - texture.shape[2]))), -1)
+    gradients: tuple[Float[Tensor, "rays channels width"], ...],
+    jacobian: Float[Tensor, "objects blocks width *numbers"],
+) -> Float[Tensor, "rays channels numbers"]:
+    """Map derivatives by the biases of blocks to derivatives by the numbers of the object's code."""
+    by_bias = torch.cat(gradients, -1)
+    of_object = by_bias.unflatten(0, (len(jacobian), -1))
+    entries = jacobian.flatten(1, 2)
+    if entries.ndim == 2:  # each bias is a number of its own
+        of_object.mul_(entries[:, None, None])
+        return by_bias.float()
+    return (of_object.flatten(1, 2) @ entries.to(by_bias.dtype)).float().reshape(*by_bias.shape[:2], -1)
 
 
 class _Composited(NamedTuple):
@@ -160,22 +170,23 @@ def _composite(
         top: indices of the chosen samples into (views, rays, samples).
     """
     samples = sample_weights.shape[-1]
-    objects, count = len(transmittance), transmittance[0].numel()
+    objects = len(transmittance)
+    count = transmittance[0].numel()
     ray = top // samples
     weight = sample_weights.flatten(1).gather(1, top)[..., None]
     index = ray[..., None].expand(-1, -1, 4)
     light = torch.zeros(objects, count, 4, device=top.device)
     light = light.scatter_add_(1, index, torch.cat((weight * colours, weight), -1))
-    total, remaining = light[..., 3:].clamp_min(1e-6), transmittance.flatten(1)[..., None]
+    total = light[..., 3:].clamp_min(1e-6)
+    remaining = transmittance.flatten(1)[..., None]
     mean = torch.where(light[..., 3:] > 0, light[..., :3] / total, 1.0)
     colour = mean * (1 - remaining) + remaining
     # The light behind a sample is its ray's total less the light up to the sample.
     filled = mean[:, :, None].repeat(1, 1, samples, 1).flatten(1, 2)
     filled = filled.scatter_(1, top[..., None].expand(-1, -1, 3), colours).unflatten(1, (count, samples))
-    given = (filled * sample_weights.reshape(objects, count, samples, 1)).cumsum(2).flatten(1, 2)
+    light_so_far = (filled * sample_weights.reshape(objects, count, samples, 1)).cumsum(2).flatten(1, 2)
     passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)[..., None]
-    at = top[..., None].expand(-1, -1, 3)
-    behind = colour.gather(1, index[..., :3]) - given.gather(1, at)
+    behind = colour.gather(1, index[..., :3]) - light_so_far.gather(1, top[..., None].expand(-1, -1, 3))
     dimmed = remaining.gather(1, ray[..., None])
     by_thickness = torch.cat((passing * colours - behind, dimmed), -1)
     by_colour = (weight * ((1 - remaining) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
@@ -202,9 +213,11 @@ def _forward(
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
     """Return the activations and colours of some samples."""
-    config, weights = model.field.config, field_weights(model, matmul_dtype(model.device.type))
+    config = model.field.config
+    weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    position, direction = encode(points, config.position_frequencies), encode(directions, config.direction_frequencies)
+    position = encode(points, config.position_frequencies)
+    direction = encode(directions, config.direction_frequencies)
     y = linear_relu(position.to(dtype), *weights.position.layer)
     shape = [y]
     for weight, bias in zip(weights.shape_blocks, shape_bias.to(dtype).unbind(-2), strict=True):
@@ -222,10 +235,8 @@ def _forward(
     if config.bounded_colour:
         colour = colour.sigmoid()
         rgb_derivative = colour * (1 - colour)
-    position_derivative, direction_derivative = (
-        _encoding_derivative(position, config.position_frequencies),
-        _encoding_derivative(direction, config.direction_frequencies),
-    )
+    position_derivative = _encoding_derivative(position, config.position_frequencies)
+    direction_derivative = _encoding_derivative(direction, config.direction_frequencies)
     return _Activations(position_derivative, direction_derivative, tuple(shape), tuple(texture), rgb_derivative), colour
 
 
@@ -292,9 +303,10 @@ def _along_axes(
     return (gradient.float() * encoded[:, :, None]) @ axes
 
 
-def _chunks(objects: int, count: int) -> Iterator[tuple[slice, slice]]:
-    """Yield slices of objects and of samples with at most :data:`CHUNK_POINTS` points in all."""
-    group = max(1, CHUNK_POINTS // count)
+def _chunks(shape: torch.Size, most: int) -> Iterator[tuple[slice, slice]]:
+    """Yield slices of (objects, samples) with at most ``most`` points in all."""
+    objects, count = shape
+    group = max(1, most // count)
     for first in range(0, objects, group):
-        for start in range(0, count, CHUNK_POINTS):
-            yield slice(first, first + group), slice(start, start + CHUNK_POINTS)
+        for start in range(0, count, most):
+            yield slice(first, first + group), slice(start, start + most)

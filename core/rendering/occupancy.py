@@ -27,8 +27,8 @@ from core.runtime.layers import pad_rows
 from core.runtime.pool import map_pieces
 
 CELLS = 64  # along each axis of the box
-_MIN_OPACITY = 0.001  # of a cell with a corner's density, below which the corner is empty
-_SOLID = 0.7  # optical depth of such a cell (absorbs half of the light) above which the corner is inside the object
+_MIN_OPACITY = 0.001  # a corner is empty if a cell of its density absorbs a smaller fraction of the light
+_SOLID = 0.7  # optical depth of one cell, ln 2: a denser corner is inside the object
 _FINE_TOLERANCE = 0.002  # fraction of a ray's light that may be neglected with _FINE_SAMPLES intervals
 _FINE_SAMPLES = 192
 _MAX_TOLERANCE = 0.03  # fraction of the light, with few intervals
@@ -146,8 +146,9 @@ class Occupancy:
         """
         local = camera.to_camera_axes(self._centres)
         points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
-        reach = float((self.cell * _COARSE_FACTOR).norm()) / 2
-        tiles = splat(local, points, reach, camera.focal, (camera.width, camera.height))
+        reach = max(1.0, camera.magnification) * float((self.cell * _COARSE_FACTOR).norm()) / 2
+        lengths = camera.lengths_to(self._centres)
+        tiles = splat(local, lengths, points, reach, camera.focal, (camera.width, camera.height))
         rows, columns = (
             ((torch.arange(pixels, device=local.device) + 0.5) * (count / pixels)).long()
             for pixels, count in zip((camera.height, camera.width), tiles[0].shape, strict=True)
@@ -188,7 +189,12 @@ def _similar_occupancy(instance: Instance) -> Occupancy | None:
 
 
 def splat(
-    local: Float[Tensor, "cells 3"], points: Float[Tensor, "cells 2"], reach: float, focal: float, size: tuple[int, int]
+    local: Float[Tensor, "cells 3"],
+    lengths: Float[Tensor, "cells"],
+    points: Float[Tensor, "cells 2"],
+    reach: float,
+    focal: float,
+    size: tuple[int, int],
 ) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
     """Return the nearest and the farthest distance of the cells behind each tile of an image; near > far: none.
 
@@ -197,11 +203,11 @@ def splat(
 
     Args:
         local: centres of cells in camera axes, scene units.
+        lengths: distances from the camera to these along rays (:meth:`core.geometry.camera.Camera.lengths_to`).
         points: projected centres, px.
-        reach: scene units, half of a cell's diagonal.
+        reach: scene units, half of a cell's diagonal as seen, at least.
         size: px, width and height of the image.
     """
-    distance = local.norm(dim=-1)
     depth = -local[:, 2]
     closest = float((depth.amin() if len(depth) else torch.tensor(1.0)).clamp_min(1e-3))
     side = max(1.0, reach * focal / closest)
@@ -213,8 +219,8 @@ def splat(
     count = (rows + 2) * (columns + 2)
     tile = torch.where(on, y * (columns + 2) + x, count)
     reached = torch.full((2, count + 1), -torch.inf, device=local.device)
-    reached[0].scatter_reduce_(0, tile, reach - distance, "amax")
-    reached[1].scatter_reduce_(0, tile, reach + distance, "amax")
+    reached[0].scatter_reduce_(0, tile, reach - lengths, "amax")
+    reached[1].scatter_reduce_(0, tile, reach + lengths, "amax")
     tiles = reached[:, :-1].unflatten(1, (rows + 2, columns + 2))
     tiles = torch.maximum(torch.maximum(tiles[:, :-2], tiles[:, 1:-1]), tiles[:, 2:])
     tiles = torch.maximum(torch.maximum(tiles[..., :-2], tiles[..., 1:-1]), tiles[..., 2:])
@@ -234,7 +240,7 @@ class _Corners(NamedTuple):
     """The corners of a model's grid in the order of evaluation: likely ones, every second one elsewhere, the rest."""
 
     corner: Int[Tensor, "all"]  # index in the grid, row by row
-    activations: Float[Tensor, "all width"]  # of the first layer, in the order of evaluation
+    activations: Float[Tensor, "all width"]  # outputs of the first layer, in the order of evaluation
     likely: int  # number of corners in the cells of training objects
     always: int  # number of corners evaluated for every shape: likely ones, and every second one elsewhere
     sparse: Bool[Tensor, "all"]  # row by row: corners evaluated for every preview of a changing shape

@@ -29,8 +29,10 @@ FADED = 1.5  # distance of an edited shape, in standard deviations, at which the
 _HEIGHT = 512  # px of the photo in a map of distances
 _PADDING = _HEIGHT // 8  # px of background added around the photo
 _SYMMETRIC_ABOVE = 0.97  # least coherence of a symmetric object
-_OPAQUE, _MAX_GAIN = 3.0, 8.0  # optical depth to reach on a mask, and the largest gain for it
-_GAIN_HEIGHT, _GAIN_SAMPLES = 192, 64  # height of the map of gains in px, and samples of a ray
+_OPAQUE = 3.0  # optical depth to reach on a mask
+_MAX_GAIN = 8.0  # largest gain to reach it
+_GAIN_HEIGHT = 192  # px, height of the map of gains
+_GAIN_SAMPLES = 64  # samples of a ray for the map of gains
 _COHERENCE_SAMPLES = 64  # height of the image in px, and samples of a ray, for the coherence
 
 
@@ -77,7 +79,7 @@ class Outline(NamedTuple):
 
     silhouettes: tuple[Silhouette, ...]
     mirrored: tuple[bool, ...]  # True: the silhouette also bounds mirrored points
-    strength: float  # of the gain, 0..1
+    strength: float  # strength of the gain, 0..1
     warp: Warp | None = None  # to the object that was fitted to the photos
 
     def factor(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:

@@ -22,7 +22,8 @@ class Rendered:
     """Colours, opacities and depths of a bundle of rays."""
 
     colour: Float[Tensor, "*batch 3"]  # on white; within [0, 1] unless the model's colours are unbounded
-    depth: Float[Tensor, "*batch"]  # scene units along the ray, mean over the samples by weight; 0 for empty rays
+    depth: Float[Tensor, "*batch"]
+    """scene units along the ray in the object's own space, mean over the samples by weight; 0 for empty rays"""
     opacity: Float[Tensor, "*batch"]  # 0..1, one minus the transmittance
     evaluations: Int[Tensor, "*batch"] | None = None  # samples with evaluated density; None: the same for all rays
 
@@ -92,7 +93,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rendered:
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     model = instance.model
-    rays = exact_rays(model, camera)
+    rays = exact_rays(model, instance.local_camera(camera))
     bounded = *instance.biases, outline(instance)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)

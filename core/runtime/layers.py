@@ -11,6 +11,15 @@ from torch.nn import functional
 
 _ROWS = 512  # row counts are padded to a multiple
 _INTEGERS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
+_CHUNK_POINTS = {torch.bfloat16: 8192, torch.float32: 4096}
+
+
+def chunk_points(dtype: torch.dtype) -> int:
+    """Return the number of points to evaluate at a time in a number format.
+
+    Fewer cost more in calls, more leave the cache. Units for bfloat16 multiply so fast that calls cost most.
+    """
+    return _CHUNK_POINTS[dtype]
 
 
 def linear_relu(

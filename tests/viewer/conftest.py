@@ -13,6 +13,7 @@ from PIL import Image
 from core.detail.progressive import render_progressively
 from core.models.model import Model
 from core.photos.segmentation import CutOut
+from core.rendering.size import Bounds
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import (
@@ -66,7 +67,8 @@ def backend(model: Model) -> Backend:
         guess_category=no_guess,
         paint=quick_paint,
         paint_colour=quick_colour,
-        distance=lambda instance, camera, share: camera.distance,
+        distance=lambda instance, camera, fraction: camera.distance,
+        bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3)),
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
 

@@ -29,7 +29,7 @@ def in_window(
 
     Args:
         of: the fixture of the window's backend.
-        stand_ins: what of the backend is replaced.
+        stand_ins: functions of the backend that are replaced.
     """
 
     def decorate(act: Callable[..., None]) -> Callable[..., None]:
@@ -37,9 +37,11 @@ def in_window(
             backend = replace(request.getfixturevalue(of), **stand_ins)
             drive(lambda window: act(window, **fixtures), backend, size, strict)
 
-        ours, given = (list(signature(one).parameters.values()) for one in (test, act))
-        test.__signature__ = Signature([*ours[:2], *given[1:]])  # by which pytest finds the fixtures
-        test.__name__, test.__doc__, test.__module__ = act.__name__, act.__doc__, act.__module__
+        own, arguments = (list(signature(function).parameters.values()) for function in (test, act))
+        test.__signature__ = Signature([*own[:2], *arguments[1:]])  # by which pytest finds the fixtures
+        test.__name__ = act.__name__
+        test.__doc__ = act.__doc__
+        test.__module__ = act.__module__
         return test
 
     return decorate
@@ -68,8 +70,11 @@ class Driver:
     """A window under test: its widgets by name, and time to let things happen."""
 
     def __init__(self, app: App, ctx: imgui.test_engine.TestContext, folder: Path) -> None:
-        self.app, self.ctx, self.folder = app, ctx, folder
-        self.session, self.context = app.session, app.context
+        self.app = app
+        self.ctx = ctx
+        self.folder = folder
+        self.session = app.session
+        self.context = app.context
         self._colours_pixels = False
         self._leave_pixels_out()
         io = imgui.test_engine.get_io(hello_imgui.get_imgui_test_engine())
@@ -159,7 +164,8 @@ class Driver:
 
     def capture(self) -> np.ndarray:
         """What the whole window shows, (height, width, 3), as float."""
-        path, self._colours_pixels = self.folder / "window.png", True
+        path = self.folder / "window.png"
+        self._colours_pixels = True
         testing.capture(self.ctx, str(path))
         self._colours_pixels = False
         with Image.open(path) as image:
@@ -173,8 +179,10 @@ class Driver:
 
     def _leave_pixels_out(self) -> None:
         """Colour no pixel of a frame that nobody looks at: in software these are nine tenths of a frame's time."""
-        gl, calls = moderngl.get_context(), self.app.params.callbacks
-        begin, finish = calls.before_imgui_render, calls.after_swap
+        gl = moderngl.get_context()
+        calls = self.app.params.callbacks
+        begin = calls.before_imgui_render
+        finish = calls.after_swap
 
         def before() -> None:
             begin()
@@ -185,7 +193,8 @@ class Driver:
             gl.disable_direct(_RASTERIZER_DISCARD)
             finish()
 
-        calls.before_imgui_render, calls.after_swap = before, after
+        calls.before_imgui_render = before
+        calls.after_swap = after
 
     def _check(self, name: str) -> None:
         self.ctx.yield_(2)

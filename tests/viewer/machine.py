@@ -17,7 +17,8 @@ class Patience:
     """A wait of so many seconds on a usual machine, and as much longer as this one is slower."""
 
     def __init__(self, seconds: float) -> None:
-        self._seconds, self._began = seconds, time.monotonic()
+        self._seconds = seconds
+        self._began = time.monotonic()
         self._end = self._began + seconds
 
     def is_over(self) -> bool:

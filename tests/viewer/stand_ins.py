@@ -50,11 +50,15 @@ def two_models() -> dict[str, Model]:
 
 def quick_frames(job: RenderJob) -> Iterator[Frame | None]:
     """A disc whose colour follows the texture, its size the shape and the distance, its place the camera's angles."""
-    instance, camera, stages = job.instance, job.camera, job.settings.divisors
+    instance = job.instance
+    camera = job.camera
+    stages = job.settings.divisors
     for stage, divisor in enumerate(stages):
-        width, height = max(1, camera.width // divisor), max(1, camera.height // divisor)
+        width = max(1, camera.width // divisor)
+        height = max(1, camera.height // divisor)
         y, x = np.mgrid[0:height, 0:width] / min(width, height)
-        across, down = width / height / 2 + 0.2 * math.sin(camera.azimuth), 0.5 + 0.2 * math.sin(camera.elevation)
+        across = width / height / 2 + 0.2 * math.sin(camera.azimuth)
+        down = 0.5 + 0.2 * math.sin(camera.elevation)
         radius = (0.3 + 0.05 * math.tanh(float(instance.codes.shape.sum()))) / camera.distance
         opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
         colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (instance.codes.texture.tolist() * 3)[:3]])
@@ -88,24 +92,24 @@ def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
 
 def doubted(path: Path, hints: Hints | None) -> CutOut:
     """Cut out, but never surely, of a photo of two objects."""
-    found = Detection((0.3, 0.2, 0.7, 0.8), {"chairs": 0.1, "cars": 0.9})
-    return replace(read_cut_out(path, hints), confidence=0.2, detections=(found,), white=False)
+    car = Detection((0.3, 0.2, 0.7, 0.8), {"chairs": 0.1, "cars": 0.9})
+    return replace(read_cut_out(path, hints), confidence=0.2, detections=(car,), white=False)
 
 
 def crowded(path: Path, hints: Hints | None) -> CutOut:
     """Surely cut out, but two objects are nearly as prominent."""
-    found = Detection((0.0, 0.2, 0.5, 0.8), {"chairs": 0.9, "cars": 0.1})
-    other = found._replace(box=(0.5, 0.2, 1.0, 0.8))
-    return replace(read_cut_out(path, None), detections=(found, other), white=False)
+    chair = Detection((0.0, 0.2, 0.5, 0.8), {"chairs": 0.9, "cars": 0.1})
+    neighbour = chair._replace(box=(0.5, 0.2, 1.0, 0.8))
+    return replace(read_cut_out(path, None), detections=(chair, neighbour), white=False)
 
 
-def quick_paint(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
+def quick_paint(instance: Instance, paint: Paint) -> Generator[None, None, Instance]:
     """The first numbers of the texture are the colour."""
     yield None
-    return instance.changed(texture=torch.cat((torch.tensor(wanted.colour), instance.codes.texture[3:])))
+    return instance.changed(texture=torch.cat((torch.tensor(paint.colour), instance.codes.texture[3:])))
 
 
-def quick_colour(instance: Instance, part: str) -> Generator[None, None, Rgb]:
+def quick_colour(instance: Instance, part_name: str) -> Generator[None, None, Rgb]:
     """The colour that :func:`quick_paint` gives."""
     yield None
     red, green, blue = instance.codes.texture[:3].clamp(0, 1).tolist()
@@ -127,19 +131,24 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
     Where it resumes, the camera is the given one.
     """
-    given = [photo.camera for photo in job.photos]
+    known_cameras = [photo.camera for photo in job.photos]
     for step in range(10):
         instance = model.mean.mixed(model[3], step / 9, step / 9)
-        loss, hypotheses = math.exp(-step), list[Hypothesis]()
+        loss = math.exp(-step)
+        hypotheses = list[Hypothesis]()
         for start in range(4 if step < 5 else 2):
             height, width = job.photos[0].mask.shape
             camera = model.camera(1.0 + start * math.pi / 2, 0.3 + 0.01 * step).resized(width, height)
             begin = job.resume_from if not start else None
             first = begin.cameras if begin else (camera,) * len(job.photos)
-            at = tuple(known or found for known, found in zip(given, first, strict=True))
+            cameras = tuple(camera or start_camera for camera, start_camera in zip(known_cameras, first, strict=True))
             hypotheses.append(
                 Hypothesis(
-                    begin.origin if begin else start, (1 + 0.1 * start) * loss, at, instance, torch.zeros(len(given), 4)
+                    begin.origin if begin else start,
+                    (1 + 0.1 * start) * loss,
+                    cameras,
+                    instance,
+                    torch.zeros(len(known_cameras), 4),
                 )
             )
         behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in hypotheses[0].cameras)

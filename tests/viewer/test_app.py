@@ -72,7 +72,8 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
         made.append(editor.history)
 
     def second(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
+        session = window.session
+        editor = window.session.editor
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert session.fitting.history.photo is not None
@@ -116,7 +117,8 @@ def test_a_session_that_ended_badly_in_a_fit_goes_on(drive: Drive, backend: Back
         window.undo()
         assert editor.history.now == made[0].now
 
-    made, lost = list[History](), list[bytes]()
+    made = list[History]()
+    lost = list[bytes]()
     drive(first, replace(backend, fit=endless_fit), folder=folder)
     (ended,) = folder.glob("session-*.codenerf")
     ended.unlink()
@@ -150,7 +152,7 @@ def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, 
     drive(second, both, folder=folder)
 
 
-def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_panel_of_the_readme_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     manual = (Path(app.__file__).parent / "README.md").read_text()
     code = textwrap.dedent(manual.split("```python\n")[1].split("```")[0])
     names: dict[str, type] = {}
@@ -172,7 +174,8 @@ def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyP
 
 @in_window(strict=False)
 def test_a_panel_that_fails_does_not_take_the_window_with_it(window: Driver) -> None:
-    session, editor = window.session, window.session.editor
+    session = window.session
+    editor = window.session.editor
 
     def fail(context: object) -> None:
         imgui.begin_child("left open")
@@ -188,7 +191,7 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(window: Driver) -> 
     assert session.messages.log[-1].detail == "KeyError: 'a mistake'"
     window.drag("View/orbit", 30)
     assert editor.history.past
-    assert sum("failed" in one.text for one in session.messages.log) == 1  # in every frame, and said so once
+    assert sum("failed" in message.text for message in session.messages.log) == 1  # in every frame, and said so once
     library.draw = drawn
     window.click("Library/**/show object 3")
     assert editor.state.mix.a.shape == "object 3"
@@ -203,11 +206,11 @@ def test_a_photo_whose_name_is_no_text_is_fitted_shown_and_removed(drive: Drive,
         window.context.drop([str(path)])
         window.wait(lambda: bool(objects.added) and not window.session.fitting.running)
         for panel in ("Library", "Photo", "Messages log"):
-            if any(one.title == panel for one in window.app.panels):
+            if panel in window.context.panels:
                 window.show(panel)
         window.context.load(path)  # is no scene, which a message says
         window.wait(lambda: bool(window.session.messages.errors))
-        assert [one.name for one in objects.added] == ["block_??"]
+        assert [added.name for added in objects.added] == ["block_??"]
         assert all("failed" not in error for error in window.session.messages.errors)
         window.session.remove("block_??")
         window.wait()
@@ -219,8 +222,8 @@ def test_a_photo_whose_name_is_no_text_is_fitted_shown_and_removed(drive: Drive,
 def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
     def seen(window: Driver) -> set[str]:
         window.ctx.yield_(10)
-        found = {panel.title: imgui.internal.find_window_by_name(panel.title) for panel in window.app.panels}
-        return {title for title, seen in found.items() if seen is not None and seen.active}
+        windows = {panel.title: imgui.internal.find_window_by_name(panel.title) for panel in window.app.panels}
+        return {title for title, docked in windows.items() if docked is not None and docked.active}
 
     def act(window: Driver) -> None:
         def corner(panel: str) -> imgui.ImVec2:
@@ -250,13 +253,14 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
     drive(act)
 
 
-@pytest.mark.parametrize(("size", "share"), [((900, 600), 0.5), ((1280, 800), 0.62), ((1920, 1080), 0.7)])
-def test_the_view_is_most_of_a_window_of_any_size(drive: Drive, size: tuple[int, int], share: float) -> None:
+@pytest.mark.parametrize(("size", "fraction"), [((900, 600), 0.5), ((1280, 800), 0.62), ((1920, 1080), 0.7)])
+def test_the_view_is_most_of_a_window_of_any_size(drive: Drive, size: tuple[int, int], fraction: float) -> None:
     def act(window: Driver) -> None:
-        editor, (low, high) = window.session.editor, window.context.view
+        editor = window.session.editor
+        low, high = window.context.view
         viewport = imgui.get_main_viewport().size
         assert (viewport.x, viewport.y) == size
-        assert (high.x - low.x) * (high.y - low.y) > share * size[0] * size[1]
+        assert (high.x - low.x) * (high.y - low.y) > fraction * size[0] * size[1]
         window.drag("View/orbit", 30)
         window.show("Sliders")
         window.click("Sliders/###sample")
@@ -271,12 +275,14 @@ def test_the_view_is_most_of_a_window_of_any_size(drive: Drive, size: tuple[int,
 
 def too_wide() -> dict[str, float]:
     """px by which what is in a window of the toolkit's, child windows too, or that window itself, is cut off."""
-    screen, found = imgui.get_main_viewport(), dict[str, float]()
-    for shown in imgui.get_current_context().windows:
-        if shown.active and not shown.hidden and not shown.flags & imgui.WindowFlags_.horizontal_scrollbar:
-            left, right = screen.pos.x - shown.pos.x, shown.pos.x + shown.size.x - screen.pos.x - screen.size.x
-            found[shown.name] = max(0.0, shown.scroll_max.x - shown.window_padding.x, left, right)
-    return {name: px for name, px in found.items() if px}
+    screen = imgui.get_main_viewport()
+    excess = dict[str, float]()
+    for window in imgui.get_current_context().windows:
+        if window.active and not window.hidden and not window.flags & imgui.WindowFlags_.horizontal_scrollbar:
+            left = screen.pos.x - window.pos.x
+            right = window.pos.x + window.size.x - screen.pos.x - screen.size.x
+            excess[window.name] = max(0.0, window.scroll_max.x - window.window_padding.x, left, right)
+    return {name: px for name, px in excess.items() if px}
 
 
 @in_window(size=(900, 600))
@@ -289,61 +295,67 @@ def test_nothing_is_cut_off_at_the_right_where_the_window_is_small_and_texts_are
         assert not too_wide()
 
 
-def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
-    drive: Drive, backend: Backend, photo: Path, tmp_path: Path
-) -> None:
-    def act(window: Driver) -> None:
-        def look() -> None:
-            window.ctx.yield_(5)  # a window that fits itself to what is in it takes a few frames
-            assert not too_wide()
+def look(window: Driver) -> None:
+    """Fail if anything is cut off."""
+    window.ctx.yield_(5)  # a window that fits itself to its content takes a few frames
+    assert not too_wide()
 
+
+@in_window(size=(900, 600), fit=endless_fit)
+def test_no_panel_of_a_fit_is_cut_off_where_the_window_is_small_and_texts_are_large(window: Driver, photo: Path):
+    session = window.session
+    window.context.set_preference(text=2.0)
+    window.context.drop([str(photo)])
+    window.wait(lambda: session.viewport.source == "fit")
+    window.press(imgui.Key.r)  # another object: the fit is not followed any more
+    look(window)
+    assert window.exists("Library/**/waits block.png")
+    session.fitting.stop()
+    window.wait()
+    look(window)
+    window.show("Developer")
+    look(window)
+    session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
+    look(window)
+    session.segmenting.open(session.fitting.history.sources, 0)
+    window.wait(lambda: session.segmenting.plain is not None)
+    look(window)
+
+
+def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
         context = window.context
         context.set_preference(text=2.0)
-        look()
+        look(window)
         window.click("Messages/###dismiss 0")
         for kind in KINDS:
             context.share(kind)
-            look()
+            look(window)
         context.session.exporting.saved = tmp_path / "a folder of a long name" / "a turntable of a long name.mp4"
-        look()
+        look(window)
         window.click("Share/###save")
-        look()
+        look(window)
         window.ctx.item_click("//Choose a file###ask/Cancel")
         window.press(imgui.Key.escape)
         window.press(imgui.Key.f1)
-        look()
+        look(window)
         window.press(imgui.Key.escape)
         for menu in ("File", "Edit", "View", "Panels", "Help"):
             window.click(f"##MainMenuBar/##MenuBar/{menu}")
-            look()
+            look(window)
             window.press(imgui.Key.escape)
         window.click("View/###mode")
-        look()
-        window.press(imgui.Key.escape)
-        window.context.drop([str(photo)])
-        window.wait(lambda: window.session.viewport.source == "fit")
-        window.press(imgui.Key.r)  # another object: the fit is not followed any more
-        look()
-        assert window.exists("Library/**/waits block.png")
-        window.session.fitting.stop()
-        window.wait()
-        look()
-        window.show("Developer")
-        look()
-        window.session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
-        look()
-        window.session.segmenting.open(window.session.fitting.history.sources, 0)
-        window.wait(lambda: window.session.segmenting.plain is not None)
-        look()
+        look(window)
 
     (tmp_path / "config").mkdir()
     (tmp_path / "config" / "session-999999999.codenerf").write_text("{}")
-    drive(act, replace(backend, fit=endless_fit), size=(900, 600), folder=tmp_path / "config")
+    drive(act, size=(900, 600), folder=tmp_path / "config")
 
 
 @in_window()
 def test_a_chord_that_is_let_go_within_a_slow_frame_is_no_letter(window: Driver) -> None:
-    key, io = imgui.Key, imgui.get_io()
+    key = imgui.Key
+    io = imgui.get_io()
     editor = window.session.editor
     window.ctx.run_flags |= imgui.test_engine.TestRunFlags_.enable_raw_inputs.value
     for letter in (key.e, key.r):
@@ -357,7 +369,8 @@ def test_a_chord_that_is_let_go_within_a_slow_frame_is_no_letter(window: Driver)
 
 @in_window()
 def test_letters_typed_while_a_dialog_is_open_change_no_object(window: Driver) -> None:
-    editor, key = window.session.editor, imgui.Key
+    editor = window.session.editor
+    key = imgui.Key
     before = editor.history
     window.press(key.mod_ctrl, key.e)
     window.press(key.r)
@@ -381,7 +394,8 @@ def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Ba
         Image.merge("RGB", (blue_channel, green, red)).save(blue)  # a car, as the guess of ``both`` has it
 
     def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
+        session = window.session
+        editor = window.session.editor
         window.fit(blue)
         window.fit(photo)
         assert editor.objects.own == ["block", "block blue"]
@@ -403,9 +417,9 @@ def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Ba
         window.context.share_open = False
         assert len(list(tmp_path.glob("*.gif"))) == 3
         assert session.messages.errors == []
-        assert not [one.text for one in session.messages.log if "model" in one.text]
-        seen = {state.scene.instance.fingerprint for state in editor.history.states}
-        assert len(seen) == 2
+        assert not [message.text for message in session.messages.log if "model" in message.text]
+        models = {state.scene.instance.fingerprint for state in editor.history.states}
+        assert len(models) == 2
         while editor.history.past:
             window.undo()
         assert editor.model.category == "chairs" and len(editor.history.future) >= 8

@@ -72,7 +72,7 @@ def kill(tmp_path: Path, clock: Clock) -> Kill:
     return end
 
 
-def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
+def test_the_session_is_saved_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
     autosave = Autosave(session, tmp_path, clock)
     clock.now = 10.0
     autosave.tick()
@@ -107,23 +107,24 @@ def test_the_next_launch_goes_on_with_objects_of_every_model(launch: Launch, pho
     session.editor.show_object("car 2")
     session.player.add_key()
     made = session.editor.history
-    steps, step = session.fitting.history.steps, session.fitting.history.last
+    steps = session.fitting.history.steps
+    step = session.fitting.history.last
     autosave.close()
     session, autosave = launch(both)
     assert session.editor.history == made
     assert session.editor.model.category == "cars"
-    assert [one.psnr for one in session.fitting.history.steps] == [one.psnr for one in steps]
+    assert [step.psnr for step in session.fitting.history.steps] == [step.psnr for step in steps]
     assert session.fitting.history.last.runner_up == step.runner_up
     assert session.fitting.history.last.confidence == step.confidence
     assert session.fitting.history.photo is not None
 
 
 def test_a_fit_under_way_and_those_that_wait_go_on(launch: Launch, backend: Backend, photo: Path) -> None:
-    other = photo.with_name("block other.png")
-    other.write_bytes(photo.read_bytes())
+    second = photo.with_name("block other.png")
+    second.write_bytes(photo.read_bytes())
     session, autosave = launch(replace(backend, fit=endless_fit))
     session.fitting.start(photo)
-    session.fitting.start(other)
+    session.fitting.start(second)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
     autosave.close()
     photo.unlink()  # it was read already
@@ -235,7 +236,7 @@ def test_of_two_windows_neither_session_is_lost(launch: Launch, tmp_path: Path) 
     assert len(list(tmp_path.glob("session-*.codenerf"))) == 2
 
 
-def test_new_begins_afresh_and_keeps_what_there_was(launch: Launch, photo: Path) -> None:
+def test_new_archives_the_session_and_keeps_fitted_objects(launch: Launch, photo: Path) -> None:
     session, autosave = launch()
     edit(session, photo)
     history = session.editor.history
@@ -255,7 +256,7 @@ def test_new_begins_afresh_and_keeps_what_there_was(launch: Launch, photo: Path)
     assert not session.editor.history.past
 
 
-def test_what_was_made_with_a_model_that_is_another_now_waits_for_it(launch: Launch, backend: Backend) -> None:
+def test_states_of_a_replaced_model_wait_for_it(launch: Launch, backend: Backend) -> None:
     session, autosave = launch()
     session.editor.show_object("object 2")
     made = session.editor.history
@@ -295,18 +296,18 @@ def test_of_several_sessions_the_newest_goes_on_unless_it_runs(launch: Launch, t
 
 
 @pytest.mark.parametrize("harm", ["{", "no tensors"])
-def test_what_cannot_be_read_changes_nothing(session: Session, editor: Editor, tmp_path: Path, harm: str) -> None:
+def test_an_unreadable_session_changes_nothing(session: Session, editor: Editor, tmp_path: Path, harm: str) -> None:
     editor.show_object("object 3")
     path = tmp_path / "running-999999999.codenerf"
     session.project().save(path, session.models)
     with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist()}
+        members = {name: file.read(name) for name in file.namelist()}
     if harm == "no tensors":
-        del parts["tensors.safetensors"]
+        del members["tensors.safetensors"]
     else:
-        parts["project.json"] = harm.encode()
+        members["project.json"] = harm.encode()
     with zipfile.ZipFile(path, "w") as file:
-        for name, content in parts.items():
+        for name, content in members.items():
             file.writestr(name, content)
     before = editor.history
     autosave = Autosave(session, tmp_path)
@@ -319,8 +320,10 @@ def test_what_cannot_be_read_changes_nothing(session: Session, editor: Editor, t
 def test_the_window_does_not_wait_for_a_save(
     session: Session, editor: Editor, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    autosave, may_write = Autosave(session, tmp_path, clock), threading.Event()
-    save, threads = Project.save, list[threading.Thread]()
+    autosave = Autosave(session, tmp_path, clock)
+    may_write = threading.Event()
+    save = Project.save
+    threads = list[threading.Thread]()
 
     def slow(project: Project, path: Path, models: OpenModels) -> None:
         threads.append(threading.current_thread())
@@ -362,9 +365,9 @@ def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_
     saved.save(tmp_path / "a.codenerf", session.models)
     with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
         assert file.getinfo("project.json").file_size < 1_000_000
-    found = Project.load(tmp_path / "a.codenerf", session.models)
-    assert found.history == saved.history
-    first, last = (found.history.states[at].scene.instance.detail for at in (-10, -1))
+    loaded = Project.load(tmp_path / "a.codenerf", session.models)
+    assert loaded.history == saved.history
+    first, last = (loaded.history.states[index].scene.instance.detail for index in (-10, -1))
     assert first.views[0].erased[0] is last.views[0].erased[0]
 
 
@@ -374,13 +377,14 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once(launch: Launch, kill: 
     session.start()
     session.editor.show_object("object 3")
     finish(session, lambda: session.viewport.sharp)
-    instance, camera = session.editor.scene.instance, session.editor.scene.camera.resized(64, 64)
+    instance = session.editor.scene.instance
+    camera = session.editor.scene.camera.resized(64, 64)
 
-    def tile(of: Session) -> Frame | None:
-        return of.thumbnails.get(instance, camera)
+    def tile(session: Session) -> Frame | None:
+        return session.thumbnails.get(instance, camera)
 
-    finish(session, lambda: (found := tile(session)) is not None and found.resolution == (64, 64))
-    shown = session.viewport.frame
+    finish(session, lambda: (thumbnail := tile(session)) is not None and thumbnail.resolution == (64, 64))
+    last_frame = session.viewport.frame
     if crashed:
         kill(autosave)
     else:
@@ -391,8 +395,8 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once(launch: Launch, kill: 
     assert again.viewport.frame is None and not again.jobs.busy("view")  # nothing is rendered before it is restored
     again.start()
     frame = again.viewport.frame
-    assert shown is not None and frame is not None and not again.viewport.sharp
-    np.testing.assert_array_equal(frame.image, shown.image)
+    assert frame is not None and last_frame is not None and not again.viewport.sharp
+    np.testing.assert_array_equal(frame.image, last_frame.image)
     assert crashed or tile(again).resolution == (64, 64)
     second.close()
 
@@ -410,7 +414,8 @@ def test_closing_writes_only_what_was_not_written_before(
         clock.now += autosave_module.EVERY_PICTURES
         autosave.tick()
         autosave.finish()
-    made, written = session.editor.history, list[str]()
+    made = session.editor.history
+    written = list[str]()
     monkeypatch.setattr(Project, "save", lambda *_: written.append("project"))
     monkeypatch.setattr(autosave_module, "write_pictures", lambda *_: written.append("pictures"))
     autosave.close()

@@ -22,9 +22,10 @@ def test_the_bundle_starts_and_shows_the_window(tmp_path: Path) -> None:
 
     # Neither where Python finds modules, nor which library of windows the toolkit has found for these tests.
     elsewhere = {name: value for name, value in os.environ.items() if not name.startswith("PY")}
-    program, shown = tmp_path / "dist" / "codenerf-viewer" / "codenerf-viewer", tmp_path / "window.png"
-    subprocess.run([program, "--screenshot", shown], cwd=tmp_path, env=elsewhere, check=True)
-    with Image.open(shown) as image:
+    program = tmp_path / "dist" / "codenerf-viewer" / "codenerf-viewer"
+    screenshot = tmp_path / "window.png"
+    subprocess.run([program, "--screenshot", screenshot], cwd=tmp_path, env=elsewhere, check=True)
+    with Image.open(screenshot) as image:
         assert image.size == (1280, 800)
         pixels = np.asarray(image.convert("RGB")).astype(float)
     view = pixels[100:440, 260:870]

@@ -30,6 +30,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         lambda: editor.mix_both(0.2, 0.3),
         lambda: editor.take("texture", "object 3"),
         lambda: editor.move_along(Direction.principal(model.codes, "shape", 1), 2.0),
+        lambda: editor.resize((1.0, 1.5, 1.0)),
         lambda: editor.sample(),
         lambda: editor.reset(),
         lambda: session.viewport.reset_view(),
@@ -50,8 +51,26 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         assert editor.state == state
 
 
+def test_a_size_keeps_the_views_scale_and_is_reset(editor: Editor) -> None:
+    before = editor.state
+    for width in (1.1, 1.3, 1.6):
+        editor.resize((width, 1.0, 1.0), gesture="size")
+    editor.end_gesture()
+    scene = editor.scene
+    _, depth, height = scene.instance.codes.proportions
+    assert depth == height
+    assert depth / scene.camera.distance == pytest.approx(1 / before.scene.camera.distance)  # as large on screen
+    editor.undo()
+    assert editor.state == before
+    editor.redo()
+    editor.resize(None)
+    assert editor.scene.instance == before.scene.instance
+    assert editor.scene.camera.distance == pytest.approx(before.scene.camera.distance)
+
+
 def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:
-    before, direction = editor.state, Direction.principal(model.codes, "shape", 0)
+    before = editor.state
+    direction = Direction.principal(model.codes, "shape", 0)
     for number in range(20):
         editor.edit(direction.moved(before.scene.instance, 0.1 * number + 0.05), gesture="shape 0")
     editor.end_gesture()
@@ -62,7 +81,8 @@ def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:
 def test_shape_and_texture_slide_from_a_to_b_independently(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.set_b("object 2")
-    a, b = editor.objects["object 1"].instance, editor.objects["object 2"].instance
+    a = editor.objects["object 1"].instance
+    b = editor.objects["object 2"].instance
     assert editor.scene.instance == a
     editor.mix_both(1.0, 0.0)
     torch.testing.assert_close(editor.code("shape"), b.codes.shape)
@@ -87,28 +107,32 @@ def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
 
 
 def test_shape_and_texture_are_taken_from_different_objects(editor: Editor) -> None:
-    one, two = editor.objects["object 1"].instance, editor.objects["object 2"].instance
+    first = editor.objects["object 1"].instance
+    second = editor.objects["object 2"].instance
     editor.show_object("object 3")
     editor.mix_both(0.5, 0.5)
     editor.take("shape", "object 1")
-    assert torch.equal(editor.code("shape"), one.codes.shape)
+    assert torch.equal(editor.code("shape"), first.codes.shape)
     assert (editor.state.mix.a, editor.state.mix.shape) == (("object 1", "object 3"), 0.0)
     assert editor.state.mix.texture == 0.5
     editor.take("texture", "object 2")
-    assert torch.equal(editor.code("texture"), two.codes.texture)
+    assert torch.equal(editor.code("texture"), second.codes.texture)
     editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.0)
     editor.mix_both(0.2, 0.3)
     editor.reset()
-    assert torch.equal(editor.code("shape"), one.codes.shape) and torch.equal(editor.code("texture"), two.codes.texture)
+    assert torch.equal(editor.code("shape"), first.codes.shape) and torch.equal(
+        editor.code("texture"), second.codes.texture
+    )
     assert (editor.state.mix.shape, editor.state.mix.texture) == (0.0, 0.0)
 
 
-def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
+def test_locked_codes_stay_for_every_choice(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.5, 0.5)
     editor.lock("shape", True)
     assert all(torch.equal(end.codes.shape, editor.code("shape")) for end in editor.mix_ends)
-    shape, mix = editor.code("shape"), editor.state.mix
+    shape = editor.code("shape")
+    mix = editor.state.mix
     edits = (
         lambda: editor.show_object("object 2"),
         lambda: editor.sample(),
@@ -126,7 +150,7 @@ def test_what_is_locked_stays_whatever_is_picked(editor: Editor) -> None:
     assert editor.scene.instance == editor.objects["object 2"].instance
 
 
-def test_another_b_takes_over_what_is_mixed_in(editor: Editor) -> None:
+def test_another_b_replaces_the_mixed_codes(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.0, 1.0)
     editor.set_b("object 3")
@@ -143,7 +167,8 @@ def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
 
 def fitted(model: Model) -> EditableObject:
     """An object with what its photo adds to its colours."""
-    instance, rgba = model[1], np.full((20, 20, 4), 255, np.uint8)
+    instance = model[1]
+    rgba = np.full((20, 20, 4), 255, np.uint8)
     rgba[5:15, 5:15, 1:3] = 0
     camera = model.camera(0.5, 0.2).resized(20, 20)
     detail = PhotoDetail((PhotoView.of(rgba, camera),), instance.codes.shape, instance.codes.texture)
@@ -151,11 +176,11 @@ def fitted(model: Model) -> EditableObject:
 
 
 def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, model: Model) -> None:
-    one = fitted(model)
-    editor.add_and_show(one, editor.scene.camera)
+    chair = fitted(model)
+    editor.add_and_show(chair, editor.scene.camera)
     before = editor.state
     for strength in (0.8, 0.5, 1.0, 0.25):
-        editor.set_detail(replace(one.instance.detail, strength=strength), gesture="photo detail")
+        editor.set_detail(replace(chair.instance.detail, strength=strength), gesture="photo detail")
     editor.end_gesture()
     detail = editor.scene.instance.detail
     assert detail is not None and detail.strength == 0.25
@@ -173,9 +198,9 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
 
 
 def test_the_photo_s_detail_comes_back_from_a_project(editor: Editor, session: Session, model: Model, tmp_path: Path):
-    one = fitted(model)
-    editor.add_and_show(one, editor.scene.camera)
-    editor.set_detail(replace(one.instance.detail, strength=0.5))
+    chair = fitted(model)
+    editor.add_and_show(chair, editor.scene.camera)
+    editor.set_detail(replace(chair.instance.detail, strength=0.5))
     saved = session.project()
     saved.save(tmp_path / "p.codenerf", session.models)
     again = Project.load(tmp_path / "p.codenerf", session.models)
@@ -185,38 +210,40 @@ def test_the_photo_s_detail_comes_back_from_a_project(editor: Editor, session: S
 
 
 def test_a_fitted_object_is_first_seen_from_its_photo(editor: Editor, model: Model) -> None:
-    name = editor.objects.add(one := fitted(model))
+    name = editor.objects.add(chair := fitted(model))
     editor.show_object(name)
-    assert orbit.same_direction(editor.scene.camera, one.instance.detail.views[0].camera)
+    assert orbit.same_direction(editor.scene.camera, chair.instance.detail.views[0].camera)
     editor.set_camera(turned := orbit.turned(editor.scene.camera, 1.0, 0.0))
-    for other in ("object 2", name):
-        editor.show_object(other)
+    for chosen in ("object 2", name):
+        editor.show_object(chosen)
         assert editor.scene.camera == turned
 
 
 def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) -> None:
-    one = fitted(model)
-    UserObjects(tmp_path).sync(open_models(model), [one])
+    chair = fitted(model)
+    UserObjects(tmp_path).sync(open_models(model), [chair])
     (again,) = UserObjects(tmp_path).open(model)
-    assert again.instance == one.instance and again.instance.detail == one.instance.detail
+    assert again.instance == chair.instance and again.instance.detail == chair.instance.detail
 
 
 def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, model: Model) -> None:
-    one = fitted(model)
-    name = editor.add_and_show(one, editor.scene.camera)
+    chair = fitted(model)
+    name = editor.add_and_show(chair, editor.scene.camera)
     editor.set_texture(editor.code("texture") + 1.0)
     edited = editor.scene.instance
-    better = replace(one, instance=one.instance.changed(texture=one.instance.codes.texture + 0.1), confidence=0.95)
+    better = replace(
+        chair, instance=chair.instance.changed(texture=chair.instance.codes.texture + 0.1), confidence=0.95
+    )
     assert not editor.improve(name, better, editor.scene.camera)
     assert editor.scene.instance == editor.objects[name].instance == edited
     assert editor.objects[name].confidence == 0.95
-    editor.show_unedited(name)
-    assert editor.scene.instance == editor.objects[name].instance == better.instance
+    editor.show_object(editor.objects.version(name, better.instance))
+    assert editor.scene.instance == better.instance
     editor.undo()
-    assert editor.objects[name].instance == edited
+    assert editor.scene.instance == editor.objects[name].instance == edited
 
 
-@pytest.mark.parametrize("end", ("show again", "show another", "duplicate", "add", "undo and redo"))
+@pytest.mark.parametrize("end", ("show again", "show another", "reset", "add", "undo and redo"))
 def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Editor, model: Model, end: str) -> None:
     name = editor.add_and_show(fitted(model), editor.scene.camera)
     editor.set_texture(editor.code("texture") + 1.0, gesture="paint")
@@ -225,8 +252,9 @@ def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Ed
         editor.show_object(name)
     elif end == "show another":
         editor.show_object("object 3")
-    elif end == "duplicate":
-        assert editor.objects[editor.duplicate(name)].instance == edited
+    elif end == "reset":
+        editor.reset()
+        name = editor.objects.versions(name)[1]
     elif end == "add":
         editor.add_and_show(fitted(model), editor.scene.camera)
     else:
@@ -238,20 +266,22 @@ def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Ed
 def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: Model) -> None:
     def shown(texture: float) -> Editor:
         editor = Editor(open_models(model), model, torch.Generator())
-        editor.add_and_show(one, editor.scene.camera)
+        editor.add_and_show(chair, editor.scene.camera)
         if texture:
-            editor.set_texture(one.instance.codes.texture + texture)
+            editor.set_texture(chair.instance.codes.texture + texture)
         return editor
 
-    one = fitted(model)
-    for here, there in ((1.0, 2.0), (1.0, 0.0), (0.0, 2.0)):
-        saved, editor = shown(there), shown(here)
+    chair = fitted(model)
+    for texture_here, texture_there in ((1.0, 2.0), (1.0, 0.0), (0.0, 2.0)):
+        saved = shown(texture_there)
+        editor = shown(texture_here)
         editor.restore(Project(saved.history, saved.objects.ever_added))
         assert editor.objects.own == ["fitted"]
-        assert editor.objects["fitted"].original == one.instance
+        assert editor.objects["fitted"].original == chair.instance
         assert editor.objects["fitted"].instance == editor.scene.instance == saved.scene.instance
-        ends = [editor.history.steps[branch.last].state.scene.instance for branch in editor.history.branches]
-        assert ends == ([one.instance.changed(texture=one.instance.codes.texture + here)] if here else [])
+        edited = chair.instance.changed(texture=chair.instance.codes.texture + texture_here)
+        states = [chair.instance, *({editor.scene.instance} - {chair.instance})]
+        assert editor.objects.states("fitted") == states + ([edited] if texture_here else [])
 
 
 @pytest.fixture

@@ -20,12 +20,24 @@ def _no_saliency_network() -> None:
     """A person's first photo is cut out by it."""
 
 
+def _drag_the_dot(window: Driver) -> None:
+    """Drag the dot of the mix pad from the corner of A to the right."""
+    pad = window.ctx.item_info("//Mix/mix pad").rect_full
+    inset = (pad.max.x - pad.min.x) / 10
+    dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
+    window.ctx.mouse_move_to_pos(dot)
+    window.ctx.mouse_down(0)
+    window.ctx.mouse_move_to_pos(dot + ImVec2(3 * inset, 0))
+    window.ctx.mouse_up(0)
+
+
 @pytest.mark.slow
 def test_a_photo_becomes_an_edited_turntable_in_a_minute(
     drive: Drive, shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("CODENERF_THREADS")  # it computes on every core, as the program does
-    film, waits = tmp_path / "police.mp4", dict[str, float]()
+    film = tmp_path / "police.mp4"
+    waits = dict[str, float]()
 
     def act(window: Driver) -> None:
         def wait(what: str, until: Callable[[], bool]) -> None:
@@ -36,7 +48,8 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(
                 assert time.monotonic() - began < 600, f"waited in vain for {what}"
             waits[what] = time.monotonic() - began
 
-        context, session = window.context, window.session
+        context = window.context
+        session = window.session
         window.drag("View/orbit", 60)  # 1
         assert window.exists("View/**/sample cushion")  # to turn makes nothing: the samples stay
         context.drop([str(shared / "photos" / "police.jpg")])  # 2
@@ -44,13 +57,7 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(
         wait("fit", lambda: not session.fitting.running)
         assert context.session.editor.objects.own == ["police"]
         window.show("Mix")  # 3
-        pad = window.ctx.item_info("//Mix/mix pad").rect_full
-        inset = (pad.max.x - pad.min.x) / 10
-        dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
-        window.ctx.mouse_move_to_pos(dot)  # 4: the dot in the corner of A, to the right
-        window.ctx.mouse_down(0)
-        window.ctx.mouse_move_to_pos(dot + ImVec2(3 * inset, 0))
-        window.ctx.mouse_up(0)
+        _drag_the_dot(window)  # 4
         assert context.session.editor.state.mix.shape > 0.2
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 5
         window.click("Share/###film")

@@ -71,7 +71,7 @@ def test_a_second_start_hands_its_photo_to_the_window(drive: Drive, backend: Bac
             assert not glfw.get_window_attrib(glfw_utils.glfw_window_hello_imgui(), glfw.ICONIFIED)
             window.wait()
         assert window.session.messages.errors == []
-        assert [one.name for one in window.session.editor.objects.added] == ["block"]
+        assert [added.name for added in window.session.editor.objects.added] == ["block"]
 
     with closing(instance):
         drive(act, folder=folder, instance=instance)
@@ -109,7 +109,7 @@ def test_a_user_without_name_and_home_has_a_window(tmp_path: Path, file: Path, o
     assert (tmp_path / "w.png").is_file()
 
 
-def test_what_goes_wrong_is_on_the_screenshot_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
+def test_errors_are_on_the_screenshot_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
     (tmp_path / "text.png").write_text("no image")
     done = call(*("--model", file, "--image", tmp_path / "text.png"), *("--screenshot", tmp_path / "w.png"))
     assert done.returncode == 1

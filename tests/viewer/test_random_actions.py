@@ -47,10 +47,11 @@ class Made:
     Trained objects are left out, as no file keeps the state that an empty project begins with.
     """
 
-    def __init__(self, log: list[str], trained: set[Key]) -> None:
-        """Trace objects and states along the ``log`` of actions."""
-        self.objects, self.shown = set[Key](), set[Key]()
-        self._log, self._trained = log, trained
+    def __init__(self) -> None:
+        self.log = list[str]()  # actions
+        self.objects = set[Key]()
+        self.shown = set[Key]()
+        self._trained = {key(model[index]) for model in two_models().values() for index in model.codes.valid}
         self._newest: tuple[set[Key], set[Key]] = set(), set()
         self._there = dict[Key, str]()  # descriptions of what the window has
         self._traces = dict[Key, list[str]]()
@@ -76,6 +77,25 @@ class Made:
         self.shown |= self._newest[1]
         self._newest = set(), set()
 
+    def keep_all(self, window: Driver) -> None:
+        """Observe the last edit before the window saves it when closing."""
+        window.wait()
+        window.session.editor.end_gesture()
+        self.observe(window)
+        self.keep()
+
+    def assert_all_kept(self, window: Driver) -> None:
+        """Fail if a saved object or state is neither in an earlier session nor in the library."""
+        window.wait(lambda: not window.session.fitting.pending)
+        window.session.new()  # all history is in files of earlier sessions
+        assert _errors(window) == []
+        projects = [Project.load(path, window.session.models) for path in window.context.autosave.earlier]
+        kept = [item for project in projects for item in project.objects] + list(window.session.editor.objects.added)
+        states = [state for project in projects for state, _ in project.history.steps]
+        lost = self.objects - {key(item.original) for item in kept}
+        lost |= self.shown - {key(state.scene.instance) for state in states}
+        assert not lost, self.story(lost)
+
     def forget_newest(self) -> None:
         """Leave out what was observed since the last save: the window was killed."""
         self._newest = set(), set()
@@ -83,17 +103,17 @@ class Made:
     def story(self, keys: set[Key]) -> str:
         """When each of these objects and states came and went, and all actions."""
         traces = [f"{name[0]}: " + ", ".join(self._traces[name]) for name in keys]
-        return "\n".join((*traces, *(f"{number} {action}" for number, action in enumerate(self._log, 1))))
+        return "\n".join((*traces, *(f"{number} {action}" for number, action in enumerate(self.log, 1))))
 
-    def _follow(self, there: dict[Key, str]) -> None:
-        for name in there.keys() - self._there.keys():
-            self._trace({name}, f"there as {there[name]}")
-        self._trace(self._there.keys() - there.keys(), "gone")
-        self._there = there
+    def _follow(self, descriptions: dict[Key, str]) -> None:
+        for name in descriptions.keys() - self._there.keys():
+            self._trace({name}, f"there as {descriptions[name]}")
+        self._trace(self._there.keys() - descriptions.keys(), "gone")
+        self._there = descriptions
 
     def _trace(self, keys: set[Key], event: str) -> None:
         for name in keys:
-            self._traces.setdefault(name, []).append(f"{event} at {len(self._log)} {self._log[-1]}")
+            self._traces.setdefault(name, []).append(f"{event} at {len(self.log)} {self.log[-1]}")
 
 
 def key(instance: Instance) -> Key:
@@ -104,9 +124,12 @@ class Person:
     """Does random things, mostly with mouse and keys."""
 
     def __init__(self, window: Driver, random: Random, folder: Path) -> None:
-        self.window, self.random, self.folder = window, random, folder
+        self.window = window
+        self.random = random
+        self.folder = folder
         self.session = window.session
-        self._saved, self._look = folder / "saved.codenerf", folder / "look.json"
+        self._saved = folder / "saved.codenerf"
+        self._look = folder / "look.json"
         self.likely: dict[Callable[[], None], int] = {
             self.orbit: 6,
             self.slide: 4,
@@ -141,10 +164,10 @@ class Person:
 
     def _click(self, name: str, button: int = 0) -> bool:
         """Click where a widget is, if it is there; something else may have taken its place, as for a person."""
-        if at := self._place(name):
-            self.window.ctx.mouse_move_to_pos(at)
+        if place := self._place(name):
+            self.window.ctx.mouse_move_to_pos(place)
             self.window.ctx.mouse_click(button)
-        return at is not None
+        return place is not None
 
     def _place(self, name: str) -> ImVec2 | None:
         """The middle of what is seen of a widget, if it is there."""
@@ -152,12 +175,12 @@ class Person:
         info = self.window.ctx.item_info(f"//{name}", quiet)
         return info.rect_clipped.get_center() if info.id_ else None
 
-    def _drag(self, at: ImVec2 | None) -> None:
+    def _drag(self, place: ImVec2 | None) -> None:
         """Drag from a place by a random amount."""
-        if at is not None:
-            self.window.ctx.mouse_move_to_pos(at)
+        if place is not None:
+            self.window.ctx.mouse_move_to_pos(place)
             self.window.ctx.mouse_down(0)
-            self.window.ctx.mouse_move_to_pos(at + ImVec2(self._amount(), self._amount()))
+            self.window.ctx.mouse_move_to_pos(place + ImVec2(self._amount(), self._amount()))
             self.window.ctx.mouse_up(0)
 
     def _choose(self, name: str, item: str) -> None:
@@ -215,7 +238,9 @@ class Person:
     def click_menu(self) -> None:
         name = self._tile()
         if name in self.session.editor.objects.own:
-            self._choose(name, self.random.choice(("###unedited", "###duplicate")))
+            self._choose(name, "###keep version")
+            if self._place(version := f"Library/**/version {self.random.randrange(2)} of {name}"):
+                self._click(version)
 
     def remove(self) -> None:
         name = self._tile()
@@ -224,8 +249,8 @@ class Person:
 
     def press_message(self) -> None:
         buttons = [f"Messages/###{label} {number}" for label in ("undo", "show", "dismiss") for number in range(5)]
-        if there := [name for name in buttons if self._place(name)]:
-            self._click(self.random.choice(there))
+        if visible := [name for name in buttons if self._place(name)]:
+            self._click(self.random.choice(visible))
 
     def sample(self) -> None:
         self.window.press(imgui.Key.r)
@@ -284,51 +309,37 @@ def test_nothing_is_lost_and_no_error_is_logged(
     monkeypatch.setattr(autosave, "EVERY", 0.2)
     monkeypatch.setattr(autosave, "EARLIER", 10_000)  # nothing is dropped because it is old
     monkeypatch.setattr(history, "DEPTH", 10_000)
-    random, end = Random(seed), time.monotonic() + _SECONDS
-    backend, log = replace(both, fit=varied_fit), list[str]()
-    trained = {key(model[index]) for model in two_models().values() for index in model.codes.valid}
-    made = Made(log, trained)
+    random = Random(seed)
+    end = time.monotonic() + _SECONDS
+    backend = replace(both, fit=varied_fit)
+    made = Made()
     folders = [tmp_path / "run 0"]
 
     def run(window: Driver) -> None:
-        person, killed = Person(window, random, tmp_path), random.random() < 0.5
-        log.append("launch")
+        person = Person(window, random, tmp_path)
+        killed = random.random() < 0.5
+        made.log.append("launch")
         made.observe(window)
         for _ in range(random.randint(2, _ACTIONS)):
-            log.append(person.act())
+            made.log.append(person.act())
             made.observe(window)
-            assert _errors(window) == [], log[-10:]
+            assert _errors(window) == [], made.log[-10:]
             if time.monotonic() > end:
                 break
+        made.log.append("kill" if killed else "close")
         if killed:
-            log.append("kill")
             folders.append(tmp_path / f"run {len(folders)}")
             shutil.copytree(folders[-2], folders[-1], ignore=shutil.ignore_patterns(".*"))
             made.forget_newest()
         else:
-            log.append("close")
-            window.wait()
-            window.session.editor.end_gesture()
-            made.observe(window)
-            made.keep()
-
-    def look(window: Driver) -> None:
-        window.wait(lambda: not window.session.fitting.pending)
-        window.session.new()  # all history is in files of earlier sessions
-        assert _errors(window) == []
-        projects = [Project.load(path, window.session.models) for path in window.context.autosave.earlier]
-        kept = [one for project in projects for one in project.objects] + list(window.session.editor.objects.added)
-        states = [state for project in projects for state, _ in project.history.steps]
-        lost = made.objects - {key(one.original) for one in kept}
-        lost |= made.shown - {key(state.scene.instance) for state in states}
-        assert not lost, made.story(lost)
+            made.keep_all(window)
 
     while time.monotonic() < end:
         drive(run, backend, random.choice(((1280, 800), (900, 600))), folder=folders[-1])
-    drive(look, backend, folder=folders[-1])
-    assert [one.getMessage() for one in caplog.records if one.levelno >= logging.ERROR] == []
+    drive(made.assert_all_kept, backend, folder=folders[-1])
+    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
 
 
 def _errors(window: Driver) -> list[str]:
-    problems = [one for one in window.session.messages.log if one.kind is MessageKind.PROBLEM]
-    return [f"{one.text} {one.detail}" for one in problems]
+    problems = [message for message in window.session.messages.log if message.kind is MessageKind.PROBLEM]
+    return [f"{message.text} {message.detail}" for message in problems]

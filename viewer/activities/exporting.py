@@ -7,6 +7,7 @@ from pathlib import Path
 from core.export.keyframes import View
 from core.models.scene import Scene, save_image
 from viewer.activities.film_previews import FilmPreviews
+from viewer.activities.names import Names
 from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
@@ -17,9 +18,10 @@ from viewer.values.share_settings import FILMS, ShareSettings
 class Exporting:
     """Exports one file at a time."""
 
-    def __init__(self, jobs: Jobs, editor: Editor) -> None:
+    def __init__(self, jobs: Jobs, editor: Editor, names: Names) -> None:
         self._jobs = jobs
         self._editor = editor
+        self._names = names
         self.preview = SharePreview(jobs, editor)
         self.films = FilmPreviews(jobs, editor)
         self.path: Path | None = None  # the file being written
@@ -50,15 +52,13 @@ class Exporting:
         if settings.kind == "mesh":
             self._begin("mesh", path, lambda scene: self._mesh(scene, path, settings))
         elif settings.kind == "page":
-            self._begin("page", path, lambda scene: self._page(scene, path, settings))
+            title = self._names.pair(self._editor.state.mix.a)
+            self._begin("page", path, lambda scene: self._page(scene, path, settings, title))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
         elif settings.kind in FILMS and (settings.kind != "video" or self._editor.playable.keys):
-            timeline = self._editor.playable
-            partner = self._editor.film_partner
-            self._begin(
-                settings.kind, path, lambda scene: self._film(settings.views(scene, timeline, partner), path, settings)
-            )
+            inputs = self._editor.playable, self._editor.film_partner
+            self._begin(settings.kind, path, lambda scene: self._film(settings.views(scene, *inputs), path, settings))
 
     def cancel(self) -> None:
         """Cancel the export; no partial file stays."""
@@ -68,23 +68,21 @@ class Exporting:
             self.path = None
 
     def _mesh(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
-        mesh_settings = settings.mesh_settings(scene.instance.model.metres)
+        mesh_settings = settings.mesh_settings(scene.instance)
         return self._jobs.backend.mesh(scene.instance, path, mesh_settings, scene.photo_camera)
 
     def _film(self, views: list[View], path: Path, settings: ShareSettings) -> Iterator[float]:
         for done in self._jobs.backend.video(views, path, settings.video_settings):
             yield done / len(views)
 
-    def _page(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
+    def _page(self, scene: Scene, path: Path, settings: ShareSettings, title: str) -> Iterator[float]:
         (instance, camera), *_ = settings.views(scene, self._editor.state.timeline)
-        name = self._editor.state.mix.a.words
-        for _ in self._jobs.backend.page(instance, camera, path, name):
+        for _ in self._jobs.backend.page(instance, camera, path, title):
             yield 0.0
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(scene, self._editor.playable)[0]
-        images = self._jobs.backend.pictures([view], settings.behind, settings.exact, settings.shows_shadow)
-        for image in images:
+        for image in self._jobs.backend.pictures([view], settings.behind, shadow=settings.shows_shadow):
             if image is not None:
                 save_image(image, path, scene)
             yield float(image is not None)

@@ -32,7 +32,7 @@ class FilmPreviews:
         scene = self._editor.scene
         timeline = self._editor.playable
         partner = self._editor.film_partner
-        inputs = scene, timeline, partner, settings.fill, settings.wide
+        inputs = scene, timeline, partner, settings.wide
         if inputs == self._inputs or self._editor.history.gesture:
             return
         self._inputs = inputs

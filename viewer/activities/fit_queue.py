@@ -39,12 +39,9 @@ class FitQueue:
 
     def joined(self, later: "FitQueue") -> "FitQueue":
         """Return the queue with the requests, questions and cut-outs of a later one."""
-        return replace(
-            self,
-            requests=(*self.requests, *later.requests),
-            questions=(*self.questions, *later.questions),
-            confirmed={**later.confirmed, **self.confirmed},
-        )
+        confirmed = {**later.confirmed, **self.confirmed}
+        requests = (*self.requests, *later.requests)
+        return replace(self, requests=requests, questions=(*self.questions, *later.questions), confirmed=confirmed)
 
     def asking_first(self, request: FitRequest) -> "FitQueue":
         """Return the queue with a request's question chosen, before the others."""

@@ -31,11 +31,10 @@ class FitResults:
         """
         if self._viewport.following:
             turned = self._viewport.turned
-            own = self._editor.scene.camera
-            ready = Ready(self._editor.add_and_show(fitted, own if turned else camera), camera)
+            name = self._editor.add_and_show(fitted, self._editor.scene.camera if turned else camera)
             if not turned:
                 self._viewport.frame_result()
-            return ready
+            return Ready(name, camera)
         name = self._editor.objects.add(fitted)
         self.unseen[name] = camera
         return Ready(name, camera)

@@ -105,8 +105,8 @@ def _cut_out(backend: Backend, source: PhotoSource) -> tuple[CutOut, CutOutPrevi
 
 
 def _not_found(source: PhotoSource, model: Model) -> Doubt:
-    bare = CutOutPreview(pixels_on_white(read_rgba(source.file)), ())
-    return Doubt("The object was not found: point at it", model, None, bare)
+    preview = CutOutPreview(pixels_on_white(read_rgba(source.file)), ())
+    return Doubt("The object was not found: point at it", model, None, preview)
 
 
 def _doubt(source: PhotoSource, cut: CutOut, warning: str, categories: str, neither: bool) -> str:

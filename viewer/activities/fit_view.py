@@ -56,11 +56,6 @@ class FitView:
         self._finished = {to if key == name else key: history for key, history in self._finished.items()}
         self.name = to if self.name == name else self.name
 
-    def duplicate(self, name: str, copy: str) -> None:
-        """Give a copy of an object its fit."""
-        if name in self._finished:
-            self._finished[copy] = self._finished[name]
-
     @property
     def model(self) -> Model:
         """The model of the fit. Raises ``ValueError`` until it is known."""

@@ -57,7 +57,7 @@ class Fitting:
         """The fit of the object in the view; empty if it was not made in this run."""
         if self.running and self._viewport.following:
             return self.history
-        name = self._editor.state.mix.a.shape
+        name = self._root
         is_found = not self.running or self.results.checking is not None
         return self.history if is_found and name == self.view.name else self.view.kept(name)
 
@@ -70,6 +70,11 @@ class Fitting:
     def questions(self) -> tuple[Question, ...]:
         """The questions about photos: the one chosen last, then the oldest."""
         return self._waiting.questions
+
+    @property
+    def _root(self) -> str:
+        """Name of the object in the view, of which its versions have the fit."""
+        return self._editor.objects.root(self._editor.state.mix.a.shape)
 
     @property
     def question(self) -> Question | None:
@@ -114,7 +119,7 @@ class Fitting:
 
     def tick(self) -> None:
         """Show the fit of the object in the view, if it was made in this run; call once a frame."""
-        name = self._editor.state.mix.a.shape
+        name = self._root
         if name != self._name:
             self._name = name
             self._waiting = replace(self._waiting, chosen=None)

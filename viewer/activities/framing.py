@@ -32,12 +32,11 @@ class Framing:
         editor = self._editor
         scene = self._editor.scene
         self._zoomed = False
-        model = editor.model
         self._panel = panel
         panel_camera = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera
 
-        def move_to(distance: float) -> None:
-            nearest, farthest = orbit.reach(scene.camera, model)
+        def moved(distance: float) -> None:
+            nearest, farthest = orbit.reach(scene.camera, scene.instance.model)
             if editor.scene is scene and self._panel == panel and not editor.history.gesture:
                 camera = replace(scene.camera, distance=max(nearest, min(farthest, distance)))
                 self._last = replace(scene, camera=camera)
@@ -46,8 +45,7 @@ class Framing:
         def stream() -> Iterator[float]:
             yield self._jobs.backend.distance(scene.instance, panel_camera, SHARE)
 
-        ended = self._jobs.reporting("Cannot frame the object")
-        self._jobs.submit(Job("framing", stream, move_to, ended, urgent=True))
+        self._jobs.submit(Job("framing", stream, moved, self._jobs.reporting("Cannot frame the object"), urgent=True))
 
     def _look(self) -> None:
         scene = self._editor.scene

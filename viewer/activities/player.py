@@ -131,10 +131,9 @@ class Player:
 
     def stretch(self, length: float) -> None:
         """Scale the timeline to another length in seconds; :meth:`Editor.end_gesture` ends the drag."""
-        fraction = self.seconds / self.timeline.length
         stretched = self.timeline.stretched(length)
         self.close()
-        self.seconds = fraction * stretched.length
+        self.seconds *= stretched.length / self.timeline.length
         self._editor.set_timeline(stretched, "timeline length")
 
     def loop(self, loop: bool) -> None:

@@ -28,17 +28,16 @@ class SharePreview:
         scene = self._editor.scene
         timeline = self._editor.playable
         partner = self._editor.film_partner
-        looks = settings.kind, settings.fill, settings.wide, settings.size, settings.exact, settings.shows_shadow
+        looks = settings.kind, settings.wide, settings.size, settings.shows_shadow
         inputs = scene, timeline, partner, *looks
-        is_empty = settings.kind == "video" and not timeline.keys
-        if is_empty or inputs == self._inputs or self._editor.history.gesture:
+        if inputs == self._inputs or self._editor.history.gesture or (settings.kind == "video" and not timeline.keys):
             return
         self._inputs = inputs
         self.seconds = None
 
         def stream() -> Iterator[tuple[Image, float | None] | None]:
             views = settings.views(scene, timeline, partner)
-            work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views, settings.exact))
+            work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))
             for frame in self._jobs.frames(RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)):

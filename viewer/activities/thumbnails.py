@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from core.detail.progressive import Frame, RenderJob, RenderSettings
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.geometry.pixels import to_bytes
 from core.models.model import Instance
 from core.models.photo_detail import PhotoDetail
@@ -36,19 +36,21 @@ class _Key(NamedTuple):
     camera: Camera
     samples: int
     detail: PhotoDetail | None
+    stretch: Factors | None
 
     @property
     def digest(self) -> str:
         """A hash of all inputs, for the names of stored images."""
         text = f"{self.model} {self.camera} {self.samples} {self.shape} {self.texture}".encode()
+        text += f" {self.stretch}".encode() if self.stretch else b""
         detail = _detail_digest(self.detail) if self.detail else b""
         return hashlib.blake2b(text + detail, digest_size=16).hexdigest()
 
 
 def _key(instance: Instance, camera: Camera, samples: int) -> _Key:
-    return _Key(
-        instance.fingerprint, instance.codes.shape_key, instance.codes.texture_key, camera, samples, instance.detail
-    )
+    codes = instance.codes
+    numbers = codes.shape_key, codes.texture_key
+    return _Key(instance.fingerprint, *numbers, camera, samples, codes.detail, codes.proportions)
 
 
 @lru_cache(maxsize=256)

@@ -17,7 +17,6 @@ from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_SHARE, SHARPENING_SHARE, TILES_SHARE, Jobs
 from viewer.services.pictures import Pixels
-from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
@@ -43,16 +42,16 @@ class Viewport:
         self.repainted: Frame | None = None  # :attr:`full_frame` in a paint whose texture is not found yet
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
-        self.baked: BakedField | None = None  # object that OpenGL can draw
+        self.baked: BakedField | None = None  # object that OpenGL can draw, as large as the shown one
         self.baked_frame: orbit.PanelCrop | None = None  # crop of :attr:`baked` on screen; None: the frame is on screen
-        self._baked_of: Instance | None = None  # object that is baked or being baked
+        self._natural: BakedField | None = None  # :attr:`baked` before its size stretched it
+        self._baked_of: Instance | None = None  # natural object that is baked or being baked
         self._last_orbit = 0.0  # s on the monotonic clock of the last change of :attr:`baked_frame`
         self._last_render: float | None = None  # s on the monotonic clock when a preview was finished
         self._live: View | None = None  # newest object of the fit, from the photo's camera at the model's size
         self._followed_since: Scene | None = None  # scene when following a fit began; None: no fit is followed
         editor.scene_changed.connect(self._refresh)
         self.framing = Framing(jobs, editor)
-        self.result_shown = Signal[[]]()  # emitted when a fit's result is shown
         editor.object_chosen.connect(self._show_chosen)
 
     def begin(self, pictures: Mapping[str, Pixels] | None = None) -> None:
@@ -116,7 +115,6 @@ class Viewport:
         """Show a fit's result centred and framed."""
         self.change(pan=(0.0, 0.0))
         self.framing.frame(self.settings.panel)
-        self.result_shown.emit()
 
     def render(self) -> None:
         """Render the scene in place of the current render, unless a fit is shown."""
@@ -129,7 +127,7 @@ class Viewport:
             self._show_baked(request)
             return
         self.baked_frame = None
-        if self._baked_of not in (None, request.instance):
+        if self._baked_of not in (None, request.instance.natural):
             self._jobs.cancel("bake")
             self.baked = self._baked_of = None
         self._submit(request, request.preview, self.budget.divisors(request.preview), urgent=True)
@@ -139,7 +137,7 @@ class Viewport:
         now, request = time.monotonic(), self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
-                self._bake(request.instance)
+                self._bake(request.instance.natural)
             if self.baked_frame and now - self._last_orbit >= _EXACT_DELAY:
                 # at full size, as OpenGL's image already is, unless a fit needs the time
                 self._submit(request, request.preview if self._jobs.busy("fit") else request.full)
@@ -152,24 +150,29 @@ class Viewport:
 
     def is_baked(self, instance: Instance) -> bool:
         """Return whether OpenGL can draw an object now."""
-        return self.settings.baked and self.baked is not None and instance == self._baked_of
-
-    def show_turned(self, camera: Camera) -> None:
-        """Let OpenGL draw the scene's object, which :meth:`is_baked`, from another camera."""
-        self._show_baked(replace(self.request, camera=camera))
+        return self.settings.baked and self.baked is not None and instance.natural == self._baked_of
 
     def _show_baked(self, request: ViewRequest) -> None:
         self.baked_frame, self.sharp = request.crop(request.full), False
+        self._stretch_baked()
         self._last_orbit = time.monotonic()
 
+    def _stretch_baked(self) -> None:
+        """Give the baked object the size of the shown one."""
+        stretch = self.request.instance.codes.proportions
+        if self.baked and self.baked.stretch != stretch:
+            assert self._natural is not None
+            self.baked = self._natural.stretched(stretch)
+
     def _bake(self, instance: Instance) -> None:
-        """Begin to bake an object, unless it is baked or being baked."""
+        """Begin to bake a natural object, unless it is baked or being baked."""
         if instance == self._baked_of:
             return
         self._baked_of = instance
 
         def baked(found: BakedField) -> None:
-            self.baked = found
+            self.baked = self._natural = found
+            self._stretch_baked()
 
         bake = self._jobs.backend.bake
         ended = self._jobs.reporting("Cannot bake the object")

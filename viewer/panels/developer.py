@@ -1,8 +1,7 @@
-"""The panel for developers: all view modes, camera, speed, candidates of a fit, and all messages."""
+"""The panel for developers: all view modes, speed, candidates of a fit, and all messages."""
 
 import math
 from dataclasses import replace
-from typing import Any
 
 from imgui_bundle import hello_imgui, imgui
 
@@ -12,33 +11,30 @@ from core.runtime.caches import CACHE
 from core.runtime.precision import matmul_dtype
 from viewer.context import Panel, PanelContext
 from viewer.services.messages import MessageKind
-from viewer.values import orbit
 from viewer.values.view_modes import MODES
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import choose, end_gesture, flow, tooltip
+from viewer.widgets.controls import choose, flow, tooltip
 from viewer.widgets.fit_numbers import draw_fit_numbers
 from viewer.widgets.text import caption
 
-_STEEPEST = math.degrees(orbit.HIGHEST)
-_NUMBER, _TILE = 9, 3.4  # em: a number to drag, and a candidate
+_TILE = 3.4  # em, side of a candidate
 _EVERY = 8  # steps of a fit for which its candidates stay, so that all are rendered
 _SIZE, _CLOSER = 32, 1.5  # px of a candidate's image, and its zoom: photos have a margin around the object
 _FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
 
 
 class DeveloperPanel(Panel):
-    """View mode and camera, above sections that can be folded."""
+    """View mode, above sections that can be folded."""
 
     title = "Developer"
     dock = "Right"
     folded = True
 
     def draw(self, context: PanelContext) -> None:
-        """Draw view mode and camera above the sections."""
+        """Draw the view mode above the sections."""
         viewport = context.session.viewport
         modes = {mode: mode.capitalize() for mode in MODES}
         viewport.change(mode=choose("mode", viewport.settings.mode, modes, "What the view shows"))
-        _draw_camera(context)
         sections = {
             "Performance": _draw_speed,
             "Fit": draw_fit_numbers,
@@ -48,28 +44,6 @@ class DeveloperPanel(Panel):
         for title, draw in sections.items():
             if imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open):
                 draw(context)
-
-
-def _draw_camera(context: PanelContext) -> None:
-    """Draw the camera as numbers to drag or to type."""
-    editor = context.session.editor
-    camera = context.session.editor.scene.camera
-    numbers = {
-        "azimuth": (math.degrees(camera.azimuth), 1.0, (-360.0, 360.0), "%.1f°"),
-        "elevation": (math.degrees(camera.elevation), 0.5, (-_STEEPEST, _STEEPEST), "%.1f°"),
-        "distance": (camera.distance, 0.01, orbit.reach(camera, editor.model), "%.2f"),
-    }
-    for name, (value, speed, limits, form) in numbers.items():
-        if name != "azimuth":
-            flow(name, _NUMBER)
-        imgui.set_next_item_width(min(hello_imgui.em_size(_NUMBER), imgui.get_content_region_avail().x))
-        clamp = imgui.SliderFlags_.always_clamp
-        changed, to = imgui.drag_float(f"##{name}", value, speed, *limits, f"{name.capitalize()}  {form}", clamp)
-        if changed:
-            moved: dict[str, Any] = {name: to if name == "distance" else math.radians(to)}
-            editor.set_camera(replace(camera, **moved), name)
-        end_gesture(context)
-        tooltip("Drag, or Ctrl+click to type; the front is at an azimuth of 90°, an object's diagonal is 1")
 
 
 def _draw_speed(context: PanelContext) -> None:

@@ -9,7 +9,6 @@ from imgui_bundle import hello_imgui, imgui
 
 from viewer.actions import ACTIONS, TABLE, Action, Gesture
 from viewer.context import PanelContext
-from viewer.values.variety import readable
 from viewer.values.view_modes import MODES
 from viewer.widgets.controls import begin_dialog
 from viewer.widgets.text import heading
@@ -102,7 +101,7 @@ def entries(context: PanelContext) -> Iterator[Entry]:
     families = (objects.families[model.fingerprint] for model in session.listed_models)
     own = (name for name in objects.own if not session.editor.is_missing(name))
     listed = [*own, *chain.from_iterable(families)]
-    names = {readable(name): name for name in reversed(listed)}
+    names = {session.names.label(name): name for name in reversed(listed)}
     for words, name in names.items():
         yield Entry(words, "object", partial(session.editor.show_object, name))
 

@@ -42,9 +42,9 @@ class HistoryStrip:
 
     def draw(self, context: PanelContext) -> None:
         """Draw the strip, scrolled to the current edit, once there are two edits."""
-        history = context.session.editor.history
+        history, label = context.session.editor.history, context.session.names.label
         if history is not self._history:
-            self._history, self._groups, self._branches = history, history.edits, history.branches
+            self._history, self._groups, self._branches = history, history.edits(label), history.branches(label)
         em, (low, high) = hello_imgui.em_size(), context.view
         context.covered = 0.0
         if sum(map(len, self._groups)) + len(self._branches) < 2:

@@ -1,27 +1,38 @@
 """The library: a button for a photo, and thumbnails of added objects and of the models' objects."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
+from typing import NamedTuple
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.models.codes import CODE_KINDS
-from core.models.model import Model
+from core.models.model import Instance, Model
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.encoding import Original
 from viewer.values.fit_history import FitRequest
-from viewer.values.variety import family, readable
 from viewer.widgets import missing_tiles, object_tiles, user_objects, waiting_tiles
 from viewer.widgets.controls import action_button, draw_choice, tooltip
 from viewer.widgets.object_tiles import unmixable
 from viewer.widgets.text import caption, heading, paint_caption, push_small, small_height
 from viewer.widgets.welcome import Welcome
 
-Tile = str | FitRequest | Original  # an object, by name; a waiting photo; a project file with unreadable parts
+
+class Version(NamedTuple):
+    """One of the versions of an added object."""
+
+    root: str  # name of the object
+    instance: Instance  # the version as left; the first one as fitted or opened
+    number: int  # place among the versions, from 0
+
+
+Tile = str | Version | FitRequest | Original
+"""An object, by name; a version of one; a waiting photo; a project file with unreadable parts."""
 
 _INVITATION = "What you fit to photos comes here."
 _STRIP = 9.0  # em: a lower panel is a strip
+_LINE = 1.9  # em, side of a version's tile, with its name beside it
 _ALL, _MINE = "all", "mine"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
 _OPEN = icons_fontawesome_4.ICON_FA_CARET_DOWN
@@ -42,7 +53,8 @@ class LibraryPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """Draw the button, the filter and the tiles; thumbnails out of sight are not rendered."""
-        names, least = _headings(context.session.listed_models), _STRIP * hello_imgui.em_size()
+        names = _headings(context.session.listed_models)
+        least = _STRIP * hello_imgui.em_size()
         if strip := imgui.get_content_region_avail().y < least:
             imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
         if not Welcome.is_due(context):
@@ -66,23 +78,40 @@ class LibraryPanel(Panel):
             imgui.set_scroll_x(0.0)
             imgui.set_scroll_y(0.0)
         self._waiting = len(waiting)
-        listed = self._filter in (_ALL, _MINE)
-        mine: list[Tile] = [*waiting, *session.editor.objects.own, *session.originals] if listed else [*waiting]
+        with_mine = self._filter in (_ALL, _MINE)
+        mine: list[Tile] = [*waiting, *session.editor.objects.own, *session.originals] if with_mine else [*waiting]
         families = session.editor.objects.families
-        groups = {"Mine": mine} if mine or listed else dict[str, list[Tile]]()
+        groups = {"Mine": mine} if mine or with_mine else dict[str, list[Tile]]()
         groups |= {
             name: [*self._listed(families[model])] for model, name in names.items() if self._filter in (_ALL, model)
         }
         if strip:
-            self._draw_tiles(context, [*chain.from_iterable(groups.values())], True)
+            listed = chain.from_iterable(groups.values())
+            tiles = [*chain.from_iterable((tile, *_versions(context, tile)) for tile in listed)]
+            self._draw_tiles(context, tiles, True)
             return
-        for title, tiles in groups.items():
+        for title, group in groups.items():
             heading(context, title)
-            if tiles:
+            for tiles, versions in _rows(context, group):
                 self._draw_tiles(context, tiles)
-            else:
+                for version in versions:
+                    self._draw_version(context, version)
+            if not group:
                 caption(context, _INVITATION)
             imgui.spacing()
+
+    def _draw_version(self, context: PanelContext, version: Version) -> None:
+        """Draw a version's small tile, and its name beside it."""
+        em = hello_imgui.em_size()
+        corner = imgui.get_cursor_screen_pos()
+        size = ImVec2(imgui.get_content_region_avail().x, _LINE * em)
+        if imgui.is_rect_visible(size):
+            _draw_button(context, version, corner, size, self._user_menu)
+            place = corner + ImVec2(size.y + 0.4 * em, (size.y - small_height()) / 2)
+            words = context.session.names.version(version.root, version.instance)
+            paint_caption(context, words, place, size.x - size.y - 0.4 * em, across=0.0, quiet=False)
+        else:
+            imgui.dummy(size)
 
     def _listed(self, families: dict[str, tuple[str, ...]]) -> list[str]:
         """Return one object of each form, followed by its variants if it is unfolded."""
@@ -120,13 +149,17 @@ class LibraryPanel(Panel):
             missing_tiles.draw_original(context, tile, corner, size)
             paint_caption(context, "damaged", below, size.x)
             return
-        if context.session.editor.is_missing(tile):
+        if isinstance(tile, str) and context.session.editor.is_missing(tile):
             missing_tiles.draw_object(context, tile, corner, size)
             paint_caption(context, tile, below, size.x)
             return
+        _draw_button(context, tile, corner, size, self._user_menu)
+        names = context.session.names
+        words = names.version(tile.root, tile.instance) if isinstance(tile, Version) else names.caption(tile)
+        paint_caption(context, words, below, size.x)
+        if isinstance(tile, Version):
+            return
         families = context.session.editor.objects.families_of(tile)
-        _draw_object(context, tile, corner, size, self._user_menu)
-        paint_caption(context, readable(family(tile) if tile in families else tile), below, size.x)
         if variants := families.get(tile, ()):
             self._draw_fold(context, tile, len(variants), corner, size.x)
 
@@ -158,32 +191,95 @@ def _range(low: float, high: float, step: float, count: int) -> range:
     return range(max(0, int(low / step) - 1), min(count, int(high / step) + 2))
 
 
-def _draw_object(
-    context: PanelContext, name: str, corner: ImVec2, size: ImVec2, user_menu: user_objects.UserObjectMenu
+def _versions(context: PanelContext, tile: Tile) -> list[Version]:
+    """Return the versions of an object that was edited; none for any other tile."""
+    editor = context.session.editor
+    if not isinstance(tile, str) or not editor.objects.is_added(tile) or editor.is_missing(tile):
+        return []
+    states = [state for state in editor.objects.states(tile) if not state.is_missing]
+    return [Version(tile, state, number) for number, state in enumerate(states)] if len(states) > 1 else []
+
+
+def _rows(context: PanelContext, tiles: Iterable[Tile]) -> Iterator[tuple[list[Tile], list[Version]]]:
+    """Yield consecutive tiles with the versions that follow them: an object with versions is by itself."""
+    row = list[Tile]()
+    for tile in tiles:
+        if versions := _versions(context, tile):
+            yield row, []
+            yield [tile], versions
+            row = []
+        else:
+            row.append(tile)
+    yield row, []
+
+
+class _Face(NamedTuple):
+    """What an object's or a version's tile shows."""
+
+    button: str  # id
+    instance: Instance
+    names: Sequence[str]  # names of the objects that it shows
+    words: str  # for the tooltip
+
+
+def _face(context: PanelContext, tile: str | Version) -> _Face:
+    session = context.session
+    objects = session.editor.objects
+    if isinstance(tile, Version):
+        words = session.names.version(tile.root, tile.instance)
+        button = f"version {tile.number} of {tile.root}"
+        return _Face(button, tile.instance, objects.named(tile.root, tile.instance), words)
+    name = session.editor.last_version(tile)
+    words = f"{session.names.label(tile)}{user_objects.about(objects[tile])}"
+    return _Face(f"show {tile}", objects[name].instance, [name], words)
+
+
+def _draw_button(
+    context: PanelContext, tile: str | Version, corner: ImVec2, size: ImVec2, menu: user_objects.UserObjectMenu
 ) -> None:
-    editor, side = context.session.editor, size.x
-    if object_tiles.tile_button(f"show {name}", size):
-        editor.show_object(name)
+    """Draw an object or a version with its reactions: click, drag onto B, and menu."""
+    side = min(size.x, size.y)
+    face = _face(context, tile)
+    if object_tiles.tile_button(face.button, size):
+        context.session.editor.show_object(_name(context, tile))
     hovered = imgui.is_item_hovered()
-    about = f"{readable(name)}{user_objects.about(editor.objects[name])}"
-    tooltip(f"{about}\nClick to show it, drag it onto B, right click for more")
+    tooltip(f"{face.words}\nClick to show it, drag it onto B, right click for more")
     if imgui.begin_drag_drop_source():
-        context.dragged = name
+        context.dragged = _name(context, tile)
         imgui.set_drag_drop_payload_py_id(object_tiles.DRAGGED, 0)
-        imgui.text(readable(name))
+        imgui.text(face.words)
         imgui.end_drag_drop_source()
     if imgui.begin_popup_context_item():
-        _draw_menu(context, name)
-        if name in editor.objects.own:
-            user_menu.draw(context, name)
+        _draw_menu(context, _name(context, tile))
+        _draw_user_menu(context, tile, menu)
         imgui.end_popup()
-    object_tiles.paint(context, name, corner, side)
-    for number, (label, colour) in enumerate(_marks(context, name)):
+    object_tiles.paint_instance(context, face.instance, corner, side)
+    for number, (label, colour) in enumerate(_marks(context, face.names)):
         object_tiles.outline(corner, side, colour, inset=2.0 * number)
-        object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
+        if isinstance(tile, str):
+            object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
         object_tiles.shade(corner, side, (1, 1, 1), 0.12)
-    user_objects.draw_dot(context, name, corner, side)
+    if isinstance(tile, str):
+        user_objects.draw_dot(context, tile, corner, side)
+
+
+def _name(context: PanelContext, tile: str | Version) -> str:
+    """Return the name of a tile's object: the version shown last, or the tile's."""
+    editor = context.session.editor
+    return editor.objects.version(tile.root, tile.instance) if isinstance(tile, Version) else editor.last_version(tile)
+
+
+def _draw_user_menu(context: PanelContext, tile: str | Version, menu: user_objects.UserObjectMenu) -> None:
+    """Draw what an added object's menu, or a version's, has beside that of any object."""
+    objects = context.session.editor.objects
+    if isinstance(tile, str):
+        if objects.is_added(tile):
+            menu.draw(context, _name(context, tile), tile, objects.versions(tile))
+        return
+    name = _name(context, tile)
+    renamed = "" if tile.number == 0 or name == objects.root(name) else name
+    menu.draw(context, name, renamed, objects.named(name, tile.instance) if tile.number else ())
 
 
 def _draw_menu(context: PanelContext, name: str) -> None:
@@ -198,6 +294,7 @@ def _draw_menu(context: PanelContext, name: str) -> None:
         tooltip(why)
     if imgui.menu_item_simple("Make it B", enabled=mixable):
         editor.set_b(name)
+        context.focus = "Mix"
     tooltip(why)
 
 
@@ -206,16 +303,15 @@ def _headings(models: Iterable[Model]) -> dict[str, str]:
     names = dict[str, str]()
     for model in models:
         name = model.category.capitalize() or "Objects"
-        count = sum(known.split(" (")[0] == name for known in names.values())
+        count = sum(title.split(" (")[0] == name for title in names.values())
         names[model.fingerprint] = f"{name} ({count + 1})" if count else name
     return names
 
 
-def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:
-    """Return letters or icons of an object's roles, with colours: A, source of A's shape or texture, B."""
-    mix, accent = context.session.editor.state.mix, context.palette.accent
-    if mix.a == (name, name):
-        marks = [("A", accent)]
-    else:
-        marks = [(object_tiles.ICONS[kind], accent) for kind in CODE_KINDS if getattr(mix.a, kind) == name]
-    return [*marks, ("B", WARM)] if mix.b == name else marks
+def _marks(context: PanelContext, names: Sequence[str]) -> list[tuple[str, Colour]]:
+    """Return letters or icons of the roles of a tile's objects, with colours: A, source of A's shape or texture, B."""
+    mix = context.session.editor.state.mix
+    accent = context.palette.accent
+    kinds = [kind for kind in CODE_KINDS if getattr(mix.a, kind) in names]
+    marks = [("A", accent)] if len(kinds) == 2 else [(object_tiles.ICONS[kind], accent) for kind in kinds]
+    return [*marks, ("B", WARM)] if mix.b in names else marks

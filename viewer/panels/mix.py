@@ -6,13 +6,12 @@ from core.models.model import Instance
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, WARM, packed
 from viewer.values.mixes import STEPS, mixes
-from viewer.values.variety import readable
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import end_gesture, tooltip
 from viewer.widgets.text import caption, heading
 
 _LEAST, _MOST, _BELOW = 9.0, 30.0, 4.0  # em: least and largest side of the pad, and height below it
-_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.8  # px and intervals of previews; opacity of those outside the corners
+_PREVIEW, _SAMPLES = 48, 32  # px and intervals of previews
 
 
 class MixPanel(Panel):
@@ -71,8 +70,6 @@ class MixPanel(Panel):
             object_tiles.paint_frame(context, preview, place, cell)
             if (column, row) == over:
                 object_tiles.outline(place, cell, context.palette.accent)
-            elif not {column, row} <= {0, last}:
-                object_tiles.shade(place, cell, context.palette.panel, 1 - _FAINT)
         object_tiles.mark(corner + ImVec2(0, last) * cell, "A", context.palette.accent)
         object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
 
@@ -89,7 +86,8 @@ def _draw_b(context: PanelContext) -> None:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     side = min(object_tiles.THUMBNAIL * em, 0.4 * room)
     imgui.invisible_button("slot B", (side, side))
-    tooltip(f"B is {readable(name)}\nDrop another object here, or right click one in the library and make it B")
+    label = context.session.names.label(name)
+    tooltip(f"B is {label}\nDrop another object here, or right click one in the library and make it B")
     if dropped := object_tiles.dropped(context):
         context.session.editor.set_b(dropped)
     object_tiles.paint(context, name, corner, side)
@@ -97,7 +95,7 @@ def _draw_b(context: PanelContext) -> None:
     object_tiles.mark(corner, "B", WARM)
     imgui.same_line()
     imgui.begin_group()
-    heading(context, readable(name))
+    heading(context, label)
     caption(context, "Drop another object on it")
     imgui.end_group()
 

@@ -191,8 +191,7 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, history: FitHistory) 
 def _draw_dot_and_words(context: PanelContext, words: str, sure: str) -> None:
     """Draw a line of text behind a dot in the colour of a confidence, as on tiles."""
     em = hello_imgui.em_size()
-    corner = imgui.get_cursor_screen_pos()
-    middle = corner + ImVec2(0.4 * em, imgui.get_frame_height() / 2)
+    middle = imgui.get_cursor_screen_pos() + ImVec2(0.4 * em, imgui.get_frame_height() / 2)
     imgui.get_window_draw_list().add_circle_filled(middle, 0.34 * em, packed(user_objects.COLOURS[sure]))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em)
     imgui.align_text_to_frame_padding()

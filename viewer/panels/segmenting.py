@@ -89,18 +89,13 @@ class SegmentingDialog:
         draw.add_image(context.images.texture(image, context.palette), origin, origin + extent)
         if segmenting.hints.box:
             left, top, right, bottom = segmenting.hints.box
-            draw.add_rect(
-                origin + extent * ImVec2(left, top),
-                origin + extent * ImVec2(right, bottom),
-                packed(WARM),
-                thickness=2.0,
-            )
+            low = origin + extent * ImVec2(left, top)
+            draw.add_rect(low, origin + extent * ImVec2(right, bottom), packed(WARM), thickness=2.0)
         for point in segmenting.hints.points:
             draw.add_circle(origin + extent * ImVec2(*point), 5.0, packed(WARM), thickness=2.0)
         if imgui.is_item_hovered() and self._tool != "Box":
-            radius = self._brush * max(extent)
             colour = context.palette.accent if self._tool == "Add" else context.palette.error
-            draw.add_circle(imgui.get_mouse_pos(), radius, packed(colour), thickness=2.0)
+            draw.add_circle(imgui.get_mouse_pos(), self._brush * max(extent), packed(colour), thickness=2.0)
         draw.pop_clip_rect()
 
     def _zoomed(self, corner: ImVec2, size: ImVec2) -> tuple[ImVec2, ImVec2]:

@@ -13,6 +13,7 @@ from core.export.mesh_formats import TEXTURED
 from core.export.video import FORMATS as VIDEOS
 from core.export.video_frames import Image
 from core.gl.background import Background, Rgb, background_rows
+from core.models.model import Instance
 from core.models.scene import IMAGE_FORMATS
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
@@ -64,15 +65,14 @@ class ShareDialog:
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog while it is open."""
-        preview = context.session.exporting.preview
-        films = context.session.exporting.films
+        exporting = context.session.exporting
         if not context.share_open:
-            preview.close()
-            films.close()
+            exporting.preview.close()
+            exporting.films.close()
             return
         visible, context.share_open = begin_dialog("Share")
         if visible:
-            preview.update(_as_in_view(context, context.preferences.share))
+            exporting.preview.update(_as_in_view(context, context.preferences.share))
             self._draw_content(context)
         imgui.end()
 
@@ -107,7 +107,7 @@ class ShareDialog:
             settings = replace(settings, size=_draw_toggles(settings.size, _SIZES, room / len(_SIZES)))
         if button("Less###more" if self._more else "More…###more", "Format, background, and choices that few change"):
             self._more = not self._more
-        return _draw_form(settings, context.session.editor.model.metres) if self._more else settings
+        return _draw_form(settings, context.session.editor.scene.instance) if self._more else settings
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         image = context.session.exporting.preview.image
@@ -209,37 +209,34 @@ def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> 
     return settings if chosen == film.kind else replace(settings, kind=chosen)
 
 
-def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
+def _draw_form(settings: ShareSettings, instance: Instance) -> ShareSettings:
     """Draw the further choices for a kind of file, a line each; return the changed settings."""
     if settings.kind == "mesh":
         settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, _FORMATS)
         settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
         settings = _row(settings, "triangles", "Triangles", _TRIANGLES, "Fewer for games, more for printing")
-        return _draw_mesh(settings, usual)
+        return _draw_mesh(settings, instance)
     if settings.kind == "picture":
         settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
     else:
-        formats = {name: video.label for name, video in VIDEOS.items()}
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
+        formats = {name: video.label for name, video in VIDEOS.items()}
         settings = _row(settings, "video", "Format", formats, text)
-    _label("Exact")
-    _, exact = imgui.checkbox("##exact", settings.exact)
-    tooltip("Every pixel by the network, for videos in minutes; else faster, and hardly to be told from it")
-    settings = _draw_background(replace(settings, exact=exact))
-    _label("")
-    _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
-    tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
-    return replace(settings, fill=fill)
+    return _draw_background(settings)
 
 
-def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:
-    """Draw the choices of a mesh: its colours and its size in metres, ``usual`` by default."""
+def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:
+    """Draw the choices of a mesh: its colours, and its size in metres unless the object was sized."""
     if settings.mesh in TEXTURED:
         text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
+    if instance.codes.stretch:
+        _label("Size")
+        imgui.text("as in Sliders")
+        return settings
     _label("Longest side")
     imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
-    side = settings.mesh_settings(usual).metres or 1.0
+    side = settings.mesh_settings(instance).metres or 1.0
     changed, metres = imgui.drag_float("##metres", side, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
     tooltip("The object stands on the ground, this large. Drag, or Ctrl+click to type")
     return replace(settings, metres=metres) if changed else settings
@@ -283,9 +280,8 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         accent = context.palette.accent
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
             save = partial(exporting.share, settings=_as_in_view(context, settings))
-            title = f"Save the {settings.kind} as"
             name = f"{context.file_name}-{settings.kind}{settings.suffix}"
-            context.files.ask(FileRequest(title, save, (settings.suffix,), True, name))
+            context.files.ask(FileRequest(f"Save the {settings.kind} as", save, (settings.suffix,), True, name))
         if ready and (seconds := exporting.preview.seconds) is not None:
             imgui.same_line()
             imgui.align_text_to_frame_padding()

@@ -14,6 +14,7 @@ from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, begin_tooltip_beside, button, flow
+from viewer.widgets.size_row import draw_size
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_UNDO
@@ -38,7 +39,7 @@ class SlidersPanel(Panel):
         self._last_preview = -1  # number of the window's frame that computed one
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the buttons (random, reset, locks), then the sliders."""
+        """Draw the buttons (random, reset, locks), the size, then the sliders."""
         editor = context.session.editor
         if not editor.history.gesture:
             self._basis = editor.scene.instance
@@ -49,6 +50,7 @@ class SlidersPanel(Panel):
             if number:
                 flow(f"{_LOCKS[0]}  {kind.capitalize()}")
             _draw_lock(context, kind)
+        draw_size(context)
         words = context.session.words
         if words is None:
             caption(context, "Measuring what the directions change …")

@@ -28,9 +28,8 @@ class TimelinePanel(Panel):
     def draw(self, context: PanelContext) -> None:
         """Draw the buttons, the ruler and the keyframes."""
         player = context.session.player
-        gap = hello_imgui.em_size(0.3)
         action_button(context, "play", _PAUSE if player.playing else _PLAY)
-        imgui.same_line(0, gap)
+        imgui.same_line(0, hello_imgui.em_size(0.3))
         action_button(context, "add_key", _ADD)
         flow("length", _LENGTH)
         _draw_length(context, player)

@@ -11,9 +11,9 @@ from viewer.values import orbit
 from viewer.values.view_modes import USUAL_MODES, in_mode
 from viewer.widgets.controls import action_button, button, end_gesture, tooltip
 from viewer.widgets.over_view import OverView
+from viewer.widgets.size_box import SizeBox
 from viewer.widgets.welcome import Welcome
 
-_KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
 _KEY_TURN = 0.12  # rad per key press
 _FINE = 0.2  # factor of motion while Shift is held
 _BUTTONS = {
@@ -38,7 +38,7 @@ class ViewPanel(Panel):
     bare = True
 
     def __init__(self) -> None:
-        self._welcome, self._over = Welcome(), OverView()
+        self._welcome, self._over, self._size_box = Welcome(), OverView(), SizeBox()
         self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
         self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
 
@@ -59,7 +59,6 @@ class ViewPanel(Panel):
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
-        _turn_idly(context)
         texture = self._texture(context, pixels)
         draw = imgui.get_window_draw_list()
         draw.add_image_rounded(texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4))
@@ -70,6 +69,7 @@ class ViewPanel(Panel):
         if context.preferences.newcomer and size.y > hello_imgui.em_size(_LOW):
             _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
         _draw_buttons(context, corner, size)
+        self._size_box.draw(context, corner, size)
         self._over.draw_handle(context, corner, size)
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
@@ -149,17 +149,6 @@ class ViewPanel(Panel):
         context.set_preference(newcomer=False)
         context.session.editor.set_camera(camera, gesture)
         context.session.editor.end_gesture()
-
-
-def _turn_idly(context: PanelContext) -> None:
-    """Turn the view idly until a key, a mouse button or the wheel is used.
-
-    imgui counts all of these as keys. An overlay ends the turn, too, as it is drawn for the scene's camera.
-    """
-    idle = context.session.idle_turn
-    if idle.due and context.attended:
-        touched = context.overlay is not None or any(map(imgui.is_key_down, _KEYS))
-        idle.stop() if touched else idle.tick()
 
 
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:

@@ -96,8 +96,7 @@ def apply(palette: Palette) -> None:
     """Apply a palette to all widgets. The light theme has borders, as its shades are similar."""
     style = imgui.get_style()
     dark = sum(palette.panel) < 1.5
-    base = imgui.style_colors_dark if dark else imgui.style_colors_light
-    base()
+    (imgui.style_colors_dark if dark else imgui.style_colors_light)()
     style.frame_border_size = style.window_border_size = 0.0 if dark else 1.0
     for name, colour in colours(palette).items():
         style.set_color_(getattr(imgui.Col_, name), ImVec4(*colour, 1.0))

@@ -23,6 +23,7 @@ from core.models.model import Instance, Model
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
+from core.rendering.size import Bounds, natural_bounds
 from viewer.values.fit_history import PhotoSource
 
 
@@ -54,3 +55,4 @@ class Backend:
     coarse_paint: Callable[[Instance, Camera, Frame, str], CoarsePaint] = coarse_paint
     paint: Callable[[Instance, Paint], Generator[None, None, Instance]] = paint
     distance: Callable[[Instance, Camera, float], float] = filling_distance
+    bounds: Callable[[Instance], Bounds] = natural_bounds

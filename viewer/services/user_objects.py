@@ -6,7 +6,6 @@ import re
 import secrets
 import threading
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -55,23 +54,19 @@ class UserObjects:
         return self._read_again(unchanged, lambda instance: models.find(instance.fingerprint) is None)
 
     def _read_again(
-        self, adopt: Callable[[Instance], Instance], is_read: Callable[[Instance], bool]
+        self, adopt: Callable[[Instance], Instance], is_reread: Callable[[Instance], bool]
     ) -> tuple[EditableObject, ...]:
-        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses.
-
-        Args:
-            is_read: returns whether an object, if it was read before, is read again.
-        """
+        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses."""
         with self._lock:
-            stored = self._stored.items()
-            self._stored = {name: item for name, item in stored if not is_read(item.content.instance)}
+            self._stored = {name: item for name, item in self._stored.items() if not is_reread(item.content.instance)}
             objects = list[EditableObject]()
+            names = dict[str, str]()  # by name in the file: another window may have used the same name
             files = self._folder.glob("*.json") if self._folder else ()
             for path in sorted(files, key=lambda path: path.stat().st_mtime):
                 if content := optional(partial(_read, path, adopt)):
-                    name = unique_name(content.name, self._stored)  # another window may have used the same name
-                    objects.append(replace(content, name=name))
-                    self._stored[name] = _Stored(path, objects[-1])
+                    names[content.name] = unique_name(content.name, self._stored)
+                    objects.append(content.renamed(names))
+                    self._stored[objects[-1].name] = _Stored(path, objects[-1])
             return tuple(objects)
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
@@ -105,7 +100,7 @@ class UserObjects:
         """Store an object unless its file has it, or its model is missing."""
         stored = self._stored.get(item.name)
         is_new = stored is None or not _is_same(stored.content, item)
-        if is_new and not any(version.is_missing for version in item.versions):
+        if is_new and not any(instance.is_missing for instance in item.ends):
             path = stored.path if stored else folder / _file_name(item.name)
             model = item.instance.model
             _write(path, item, model, models.files.get(model.fingerprint, ""))
@@ -114,7 +109,7 @@ class UserObjects:
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
     same = first.instance is second.instance and first.unedited is second.unedited
-    return same and first.confidence == second.confidence
+    return same and (first.confidence, first.version_of) == (second.confidence, second.version_of)
 
 
 def _file_name(name: str) -> str:
@@ -124,7 +119,12 @@ def _file_name(name: str) -> str:
 
 def _write(path: Path, item: EditableObject, model: Model, model_file: str) -> None:
     fields = _scene(item.instance, model)
-    fields |= {"name": item.name, "confidence": item.confidence, "model_file": model_file}
+    fields |= {
+        "name": item.name,
+        "confidence": item.confidence,
+        "model_file": model_file,
+        "version_of": item.version_of,
+    }
     if item.unedited:
         fields["unedited"] = _scene(item.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -146,6 +146,7 @@ class _Fields(NamedTuple):
     confidence: float | None = None
     unedited: dict | None = None  # scene of the object as fitted, if it was edited
     model_file: str = ""  # name or path of its model
+    version_of: str = ""  # name of the object that it is a version of
 
 
 def _model_file(path: Path) -> str:
@@ -161,4 +162,4 @@ def _read(path: Path, adopt: Callable[[Instance], Instance]) -> EditableObject:
         unedited = fields.unedited and adopt(Scene.without_model(json.dumps(fields.unedited)).instance)
         if unedited and unedited.detail == instance.detail:
             unedited = unedited.changed(detail=instance.detail)  # photos take memory
-        return EditableObject(fields.name, instance, True, fields.confidence, unedited)
+        return EditableObject(fields.name, instance, True, fields.confidence, unedited, fields.version_of)

@@ -1,6 +1,8 @@
 """A cut-out as a person sees it: the whole photo with the outline of the mask, and boxes of objects."""
 
+import io
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, UInt8
@@ -20,6 +22,9 @@ _DOUBTFUL = 255, 170, 40  # colour of a doubtful outline
 _THIN = 1 / 300  # half the width of the outline, as a fraction of the photo's longer side
 
 
+_KEPT = 800  # px, longest side of a photo that is kept with a project
+
+
 @dataclass(frozen=True, eq=False)
 class CutOutPreview:
     """A photo on white with the outline of its cut-out."""
@@ -34,6 +39,15 @@ class CutOutPreview:
         least = _LEAST * max((detection.prominence for detection in cut.detections), default=0.0)
         boxes = tuple(detection.box for detection in cut.detections if detection.prominence >= least)
         return cls(outlined(pixels_on_white(image), cut.mask, colour), boxes)
+
+    @cached_property
+    def compressed(self) -> bytes:
+        """The pixels, made smaller, as the bytes of a WebP file."""
+        image = Image.fromarray(self.pixels)
+        image.thumbnail((_KEPT, _KEPT))
+        file = io.BytesIO()
+        image.save(file, "WEBP", quality=85)
+        return file.getvalue()
 
 
 def is_doubtful(cut: CutOut) -> bool:

@@ -22,9 +22,11 @@ from core.models.model import Instance
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView, decompressed
 from core.models.scene import Scene
+from core.photos.detector import Box
 from core.photos.photo import Photo
 from core.runtime.numbers import whole
 from core.runtime.reading import field_types, first_line, open_image, reading, typed
+from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import FitRequest, FittedPhoto
 from viewer.values.objects import EditableObject
 from viewer.values.paints import PaintRequest
@@ -87,7 +89,9 @@ def encode(value: Any, store: BlobStore) -> Any:
     if isinstance(value, Instance):
         return _encode_fields(value.codes, store) | {"model": value.fingerprint}
     if isinstance(value, FittedPhoto):
-        return {"source": encode(value.source, store), "photo": encode(value.photo, store)}
+        return {"source": encode(value.source, store), "photo": encode(value.photo, store)} | _encode_preview(
+            value, store
+        )
     if isinstance(value, Original):
         content = store.number(value.content, store.photos, lambda: value.content)
         return {"name": value.name, "reasons": value.reasons, "content": content}
@@ -103,6 +107,13 @@ def _encode_shared(value: Any, store: BlobStore) -> Any:
     if isinstance(value, PhotoView):
         record["image"] = store.number(value.image, store.photos, lambda: value.image)
     return record
+
+
+def _encode_preview(fitted: FittedPhoto, store: BlobStore) -> dict:
+    if (preview := fitted.preview) is None:
+        return {}
+    image = store.number(preview, store.photos, lambda: preview.compressed)
+    return {"preview": image, "boxes": encode(preview.boxes, store)}
 
 
 def decode(kind: Any, value: Any, store: BlobStore) -> Any:
@@ -184,7 +195,14 @@ def _decode_view(record: dict, store: BlobStore) -> PhotoView:
 
 def _decode_fitted_photo(record: Any, store: BlobStore) -> FittedPhoto:
     source = decode(field_types(FittedPhoto)["source"], record["source"], store)
-    return FittedPhoto.of(source, _decode_photo(record["photo"], store))
+    preview = readable(store, partial(_decode_preview, record, store)) if "preview" in record else None
+    return FittedPhoto.of(source, _decode_photo(record["photo"], store), preview)
+
+
+def _decode_preview(record: Any, store: BlobStore) -> CutOutPreview:
+    with open_image(io.BytesIO(_part(store.photos, record["preview"])), most=_MAX_PHOTO) as image:
+        pixels = np.array(image.convert("RGB"))
+    return CutOutPreview(pixels, decode(tuple[Box, ...], record.get("boxes", []), store))
 
 
 def _decode_original(record: Any, store: BlobStore) -> Original:

@@ -49,7 +49,7 @@ class FittedPhoto:
     source: PhotoSource
     photo: Photo
     pixels: UInt8[np.ndarray, "height width 3"]  # of the photo, as bytes
-    preview: CutOutPreview | None = None  # the whole photo with its outline; not saved with a project
+    preview: CutOutPreview | None = None  # the whole photo with its outline, saved smaller
 
     @classmethod
     def of(cls, source: PhotoSource, photo: Photo, preview: CutOutPreview | None = None) -> FittedPhoto:

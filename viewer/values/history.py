@@ -10,9 +10,11 @@ from typing import NamedTuple
 
 from core.export.keyframes import Timeline
 from core.models.codes import CODE_KINDS
+from core.models.model import Instance
 from core.models.scene import Scene
 from viewer.values.variety import readable
 
+Label = Callable[[str], str]  # the words for an object's name
 DEPTH = 500  # states kept beside the current one; a state holds a few hundred numbers
 
 
@@ -22,10 +24,9 @@ class Pair(NamedTuple):
     shape: str
     texture: str
 
-    @property
-    def words(self) -> str:
-        """The composed object's readable name."""
-        shape, texture = map(readable, self)
+    def words(self, label: Label = readable) -> str:
+        """Return the composed object's readable name."""
+        shape, texture = map(label, self)
         return shape if self.shape == self.texture else f"{shape} as {texture}"
 
 
@@ -75,24 +76,24 @@ class State:
         removed = frozenset(names.get(name, name) for name in self.removed)
         return replace(self, mix=self.mix.renamed(names), removed=removed)
 
-    def change_from(self, before: State) -> str:
+    def change_from(self, before: State, label: Label = readable) -> str:
         """Describe the edit since an earlier state in a few words."""
         mix, was = self.mix, before.mix
         if mix.a != was.a:
-            return mix.a.words
+            return mix.a.words(label)
         if (mix.shape, mix.texture) != (was.shape, was.texture):
-            return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
+            return f"{label(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
         now, then = self.scene.instance.codes, before.scene.instance.codes
         kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
-        return " and ".join(kinds) or self._aside_from(before)
+        return " and ".join(kinds) or self._aside_from(before, label)
 
-    def _aside_from(self, before: State) -> str:
+    def _aside_from(self, before: State, label: Label) -> str:
         """Describe a change that keeps both codes."""
         if self.is_edit_of(before):
             return "photo detail"
         if self.removed != before.removed:
             return "removed objects"
-        return f"{readable(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"
+        return f"{label(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"
 
     def is_edit_of(self, before: State) -> bool:
         """Return whether the codes differ from an earlier state's."""
@@ -201,13 +202,25 @@ class History:
         """The states that redo goes on to, the next first."""
         return tuple(self.steps[number].state for number in self._later)
 
-    @property
-    def edits(self) -> tuple[tuple[Edit, ...], ...]:
-        """The edits of the current path, the oldest first, grouped by object A."""
+    @cached_property
+    def newest(self) -> tuple[str, ...]:
+        """Names of the objects of which the states up to the current one are versions, the newest first."""
+        return tuple(dict.fromkeys(state.version_of for state in (self.now, *reversed(self.past))))
+
+    def left_by(self, after: History) -> dict[str, Instance]:
+        """Return the last versions of objects, by name, on the part of this path that another history has left."""
+        if after.tip == self.tip:
+            return {}
+        ids = {id(state) for state in after.states}
+        left = (state for state in self.states if id(state) not in ids and state.version_of)
+        return {state.version_of: state.scene.instance for state in left}
+
+    def edits(self, label: Label = readable) -> tuple[tuple[Edit, ...], ...]:
+        """Return the edits of the current path, the oldest first, grouped by object A."""
         path, states = self._path, self.states
         begins = [0, *(at for at in range(1, len(path)) if states[at].is_edit_of(states[at - 1]))]
         ends = [*begins[1:], len(path)]
-        words = (states[at].change_from(states[at - 1]) if at else "at first" for at in begins)
+        words = (states[at].change_from(states[at - 1], label) if at else "at first" for at in begins)
         edits = [
             Edit(path[begin:end], text, states[end - 1].mix.a)
             for begin, end, text in zip(begins, ends, words, strict=True)
@@ -232,13 +245,12 @@ class History:
             reached += self._children.get(number, ())
         return tuple(reached)
 
-    @property
-    def branches(self) -> tuple[Branch, ...]:
-        """A branch for each end that is not the tip, the oldest first, except mere moves of the camera."""
+    def branches(self, label: Label = readable) -> tuple[Branch, ...]:
+        """Return a branch for each end that is not the tip, the oldest first, except mere moves of the camera."""
         ends = [number for number in range(len(self.steps)) if number not in self._children and number != self.tip]
-        return tuple(branch for end in ends if (branch := self._branch(end)))
+        return tuple(branch for end in ends if (branch := self._branch(end, label)))
 
-    def _branch(self, end: int) -> Branch | None:
+    def _branch(self, end: int, label: Label) -> Branch | None:
         """Return the branch to an end; None if only the camera differs from the path."""
         path, chain = set(self._path), [end]
         while self.steps[chain[-1]].parent not in path:
@@ -247,7 +259,7 @@ class History:
         if all(self.steps[number].state.is_move_of(self.steps[start].state) for number in chain):
             return None
         edit = next((number for number in chain if self._is_edit(number)), end)
-        words = self.steps[edit].state.change_from(self.steps[self.steps[edit].parent].state)
+        words = self.steps[edit].state.change_from(self.steps[self.steps[edit].parent].state, label)
         return Branch(start, end, words)
 
     def _is_edit(self, number: int) -> bool:
@@ -379,10 +391,6 @@ class History:
         own = (Step(state, earlier.tip if parent < 0 else parent + count) for state, parent in self.steps)
         steps = (*earlier.steps, *own)
         return replace(self, steps=steps, current=self.current + count, tip=self.tip + count)._shortened()
-
-    def beside(self, state: State) -> History:
-        """Return the history with a state as a branch of its own after the first one."""
-        return replace(self, steps=(*self.steps, Step(state, self._path[0])))
 
     def renamed(self, names: Mapping[str, str]) -> History:
         """Return the history with objects renamed in every state, from keys to values of ``names``."""

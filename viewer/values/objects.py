@@ -1,7 +1,7 @@
 """The objects of a session: the training objects of open models, and added objects."""
 
 import re
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter
 
@@ -21,6 +21,7 @@ class EditableObject:
     fitted: bool = False  # to a photo
     confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
     unedited: Instance | None = None  # as fitted or opened; None: as left
+    version_of: str = ""  # name of the object that it is a version of
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
@@ -32,9 +33,14 @@ class EditableObject:
         return self.unedited or self.instance
 
     @property
-    def versions(self) -> tuple[Instance, Instance]:
+    def ends(self) -> tuple[Instance, Instance]:
         """The codes as fitted or opened, and as left."""
         return self.original, self.instance
+
+    def renamed(self, names: Mapping[str, str]) -> "EditableObject":
+        """Return the object with names replaced, from keys to values of ``names``."""
+        name, root = (names.get(name, name) for name in (self.name, self.version_of))
+        return replace(self, name=name, version_of=root)
 
     def left_as(self, instance: Instance) -> "EditableObject":
         """Return the object with its newest edit."""
@@ -42,7 +48,7 @@ class EditableObject:
 
     def refitted(self, better: "EditableObject") -> "EditableObject":
         """Return the object with the codes and the confidence of a better fit; its edits stay."""
-        left = replace(better, name=self.name)
+        left = replace(better, name=self.name, version_of=self.version_of)
         return left.left_as(self.instance) if self.unedited else left
 
 
@@ -53,7 +59,7 @@ class ObjectLibrary:
         self._trained: dict[str, EditableObject] = {}
         self._added: dict[str, EditableObject] = {}
         self.removed: frozenset[str] = frozenset()  # names of unlisted added objects, which undo may list again
-        self.version = 0  # number of changes so far
+        self.changes = 0  # number so far
         self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint: names here by names in the model
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
         """By model's fingerprint: one object of each form with its variants, the most different forms first."""
@@ -72,7 +78,7 @@ class ObjectLibrary:
             names[head]: tuple(names[one] for one in variants) for head, variants in groups.items()
         }
         self._names[model.fingerprint] = names
-        self.version += 1
+        self.changes += 1
 
     def __getitem__(self, name: str) -> EditableObject:
         return self._added[name] if name in self._added else self._trained[name]
@@ -80,10 +86,55 @@ class ObjectLibrary:
     def __contains__(self, name: object) -> bool:
         return name in self._added or name in self._trained
 
+    def is_added(self, name: str) -> bool:
+        """Return whether an object was fitted or opened: it keeps its edits, and has versions."""
+        return name in self._added
+
     @property
     def own(self) -> list[str]:
-        """Names of added objects that were not removed, the newest first."""
-        return [one.name for one in reversed(self.added)]
+        """Names of added objects that were not removed, one of the versions of each, the newest first."""
+        firsts = dict[str, str]()
+        for added in self.added:
+            firsts.setdefault(self.root(added.name), added.name)
+        return [*reversed(firsts.values())]
+
+    def root(self, name: str) -> str:
+        """Return the name of the object that has this one as a version; its own name if it is no version."""
+        root = self[name].version_of
+        return root if root in self._added else name
+
+    def versions(self, name: str) -> list[str]:
+        """Return the names of an added object's versions that were not removed, the oldest first."""
+        root = self.root(name)
+        return [added.name for added in self.added if self.root(added.name) == root]
+
+    def states(self, name: str) -> list[Instance]:
+        """Return an added object as fitted or opened, then its other versions as left, the oldest first."""
+        states = [self[self.root(name)].original]
+        for version in self.versions(name):
+            instance = self[version].instance
+            if instance not in states:
+                states.append(instance)
+        return states
+
+    def named(self, name: str, instance: Instance) -> list[str]:
+        """Return the names of an object's versions with some codes."""
+        return [version for version in self.versions(name) if self[version].instance == instance]
+
+    def version(self, name: str, instance: Instance) -> str:
+        """Return the name of an object's version with some codes; it is added unless it is there."""
+        return next(iter(self.named(name, instance)), "") or self._add_version(name, instance)
+
+    def keep(self, name: str, instance: Instance) -> None:
+        """Keep codes of an added object as a version that edits of the object leave; nothing for any other object."""
+        if name not in self._added or instance == self[self.root(name)].original:
+            return
+        if not set(self.named(name, instance)) - {name}:
+            self._add_version(name, instance)
+
+    def _add_version(self, name: str, instance: Instance) -> str:
+        root = self.root(name)
+        return self.add(replace(self[name].left_as(instance), name=root, version_of=root))
 
     def name_here(self, name: str, model: str) -> str | None:
         """Return the name here of a model's object with this name in another session; None if there is none.
@@ -115,13 +166,13 @@ class ObjectLibrary:
         """Add an object under a unique name and return that name."""
         name = unique_name(added.name, self)
         self._added[name] = replace(added, name=name)
-        self.version += 1
+        self.changes += 1
         return name
 
     def refit(self, name: str, better: EditableObject) -> None:
         """Give an added object the codes of a better fit."""
         self._added[name] = self._added[name].refitted(better)
-        self.version += 1
+        self.changes += 1
 
     def convert(self, change: Callable[[Instance], Instance]) -> None:
         """Change the codes of added objects, also those before their edits."""
@@ -129,7 +180,7 @@ class ObjectLibrary:
             instance = change(one.instance)
             if instance is not one.instance:
                 self._added[name] = replace(one, instance=instance, unedited=one.unedited and change(one.unedited))
-        self.version += 1
+        self.changes += 1
 
     def leave(self, name: str, instance: Instance) -> None:
         """Keep the newest edit of an added object; nothing happens for any other object."""
@@ -140,16 +191,14 @@ class ObjectLibrary:
         """List all added objects but the removed ones; lookup by name finds these too."""
         if removed != self.removed:
             self.removed = removed
-            self.version += 1
+            self.changes += 1
 
     def rename(self, name: str, to: str) -> str:
         """Rename an added object and return its new name, made unique."""
         to = unique_name(to, self)
-        self._added = {
-            to if key == name else key: replace(one, name=to) if key == name else one
-            for key, one in self._added.items()
-        }
-        self.version += 1
+        renamed = (added.renamed({name: to}) for added in self._added.values())
+        self._added = {added.name: added for added in renamed}
+        self.changes += 1
         return to
 
     def match(self, others: Iterable[EditableObject]) -> dict[str, str]:
@@ -159,14 +208,17 @@ class ObjectLibrary:
         """
         before, names = list(self.ever_added), dict[str, str]()
         others = tuple(others)
-        for key in (attrgetter("versions"), attrgetter("original")):
+        for key in (attrgetter("ends"), attrgetter("original")):
             for other in others:
                 equal = [one for one in before if other.name not in names and key(one) == key(other)]
                 if equal:
                     nearest = min(equal, key=lambda one: one.name != other.name)
                     before.remove(nearest)
                     names[other.name] = nearest.name
-        return {other.name: names.get(other.name) or self.add(other) for other in others}
+        for other in others:
+            if other.name not in names:
+                names[other.name] = self.add(other.renamed(names))
+        return names
 
 
 def unique_name(wanted: str, taken: Container[str]) -> str:

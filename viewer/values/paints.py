@@ -61,6 +61,5 @@ def as_paint(colour: Rgb) -> str:
 
 def square_colour(across: float, down: float) -> Rgb:
     """Return a colour of the square: greys at the left, hues to the right; white at the top, black at the bottom."""
-    hue = (across - _GREYS) / (1 - _GREYS)
-    saturation = _VIVID if across >= _GREYS else 0.0
-    return colorsys.hls_to_rgb(max(0.0, hue), 1 - down, saturation)
+    hue = max(0.0, (across - _GREYS) / (1 - _GREYS))
+    return colorsys.hls_to_rgb(hue, 1 - down, _VIVID if across >= _GREYS else 0.0)

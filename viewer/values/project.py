@@ -26,7 +26,7 @@ from viewer.values.paints import PaintRequest
 SUFFIX = ".codenerf"
 _JSON, _TENSORS = "project.json", "tensors.safetensors"
 _ANY_FORMAT = "codenerf-project-"
-_FORMATS = "codenerf-project-1", "codenerf-project-2", "codenerf-project-3"  # known ones, the newest last
+_FORMATS = tuple(f"codenerf-project-{version}" for version in (1, 2, 3, 4))  # known ones, the newest last
 _MAX_ORIGINAL = 50_000_000  # limit of a file that is kept because something in it could not be read
 _MAX_BYTES = 100_000_000  # limit of the unpacked content; a day's work takes a few million bytes
 
@@ -71,7 +71,7 @@ class Project:
         return replace(
             self,
             history=history.everywhere(lambda state: replace(state, removed=removed)),
-            objects=(*(replace(item, name=names[item.name]) for item in earlier.objects), *self.objects),
+            objects=(*(added.renamed(names) for added in earlier.objects), *self.objects),
             fit=self.fit if self.fit.sources else earlier.fit,
             pending=(*self.pending, *earlier.pending),
             model_files=earlier.model_files | self.model_files,
@@ -113,7 +113,8 @@ class Project:
 class _ProjectJson(NamedTuple):
     """The JSON of a project.
 
-    The first format had a session per model instead of one project, the second a history without branches.
+    The first format had a session per model instead of one project, the second a history without branches, the third
+    objects without a size.
     """
 
     format: str

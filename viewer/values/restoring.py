@@ -5,19 +5,16 @@ from dataclasses import replace
 from itertools import chain
 
 from core.export.keyframes import Timeline
-from core.geometry.camera import Camera
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.models.scene import Scene
-from viewer.values import orbit
 from viewer.values.history import History, Mix, Pair, State
-from viewer.values.objects import EditableObject, ObjectLibrary
+from viewer.values.objects import ObjectLibrary
 from viewer.values.project import Project
 
 
 def is_missing(name: str, objects: ObjectLibrary) -> bool:
     """Return whether an object cannot be shown because its model is missing."""
-    return any(version.is_missing for version in objects[name].versions)
+    return any(instance.is_missing for instance in objects[name].ends)
 
 
 def can_show(state: State, objects: ObjectLibrary) -> bool:
@@ -39,7 +36,7 @@ def first_mix(objects: ObjectLibrary, model: Model) -> Mix:
 def restored(project: Project, now: State, objects: ObjectLibrary, models: OpenModels) -> History:
     """Add a project's objects to ``objects`` and return its history, at the nearest state that can be shown.
 
-    Its edits of an object replace those made here, which become a branch of the history. If no state can be shown,
+    Its edits of an object replace those made here, which become a version. If no state can be shown,
     the state ``now`` follows all others.
     """
     names = objects.match(project.objects)
@@ -51,8 +48,8 @@ def restored(project: Project, now: State, objects: ObjectLibrary, models: OpenM
     history = project.history.everywhere(with_names_here)
     for saved in project.objects:
         here = objects[names[saved.name]]
-        if here.unedited and here.instance != saved.instance:
-            history = history.beside(_as_left(here, objects, now.scene.camera))
+        if here.instance != saved.instance:
+            objects.keep(here.name, here.instance)
         if saved.unedited:
             objects.leave(here.name, saved.instance)
     nearest = next((number for number in history.nearest if can_show(history.steps[number].state, objects)), None)
@@ -78,19 +75,9 @@ def reopened(history: History, model: Model, objects: ObjectLibrary, models: Ope
 def _with_names_here(state: State, names: Mapping[str, str], objects: ObjectLibrary, models: OpenModels) -> State:
     """Return a state with the names of its objects here: by ``names``, or those of its model's objects."""
     instance = models.adopt(state.scene.instance)
-    trained = state.mix.names - names.keys()
-    own = {name: objects.name_here(name, instance.fingerprint) or name for name in trained}
+    own = {name: objects.name_here(name, instance.fingerprint) or name for name in state.mix.names}
     mix = state.mix.renamed({**own, **names})
     is_a = state.is_a
     if is_a is None and mix.a.shape in objects:  # of a former version
         is_a = instance == objects[mix.a.shape].original
     return replace(state, scene=replace(state.scene, instance=instance), mix=mix, is_a=is_a)
-
-
-def _as_left(here: EditableObject, objects: ObjectLibrary, camera: Camera) -> State:
-    """Return a state that shows an object as left; from ``camera`` while the object's model is missing."""
-    pair = Pair(here.name, here.name)
-    if here.instance.is_missing:
-        return State(Scene(here.instance, camera), Mix(pair, here.name), is_a=True)
-    model = here.instance.model
-    return State(Scene(here.instance, orbit.home(model)), Mix(pair, first_mix(objects, model).b), is_a=True)

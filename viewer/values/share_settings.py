@@ -31,15 +31,13 @@ class ShareSettings:
     mesh: str = ".glb"  # ending of a mesh's name
     size: int = 512  # px, height
     wide: bool = False  # 16:9, for cars; else square
-    fill: bool = True  # the object fills the frame; else it is as large as in the view
     background: str = "view"  # one of :data:`BACKGROUNDS`
     colour: Rgb = WHITE  # of the background "colour"
     view_background: Gradient | None = None  # of the background "view"; None: white
-    exact: bool = False  # render every frame of an image or a video with the network; else bake the object
     cells: int = 0  # cells of a mesh along the longest side; 0: as many as the detail needs
     texture: int = 1024  # px of a mesh's colour image; 0: colours per vertex
     triangles: int = 0  # limit of a mesh; 0: as many as the detail needs
-    metres: float = 0.0  # longest side of a mesh; 0: usual for the model
+    metres: float = 0.0  # longest side of a mesh of an object that was not sized; 0: usual for the model
 
     def __post_init__(self) -> None:
         choices = (
@@ -90,16 +88,16 @@ class ShareSettings:
     @property
     def video_settings(self) -> VideoSettings:
         """The settings for writing a video."""
-        return VideoSettings(RATE, background=self.behind, exact=self.exact, shadow=self.shows_shadow)
+        return VideoSettings(RATE, background=self.behind, shadow=self.shows_shadow)
 
-    def mesh_settings(self, usual: float) -> MeshSettings:
-        """Return the settings for writing a mesh that stands on the ground, in metres.
+    def mesh_settings(self, instance: Instance) -> MeshSettings:
+        """Return the settings for writing an object as a mesh that stands on the ground, in metres.
 
-        Args:
-            usual: longest side in metres (:attr:`core.models.model.Model.metres`) if none is set.
+        Unless it was sized, its longest side is :attr:`metres`, or that usual for its model.
         """
+        metres = None if instance.codes.stretch else self.metres or instance.model.metres
         texture = self.texture if self.mesh in TEXTURED else 0
-        return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
+        return MeshSettings(self.cells or None, metres, texture, self.triangles)
 
     def film_of(self, scene: Scene, partner: Instance | None) -> "ShareSettings":
         """Return the settings with a film that the object can have: the first one if it cannot have the chosen one.
@@ -113,8 +111,8 @@ class ShareSettings:
     def views(self, scene: Scene, timeline: Timeline, partner: Instance | None = None) -> list[View]:
         """Return the views to render, in order. Pages and films, but for the timeline, start at the photo's camera.
 
-        With ``fill``, a video's cameras share one zoom in, and a turntable's start no nearer than the training
-        distance. A page has its first view alone.
+        A video's cameras share one zoom in, and a turntable's start no nearer than the training distance. A page has
+        its first view alone.
 
         Args:
             partner: the object that ``morph`` leads to and back from.
@@ -125,17 +123,14 @@ class ShareSettings:
         shots = timeline.views(RATE) if self.kind == "video" else self._shots(scene, partner)
         width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
         shots = [shot._replace(camera=shot.camera.resized(width, self.size)) for shot in shots]
-        return filling_frame(shots, zoom_out=self.kind != "video") if self.fill else shots
+        return filling_frame(shots, zoom_out=self.kind != "video")
 
     def _shots(self, scene: Scene, partner: Instance | None) -> list[View]:
         """Return the views of an image or of a film around the object, at the size of its camera."""
         if self.kind == "picture":
             return [View(scene.instance, scene.camera)]
         camera = scene.photo_camera
-        if self.fill:
-            camera = replace(camera, distance=max(scene.instance.model.distance, camera.distance))
-        else:
-            camera = replace(scene.camera, azimuth=camera.azimuth, elevation=camera.elevation)
+        camera = replace(camera, distance=max(scene.instance.model.distance, camera.distance))
         if self.kind == "morph" and partner is not None:
             return morph(scene.instance, partner, camera)
         return swing(scene.instance, camera) if self.kind == "swing" else turntable(scene.instance, camera)

@@ -30,9 +30,8 @@ class Comparison:
         draw = imgui.get_window_draw_list()
         edge = low.x + self._line * (high.x - low.x)
         bottom = corner.y + size.y
-        background = mixed(*context.palette.background, 0.35)
         draw.push_clip_rect(corner, (edge, bottom), True)
-        draw.add_rect_filled(corner, (edge, bottom), packed(background))
+        draw.add_rect_filled(corner, (edge, bottom), packed(mixed(*context.palette.background, 0.35)))
         draw.add_image(context.images.texture(photo_pixels(view.image), context.palette), low, high)
         draw.pop_clip_rect()
         draw.add_line((edge, corner.y), (edge, bottom), packed(context.palette.accent), 2.0)
@@ -48,8 +47,7 @@ def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[Ph
     if (view := session.photo_view) is None or session.viewport.source != "scene":
         return None
     offset = session.viewport.settings.offset
-    camera = session.editor.scene.camera
-    box = orbit.photo_box(view.camera, camera, (size.x, size.y), offset)
+    box = orbit.photo_box(view.camera, session.editor.scene.camera, (size.x, size.y), offset)
     return (view, corner + ImVec2(*box[:2]), corner + ImVec2(*box[2:])) if box else None
 
 

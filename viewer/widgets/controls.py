@@ -154,13 +154,12 @@ def labelled_slider(
     left = imgui.get_cursor_pos_x()
     imgui.align_text_to_frame_padding()
     corner = imgui.get_cursor_screen_pos()
-    width = imgui.calc_text_size(text).x
     draw = imgui.get_window_draw_list()
     colour = imgui.get_color_u32(imgui.Col_.text)
     down = imgui.get_style().frame_padding.y
     if before:
         draw.add_text(corner + ImVec2(0, down), colour, label)
-    draw.add_text(corner + ImVec2(room - width, down), colour, text)
+    draw.add_text(corner + ImVec2(room - imgui.calc_text_size(text).x, down), colour, text)
     imgui.set_cursor_pos_x(left + before)
     imgui.set_next_item_width(max(em, room - before - after))
     return imgui.slider_float(f"##{name}", value, *limits, "", imgui.SliderFlags_.always_clamp)
@@ -196,8 +195,7 @@ class NameField:
             self._text = start
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(hello_imgui.em_size(12))
-        flags = imgui.InputTextFlags_.enter_returns_true
-        entered, self._text = imgui.input_text("##new name", self._text, flags)
+        entered, self._text = imgui.input_text("##new name", self._text, imgui.InputTextFlags_.enter_returns_true)
         if entered:
             imgui.close_current_popup()
         return self._text.strip() if entered else ""

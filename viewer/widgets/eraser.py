@@ -36,8 +36,7 @@ class Eraser:
         elif self._points:
             stroke = Erasure(tuple(self._points), self._radius)
             self._points = []
-            erased = detail.erasing(detail.views.index(view), (*view.erased, stroke))
-            context.session.editor.set_detail(erased)
+            context.session.editor.set_detail(detail.erasing(detail.views.index(view), (*view.erased, stroke)))
         draw = imgui.get_window_draw_list()
         reach = self._radius * max(extent)
         warm = context.palette.warm

@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
 from core.models.codes import CodeKind
+from core.models.model import Instance
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on, packed
 from viewer.services.messages import Button, MessageKind
@@ -23,9 +24,12 @@ ICONS: dict[CodeKind, str] = {
 
 def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
     """Draw an object's thumbnail in a square of ``side`` px, empty until it is rendered."""
-    paint_frame(
-        context, context.session.thumbnails.of_object(context.session.editor.objects[name].instance), corner, side
-    )
+    paint_instance(context, context.session.editor.objects[name].instance, corner, side)
+
+
+def paint_instance(context: PanelContext, instance: Instance, corner: ImVec2, side: float) -> None:
+    """Draw the thumbnail of an object or one of its versions, as :func:`paint`."""
+    paint_frame(context, context.session.thumbnails.of_object(instance), corner, side)
 
 
 def paint_frame(context: PanelContext, image: Frame | np.ndarray | None, corner: ImVec2, side: float) -> None:

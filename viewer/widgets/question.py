@@ -64,9 +64,8 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
         for model in reversed(_categories(context, question)):
             likely = model.fingerprint == question.model and not question.neither
             label = "This one###this one" if likely else f"As a {as_label(model.noun)}###as {model.category}"
-            text = f"Fit what is outlined, as a {model.noun}"
             act = partial(fitting.answer, question, model.fingerprint)
-            answers.insert(0, (label, text, act))
+            answers.insert(0, (label, f"Fit what is outlined, as a {model.noun}", act))
     several = question.is_about_category or (question.preview is not None and len(question.preview.boxes) > 1)
     words = "None of these" if question.neither or several else "Leave it"
     leave = f"{words}###leave photo", "Do not fit this photo", partial(fitting.leave, question)
@@ -85,16 +84,14 @@ def _draw_categories(context: PanelContext, question: Question) -> None:
     """Draw an object per category; a click fits the photo as one of them."""
     models = _categories(context, question)
     objects = context.session.editor.objects
-    em = hello_imgui.em_size()
-    gap = 0.4 * em
+    gap = hello_imgui.em_size(0.4)
     room = imgui.get_content_region_avail().x
-    side = min(_PICTURE * em, (room - gap * (len(models) - 1)) / len(models))
+    side = min(hello_imgui.em_size(_PICTURE), (room - gap * (len(models) - 1)) / len(models))
     for number, model in enumerate(models):
         if number:
             imgui.same_line(0, gap)
         corner = imgui.get_cursor_screen_pos()
-        height = side + small_height()
-        if object_tiles.tile_button(f"as {model.category}", (side, height)):
+        if object_tiles.tile_button(f"as {model.category}", (side, side + small_height())):
             context.session.fitting.answer(question, model.fingerprint)
         hovered = imgui.is_item_hovered()
         tooltip(f"Fit what is outlined, as a {model.noun}")

@@ -1,12 +1,14 @@
 """Added objects: the dots on their tiles, and their menu entries."""
 
+from collections.abc import Collection
+
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.fitting.confidence import in_words
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
-from viewer.widgets.controls import NameField
+from viewer.widgets.controls import NameField, tooltip
 
 COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
 """Colours of confidences, by :func:`core.fitting.confidence.in_words`."""
@@ -31,34 +33,37 @@ def colour_of(found: EditableObject) -> Colour:
 
 
 def about(found: EditableObject) -> str:
-    """Return lines for the tooltip of a fitted or edited object; "" for any other."""
+    """Return a line for the tooltip of a fitted object; "" for any other."""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
-    fitted = f"\nFitted to a photo{sure}" if found.fitted else ""
-    return f"{fitted}\nEdited: its menu has it as {_made(found)}" if found.unedited else fitted
-
-
-def _made(found: EditableObject) -> str:
-    return "fitted" if found.fitted else "opened"
+    return f"\nFitted to a photo{sure}" if found.fitted else ""
 
 
 class UserObjectMenu:
-    """The menu entries of an added object: as fitted, duplicate, rename, remove."""
+    """The menu entries of an added object or one of its versions: keep, rename, remove."""
 
     def __init__(self) -> None:
         self._field = NameField()
         self._renamed: tuple[str, str] | None = None  # an object's name and its new name
 
-    def draw(self, context: PanelContext, name: str) -> None:
-        """Draw the entries in an added object's menu."""
-        session, found = context.session, context.session.editor.objects[name]
-        if imgui.menu_item_simple(f"As {_made(found)}###unedited", enabled=found.unedited is not None):
-            session.editor.show_unedited(name)
+    def draw(self, context: PanelContext, name: str, renamed: str, removed: Collection[str]) -> None:
+        """Draw the entries in an added object's menu.
+
+        Args:
+            name: the version to keep.
+            renamed: the object or version to rename; "" for none.
+            removed: the versions to remove; none: nothing can be removed.
+        """
+        objects = context.session.editor.objects
+        instance = objects[name].instance
         imgui.separator()
-        if imgui.menu_item_simple("Duplicate###duplicate"):
-            session.duplicate(name)
-        self._draw_rename(name)
-        if imgui.menu_item_simple("Remove###remove object"):
-            session.remove(name)
+        kept = instance == objects[objects.root(name)].original or len(objects.named(name, instance)) > 1
+        if imgui.menu_item_simple("Keep this version###keep version", enabled=not kept):
+            objects.keep(name, instance)
+        tooltip("Later edits leave a version like this one")
+        if renamed:
+            self._draw_rename(renamed)
+        if imgui.menu_item_simple("Remove###remove object", enabled=bool(removed)):
+            context.session.remove(*removed)
 
     def apply(self, context: PanelContext) -> None:
         """Rename the object; call after all tiles are drawn, as they use the old name."""

@@ -4,15 +4,14 @@ All methods fit a view one right after the other, and each is compared with the 
 more than components. The full method has several seeds: one lucky seed would make every component look valuable.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from statistics import fmean, median
 
+import pandas as pd
 import torch
 
 from core.fitting.settings import PRESETS, Components
-from core.lab.benchmarks.fits import FitMethod, FitSummary, FitTrial, summarise_fits
-from core.lab.evaluation.statistics import Mean, mean_gain
+from core.lab.benchmarks.fits import FitMethod, FitSummary, summarise_fits
+from core.lab.evaluation.statistics import Mean, mean_of
 
 FULL = "full"
 _USUAL = PRESETS["normal"]
@@ -51,23 +50,14 @@ class Ablation:
     time: float  # multiple of the full preset's time, median
 
 
-def summarise_ablations(trials: Sequence[FitTrial]) -> tuple[Ablation, ...]:
+def summarise_ablations(trials: pd.DataFrame) -> tuple[Ablation, ...]:
     """Return a row per method in the order of the trials, each over the views it was measured on."""
-    by_name: dict[str, dict[tuple[str, int], FitTrial]] = {
-        name: {} for name in dict.fromkeys(trial.preset for trial in trials)
-    }
-    for trial in trials:
-        by_name[trial.preset][trial.name, trial.view] = trial
-    return tuple(_ablation(name, by_name) for name in by_name)
+    return tuple(_ablation(str(name), own, trials) for name, own in trials.groupby("preset", sort=False))
 
 
-def _ablation(name: str, by_name: Mapping[str, Mapping[tuple[str, int], FitTrial]]) -> Ablation:
-    trials = by_name[name]
-    full = {view: [by_name[repeat][view] for repeat in REPEATS if repeat != name] for view in trials}
-    gain = mean_gain([trial.held_out for trial in trials.values()], [_held_out(repeats) for repeats in full.values()])
-    times = [trial.seconds / fmean(repeat.seconds for repeat in full[view]) for view, trial in trials.items()]
-    return Ablation(summarise_fits(name, tuple(trials.values())), gain, median(times))
-
-
-def _held_out(trials: Sequence[FitTrial]) -> float:
-    return fmean(trial.held_out for trial in trials)
+def _ablation(name: str, own: pd.DataFrame, trials: pd.DataFrame) -> Ablation:
+    repeats = trials[trials.preset.isin(REPEATS) & (trials.preset != name)]
+    full = repeats.groupby(["name", "view"])[["held_out", "seconds"]].mean()
+    compared = own.merge(full, on=["name", "view"], suffixes=("", "_full"))
+    gain = mean_of(compared.held_out - compared.held_out_full)
+    return Ablation(summarise_fits(name, own), gain, (compared.seconds / compared.seconds_full).median())

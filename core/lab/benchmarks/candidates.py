@@ -27,6 +27,7 @@ from core.photos.view_bank import view_bank
 from core.runtime.precision import require_device
 
 SHIPPED = "shipped"
+KEY = "candidate", "posed", "name", "view"  # of a judgement
 _PHOTO_VIEWS = (1, 5, 9, 14, 18, 22)  # of the first object; every further object's are three views on
 _NEXT_OBJECT = 3
 _NOVEL_VIEWS = (3, 7, 11, 15, 19)  # how many views after the photo's are those that judge a fit
@@ -52,11 +53,6 @@ class Judgement:
     novel: ViewScore  # mean of some other views
     confidence: float | None  # None for a known camera
     seconds: float  # of the fit
-
-    @property
-    def key(self) -> tuple[str, bool, str, int]:
-        """The key of a judgement."""
-        return self.candidate, self.posed, self.name, self.view
 
     def __str__(self) -> str:
         camera = "known camera" if self.posed else f"{self.rotation:.0f} degrees off"

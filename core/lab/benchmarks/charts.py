@@ -1,50 +1,39 @@
-"""Output of every benchmark: CSV, a Markdown table and a chart. The extra ``bench`` brings matplotlib.
+"""Tables and charts of the benchmarks, made from their CSV files, also later (:func:`redraw`).
 
-Tables and charts are made from the CSV, also later (:func:`redraw`). To add a benchmark, add a module that measures its
-rows, a table in :mod:`core.lab.benchmarks.tables`, a function that draws them, and a line to :data:`CHARTS`.
+To add a benchmark, add a module that measures its rows, a table in :mod:`core.lab.benchmarks.tables`, a function that
+draws them, and a line to :data:`CHARTS`.
 """
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
-from core.lab.benchmarks import fit_charts, tables
-from core.lab.benchmarks.ablations import Ablation
-from core.lab.benchmarks.candidates import Judgement
-from core.lab.benchmarks.csv_files import Results, read_results, write_results
-from core.lab.benchmarks.drawing import DPI
-from core.lab.benchmarks.fits import FitTrial
-from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.robustness import RobustnessTrial
+import pandas as pd
+from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from core.lab.benchmarks import candidates, fit_charts, fits, photos, robustness, tables
+from core.lab.benchmarks.results import read_frame
+
+_DPI = 110
 
 
 class Chart(NamedTuple):
-    """Functions that read and show the CSV file of a benchmark."""
+    """Functions that show the CSV file of a benchmark."""
 
-    read: Callable[[Path], Any]
-    table: Callable[[Any], str]
-    figure: Callable[[Any], "Figure"] | None = None
-
-
-def write(folder: Path, name: str, results: Results[Any]) -> str:
-    """Write the CSV file of a benchmark, its table and its chart; return the table."""
-    write_results(folder / f"{name}.csv", results)
-    return draw(folder, name)
+    key: tuple[str, ...]  # columns that tell its rows apart
+    table: Callable[[pd.DataFrame], str]
+    figure: Callable[[pd.DataFrame], Figure] | None = None
 
 
 def draw(folder: Path, name: str) -> str:
     """Write the table and chart of a CSV file beside it; return the table. Raise ``ValueError`` for another file."""
     chart = CHARTS[name]
     path = folder / f"{name}.csv"
-    results = chart.read(path)
-    table = chart.table(results)
+    rows = read_frame(path, chart.key)
+    table = chart.table(rows)
     path.with_suffix(".md").write_text(table)
     if chart.figure:
-        chart.figure(results).savefig(path.with_suffix(".png"), dpi=DPI)
+        chart.figure(rows).savefig(path.with_suffix(".png"), dpi=_DPI)
     return table
 
 
@@ -61,14 +50,10 @@ def redraw(folder: Path) -> list[Path]:
     return files
 
 
-def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
-    return partial(read_results, kind=kind)
-
-
 CHARTS = {
-    "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
-    "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
-    "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
-    "candidates": Chart(_rows_of(Judgement), tables.candidates_table),
-    "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
+    "fit": Chart(fits.KEY, tables.fit_table, fit_charts.fit_chart),
+    "robustness": Chart(robustness.KEY, tables.robustness_table, fit_charts.robustness_chart),
+    "ablations": Chart(("summary.preset",), tables.ablations_table, fit_charts.ablations_chart),
+    "candidates": Chart(candidates.KEY, tables.candidates_table),
+    "photos": Chart(photos.KEY, tables.photos_table),
 }  # by file name

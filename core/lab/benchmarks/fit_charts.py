@@ -1,24 +1,42 @@
 """Charts of the benchmarks that fit: presets, stressors and ablations."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from core.lab.benchmarks.ablations import Ablation
-from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.drawing import draw_frontier, error_bars, log_ticks, new_figure
-from core.lab.benchmarks.fits import FitTrial, summarise_presets
-from core.lab.benchmarks.robustness import SUCCESS_DEGREES, RobustnessTrial, success_rates
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from core.lab.benchmarks.fits import summarise_presets
+from core.lab.benchmarks.robustness import SUCCESS_DEGREES, Rates, success_rates
 from core.lab.benchmarks.stressors import STRESSORS
+from core.lab.benchmarks.tables import interval
 from core.lab.evaluation.statistics import Mean
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+
+def _figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple[Figure, Sequence[Axes]]:
+    """Return a figure and its axes, row by row, each ``width`` inches wide."""
+    figure = Figure(figsize=(width * columns, 0.8 * width * rows), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
 
 
-def fit_chart(results: Results[FitTrial]) -> "Figure":
+def _log_ticks(axis: Axis) -> None:
+    """Write plain numbers at 1, 2 and 5 of every decade, without minor labels."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+
+
+def _error_bars(means: Sequence[Mean]) -> list[list[float]]:
+    """Return the intervals' distances below and above their means, as matplotlib's error bars take them."""
+    return [[mean.mean - mean.low for mean in means], [mean.high - mean.mean for mean in means]]
+
+
+def fit_chart(trials: pd.DataFrame) -> Figure:
     """Draw rotation error and fraction of right cameras over time, and PSNR of other views against time."""
-    figure, (left, middle, right) = new_figure(3)
-    summaries = summarise_presets(results.rows)
+    figure, (left, middle, right) = _figure(3)
+    summaries = summarise_presets(trials)
     for summary in summaries:
         # A curve ends with the results at the time at which half of the fits have ended.
         end = summary.seconds, summary.rotation, summary.within_5_degrees.mean
@@ -27,31 +45,31 @@ def fit_chart(results: Results[FitTrial]) -> "Figure":
         left.plot(seconds, [max(rotation, 0.01) for rotation in rotations], "o-", label=summary.preset)
         middle.plot(seconds, [100 * fraction for fraction in fractions], "o-", label=summary.preset)
         place = summary.seconds, summary.held_out.mean
-        right.errorbar(*place, error_bars([summary.held_out]), fmt="o", capsize=2)
+        right.errorbar(*place, _error_bars([summary.held_out]), fmt="o", capsize=2)
         label = f"{summary.preset} (default)" if summary.preset == "normal" else summary.preset
         right.annotate(label, place, (6, -12), textcoords="offset points", fontsize=8)
-    draw_frontier(right, [(summary.seconds, summary.held_out.mean) for summary in summaries])
     left.set(xscale="log", yscale="log", xlabel="processor seconds", ylabel="rotation error (degrees, median)")
     middle.set(xscale="log", ylim=(-2, 102), xlabel="processor seconds", ylabel="cameras within 5 degrees (%)")
     right.set(xscale="log", xlabel="processor seconds (median)", ylabel="other views (dB, with 95 % intervals)")
     right.margins(x=0.25)
     for axes in (left, middle, right):
-        log_ticks(axes.xaxis)
+        _log_ticks(axes.xaxis)
         axes.grid(alpha=0.3)
-    log_ticks(left.yaxis)
+    _log_ticks(left.yaxis)
     left.legend()  # in the middle it would hide points
-    figure.suptitle(f"{results.common['machine']}, {summaries[0].fits} views", fontsize=9)
+    figure.suptitle(f"{trials.machine[0]}, {summaries[0].fits} views", fontsize=9)
     return figure
 
 
-def ablations_chart(results: Results[Ablation]) -> "Figure":
+def ablations_chart(ablations: pd.DataFrame) -> Figure:
     """Draw time and accuracy of each ablation beside the full method."""
-    names = [f"{ablation.summary.preset} ({ablation.summary.fits})" for ablation in results.rows]
-    gains = [ablation.gain for ablation in results.rows]
-    figure, (left, right) = new_figure(2)
-    left.barh(names, [ablation.time for ablation in results.rows])
+    rows = ablations.to_dict("records")
+    names = [f"{row['summary.preset']} ({row['summary.fits']})" for row in rows]
+    gains = [interval(row, "gain") for row in rows]
+    figure, (left, right) = _figure(2)
+    left.barh(names, ablations.time)
     left.axvline(1.0, color="black", linewidth=0.8)
-    right.errorbar([gain.mean for gain in gains], names, xerr=error_bars(gains), fmt="o", capsize=2)
+    right.errorbar([gain.mean for gain in gains], names, xerr=_error_bars(gains), fmt="o", capsize=2)
     right.axvline(0.0, color="black", linewidth=0.8)
     left.invert_yaxis()
     left.set(xlabel="time (of the full method's)")
@@ -59,44 +77,43 @@ def ablations_chart(results: Results[Ablation]) -> "Figure":
     for axes in (left, right):
         axes.grid(alpha=0.3, axis="x")
         axes.set_axisbelow(True)
-    figure.suptitle(f"{results.common['machine']}; views in brackets", fontsize=9)
+    figure.suptitle(f"{ablations.machine[0]}; views in brackets", fontsize=9)
     return figure
 
 
 # Robustness
 
 
-def robustness_chart(results: Results[RobustnessTrial]) -> "Figure":
+def robustness_chart(trials: pd.DataFrame) -> Figure:
     """Draw success rates: a panel per stressor, bars per level and preset."""
-    rates = success_rates(results.rows)
-    names = list(dict.fromkeys(name for name, _ in rates))
+    names = trials.stressor.unique()
     columns = min(4, len(names))
-    figure, panels = new_figure(columns, -(-len(names) // columns), 2.9)
+    figure, panels = _figure(columns, -(-len(names) // columns), 2.9)
     for axes in panels[len(names) :]:
         axes.remove()
-    presets = list(dict.fromkeys(trial.preset for trial in results.rows))
+    rates = success_rates(trials)
+    presets = list(trials.preset.unique())
     for axes, name in zip(panels, names, strict=False):
-        by_level = {level: by_preset for (stressor, level), by_preset in rates.items() if stressor == name}
-        _stressor_panel(axes, name, by_level, presets)
+        _stressor_panel(axes, name, rates, presets)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower right", ncols=len(labels))
     measure = f"cameras within {SUCCESS_DEGREES:g}°; without an object: refused or doubted (%)"
-    objects = len({trial.name for trial in results.rows})
-    figure.suptitle(f"{measure}; {objects} objects; {results.common['machine']}", fontsize=9)
+    figure.suptitle(f"{measure}; {trials.name.nunique()} objects; {trials.machine[0]}", fontsize=9)
     return figure
 
 
-def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]], presets: list[str]) -> None:
+def _stressor_panel(axes: Axes, name: str, rates: Rates, presets: list[str]) -> None:
+    levels = list(dict.fromkeys(level for stressor, level, _ in rates if stressor == name))
     for number, preset in enumerate(presets):
-        fractions = [by_preset.get(preset, (0, 0, 0)) for by_preset in rates.values()]
+        fractions = [rates.get((name, level, preset), (0, 0, 0)) for level in levels]
         percentages = [Mean(*(100 * bound for bound in fraction)) for fraction in fractions]
         width = 0.8 / len(presets)
-        centres = [index + (number - (len(presets) - 1) / 2) * width for index in range(len(rates))]
+        centres = [index + (number - (len(presets) - 1) / 2) * width for index in range(len(levels))]
         means = [percentage.mean for percentage in percentages]
-        axes.bar(centres, means, width, label=preset, yerr=error_bars(percentages), error_kw={"linewidth": 0.8})
-    axes.set_xticks(range(len(rates)), [f"{level:g}" for level in rates] if len(rates) > 1 else [""])
-    middle = (len(rates) - 1) / 2
-    half = max(3, len(rates)) / 2
+        axes.bar(centres, means, width, label=preset, yerr=_error_bars(percentages), error_kw={"linewidth": 0.8})
+    axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels] if len(levels) > 1 else [""])
+    middle = (len(levels) - 1) / 2
+    half = max(3, len(levels)) / 2
     axes.set(xlim=(middle - half, middle + half), ylim=(0, 105), yticks=(0, 50, 100))
     axes.set_title(name, fontsize=10)
     axes.set_xlabel(STRESSORS[name].unit if name in STRESSORS else "", fontsize=8)

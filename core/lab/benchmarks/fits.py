@@ -10,10 +10,10 @@ from bisect import bisect_right
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
-from statistics import median
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import torch
 
 from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
@@ -30,6 +30,7 @@ from core.runtime.precision import use_dtype
 
 _FAR = 20.0  # degrees: a camera further off may still be right by symmetry
 _SYMMETRY_TOLERANCE = 5.0  # degrees: a view is symmetric if it matches the true one as well as a turn by this does
+KEY = "preset", "name", "view"  # of a trial
 TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))  # s, at which the curves are read
 
 
@@ -53,18 +54,8 @@ class FitTrial:
     symmetric: bool  # far off, but a render from this camera is nearly the one from the true camera
     whole: ViewScore | None = None  # mean of the held-out views at the dataset's size
 
-    @property
-    def key(self) -> tuple[str, str, int]:
-        """The key of a trial."""
-        return self.preset, self.name, self.view
-
     def __str__(self) -> str:
         return f"{self.name}, {self.preset}: {self.rotation:.1f} degrees after {self.seconds:.1f} s"
-
-    @property
-    def effective_rotation(self) -> float:
-        """The rotation error in degrees; 0 for a camera that is right by symmetry."""
-        return 0.0 if self.symmetric else self.rotation
 
 
 @dataclass(frozen=True)
@@ -151,7 +142,7 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         confidence=last.confidence,
         rotation_curve=tuple(errors[_step_at(seconds, moment)] for moment in TIMES),
         symmetric=symmetric,
-        whole=_mean_score(full_size_scores),
+        whole=ViewScore(*np.mean(full_size_scores, axis=0).tolist()) if scores else None,
     )
 
 
@@ -166,55 +157,47 @@ def _step_at(seconds: Sequence[float], moment: float) -> int:
     return max(0, bisect_right(seconds, moment) - 1)
 
 
-def summarise_presets(trials: Sequence[FitTrial]) -> tuple[FitSummary, ...]:
+def summarise_presets(trials: pd.DataFrame) -> tuple[FitSummary, ...]:
     """Return one summary per preset, in the order of the trials."""
-    presets = dict.fromkeys(trial.preset for trial in trials)
-    return tuple(summarise_fits(name, [trial for trial in trials if trial.preset == name]) for name in presets)
+    return tuple(summarise_fits(str(name), group) for name, group in trials.groupby("preset", sort=False))
 
 
-def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
+def summarise_fits(preset: str, trials: pd.DataFrame) -> FitSummary:
     """Return medians and fractions over the trials of one preset."""
-    rotations = [trial.effective_rotation for trial in trials]
-    translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
-    curve = []
-    for number, moment in enumerate(TIMES):
-        errors = [trial.rotation_curve[number] for trial in trials]
-        curve.append((moment, median(errors), fraction_within(errors, 5.0).mean))
+    curves = trials.filter(regex=r"^rotation_curve\.")
+    rotations = effective_rotations(trials)
     return FitSummary(
         preset,
         len(trials),
-        median(trial.seconds for trial in trials),
-        float(np.mean([trial.initial_rotation for trial in trials])),
-        median(trial.rotation for trial in trials),
-        sum(trial.symmetric for trial in trials),
+        trials.seconds.median(),
+        trials.initial_rotation.mean(),
+        trials.rotation.median(),
+        int(trials.symmetric.sum()),
         fraction_within(rotations, 5.0),
         fraction_within(rotations, 10.0),
-        fraction_within(translations, 0.03),
-        mean_of([trial.held_out for trial in trials]),
+        fraction_within(trials.translation.mask(trials.symmetric, 0.0), 0.03),
+        mean_of(trials.held_out),
         _confidence_auroc(trials),
-        _mean_score([trial.whole for trial in trials if trial.whole]),
-        tuple(curve),
+        ViewScore(*(trials[f"whole.{name}"].mean() for name in ViewScore._fields)) if "whole.psnr" in trials else None,
+        tuple(zip(TIMES, curves.median(), (curves <= 5.0).mean(), strict=True)),
     )
 
 
-def _mean_score(scores: Sequence[ViewScore]) -> ViewScore | None:
-    return ViewScore(*np.mean(scores, axis=0).tolist()) if scores else None
+def effective_rotations(trials: pd.DataFrame) -> pd.Series:
+    """Return the rotation errors in degrees; 0 for cameras that are right by symmetry."""
+    return trials.rotation.mask(trials.symmetric, 0.0)
 
 
-def calibrate_fits(trials: Sequence[FitTrial]) -> Calibration | None:
+def calibrate_fits(trials: pd.DataFrame) -> Calibration | None:
     """Calibrate the confidence on these fits alone; return None if all cameras are right, or all wrong."""
-    rated, correct = _rated_trials(trials)
-    margins = [trial.margin or 0.0 for trial in rated]
-    uncertainties = [trial.uncertainty or 0.0 for trial in rated]
-    return fit_calibration(margins, uncertainties, correct) if len(set(correct)) == 2 else None
+    rated = trials[trials.confidence.notna()]
+    correct = (effective_rotations(rated) <= RIGHT_DEGREES).tolist()
+    if len(set(correct)) < 2:
+        return None
+    return fit_calibration(rated.margin.fillna(0.0).tolist(), rated.uncertainty.fillna(0.0).tolist(), correct)
 
 
-def _confidence_auroc(trials: Sequence[FitTrial]) -> float | None:
-    rated, correct = _rated_trials(trials)
-    return auroc([trial.confidence or 0.0 for trial in rated], correct) if len(set(correct)) == 2 else None
-
-
-def _rated_trials(trials: Sequence[FitTrial]) -> tuple[list[FitTrial], list[bool]]:
-    """Return the trials that have a confidence, and which of their cameras are right."""
-    rated = [trial for trial in trials if trial.confidence is not None]
-    return rated, [trial.effective_rotation <= RIGHT_DEGREES for trial in rated]
+def _confidence_auroc(trials: pd.DataFrame) -> float | None:
+    rated = trials[trials.confidence.notna()]
+    correct = (effective_rotations(rated) <= RIGHT_DEGREES).tolist()
+    return auroc(rated.confidence.tolist(), correct) if len(set(correct)) == 2 else None

@@ -21,8 +21,8 @@ from core.detail.progressive import RenderSettings
 from core.fitting.fit import PRESETS, FitJob
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings
-from core.lab.benchmarks.csv_files import read_records
 from core.lab.benchmarks.held_out_views import render_on_white
+from core.lab.benchmarks.results import read_frame
 from core.models.library import sample_images
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -83,7 +83,7 @@ def read_baseline(path: Path) -> tuple[Ratio, ...]:
     """Read the ratios of a baseline. Raise ``ValueError`` if the file has none."""
     if not path.is_file():
         raise ValueError(f"no baseline: {path}")
-    return read_records(path, Ratio)
+    return tuple(map(Ratio, *read_frame(path, ["name", "value"])[["name", "value"]].to_dict("list").values()))
 
 
 def _timed(run: Callable[[], object], clock: Callable[[], float], before: Callable[[], None] = lambda: None) -> float:

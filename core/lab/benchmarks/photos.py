@@ -7,8 +7,8 @@ may be fitted.
 
 import math
 import time
-from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -18,13 +18,14 @@ import torch
 from core.fitting.category_check import likeliest_model
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera, camera_rotation
-from core.lab.benchmarks.csv_files import read_results
+from core.lab.benchmarks.results import read_frame
 from core.models.library import load_model
 from core.photos.decode import read_rgba
 from core.photos.detector import Box, box_overlap, mask_box
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import CutOut, cut_out
 
+KEY = ("photo",)  # of a trial
 RIGHT_DEGREES = 30.0  # largest error of a right azimuth
 _WHOLE, _PART = 0.8, 0.3  # intersection over union with the labelled box of a whole cut-out, and of a part
 
@@ -67,28 +68,20 @@ class PhotoTrial:
     witness: float | None  # degrees, the azimuth by the 3D box of a chair
     seconds: float  # of the processor, cut-out and fit
 
-    @property
-    def key(self) -> str:
-        """The key of a trial."""
-        return self.photo
-
-    @property
-    def right(self) -> bool:
-        """Both the model and the side are right."""
-        return self.taken_for == self.category and bool(self.right_side)
-
 
 def read_judgements(path: Path) -> dict[str, tuple[Judgement, ...]]:
     """Read the labels by photo. Raise ``ValueError`` if the file does not parse."""
-    judgements = sorted(read_results(path, Judgement).rows, key=attrgetter("photo"))
+    frame = read_frame(path, [field.name for field in fields(Judgement)]).astype(object)
+    records = frame.where(frame.notna(), None).sort_values("photo").to_dict("records")
+    judgements = (Judgement(**record) for record in records)
     return {name: tuple(group) for name, group in groupby(judgements, key=attrgetter("photo"))}
 
 
 def measure_photos(
-    files: Sequence[Path], judgements: Mapping[str, Sequence[Judgement]], preset: str, done: Collection[Hashable] = ()
+    files: Sequence[Path], judgements: Mapping[str, Sequence[Judgement]], preset: str, done: Collection[tuple[str]] = ()
 ) -> Iterator[PhotoTrial]:
     """Fit each photo without a hint, as ``fit`` does, except those whose keys are done; yield its results."""
-    for path in (file for file in files if file.stem not in done):
+    for path in (file for file in files if (file.stem,) not in done):
         yield measure_photo(path, judgements[path.stem], preset)
 
 

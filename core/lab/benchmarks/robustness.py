@@ -1,22 +1,22 @@
 """Failures of fits: images corrupted in one way at a time, fitted without their camera.
 
 A corrupted image enters a fit as a user's photo does: it is segmented by its alpha channel, or else by its background.
-All runs of the same views measure trials in the same order, so a run can be resumed and split.
+Trials are measured in a fixed order, so a run can be resumed; runs of other stressors may share its file.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import torch
+import pandas as pd
 from PIL import Image
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
-from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
+from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.paper import fit_as_set
-from core.fitting.settings import FitSettings, PaperSettings
+from core.fitting.settings import FitSettings
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.lab.benchmarks.held_out_views import HeldOutView, is_symmetric_view, render_on_white
@@ -29,6 +29,7 @@ from core.photos.photo import prepare_photo
 from core.photos.segmentation import cut_out
 from core.rendering.surface import surface_points
 
+KEY = "stressor", "level", "preset", "name"  # of a trial
 COMPARED = ("normal", "paper")  # presets
 SUCCESS_DEGREES = RIGHT_DEGREES
 ROUGH_DEGREES = 30.0  # a camera off by less sees the right side
@@ -50,38 +51,28 @@ class RobustnessTrial:
     """"correct", "symmetric", "near", "opposite", "wrong", or why the image was refused; of images without an object
     "refused", "doubted" or "believed"."""
 
-    @property
-    def success(self) -> bool:
-        """The camera is within 10 degrees, or right by symmetry; without an object, the fit was refused or doubted."""
-        return self.outcome in ("correct", "symmetric", "refused", "doubted")
 
-    @property
-    def key(self) -> tuple[str, float, str, str]:
-        """The key of a trial."""
-        return self.stressor, self.level, self.preset, self.name
+Rates = dict[tuple[str, float, str], Mean]  # 0..1, by stressor, level and preset
 
 
-Rates = dict[tuple[str, float], dict[str, Mean]]  # fractions of every preset, 0..1, by stressor and level
+def successes(trials: pd.DataFrame) -> pd.Series:
+    """Mark cameras within 10 degrees or right by symmetry, and images without an object, refused or doubted."""
+    return trials.outcome.isin(("correct", "symmetric", "refused", "doubted"))
 
 
-def success_rates(trials: Sequence[RobustnessTrial]) -> Rates:
-    """Return the success rates."""
-    return _rates(trials, lambda trial: trial.success)
+def success_rates(trials: pd.DataFrame) -> Rates:
+    """Return the fractions of successes."""
+    return _rates(trials, successes(trials))
 
 
-def rough_rates(trials: Sequence[RobustnessTrial]) -> Rates:
-    """Return the rates of cameras within 30 degrees; a success without an object counts as one."""
-    return _rates(
-        trials, lambda trial: trial.success or (trial.rotation is not None and trial.rotation <= ROUGH_DEGREES)
-    )
+def rough_rates(trials: pd.DataFrame) -> Rates:
+    """Return the fractions of cameras within 30 degrees; a success without an object counts as one."""
+    return _rates(trials, successes(trials) | (trials.rotation <= ROUGH_DEGREES))
 
 
-def _rates(trials: Sequence[RobustnessTrial], counts: Callable[[RobustnessTrial], bool]) -> Rates:
-    successes: dict[tuple[str, float], dict[str, list[bool]]] = {}
-    for trial in trials:
-        presets = successes.setdefault((trial.stressor, trial.level), {})
-        presets.setdefault(trial.preset, []).append(counts(trial))
-    return {key: {name: mean_of(flags) for name, flags in presets.items()} for key, presets in successes.items()}
+def _rates(trials: pd.DataFrame, counted: pd.Series) -> Rates:
+    groups = counted.groupby([trials[name] for name in KEY[:3]], sort=False)
+    return {key: mean_of(group) for key, group in groups}
 
 
 def measure_robustness(
@@ -89,7 +80,6 @@ def measure_robustness(
     views: Sequence[HeldOutView],
     stressors: Sequence[str] = (),
     presets: Sequence[str] = COMPARED,
-    chunk: tuple[int, int] = (1, 1),
     seed: int = 0,
     done: Collection[tuple[str, float, str, str]] = (),
 ) -> Iterator[RobustnessTrial]:
@@ -97,17 +87,13 @@ def measure_robustness(
 
     Args:
         stressors: names; all of them if empty.
-        chunk: (k, n): the k-th of n equal chunks of all trials, for n processes beside each other.
         done: keys of trials to leave out.
 
-    Raise ``ValueError`` if there is no such stressor, preset or chunk.
+    Raise ``ValueError`` if there is no such stressor or preset.
     """
     for name in (*stressors, *presets):
         if name not in STRESSORS and name not in PRESETS:
             raise ValueError(f"there is no {name!r}; there are {', '.join((*STRESSORS, *PRESETS))}")
-    index, chunks = chunk
-    if not 1 <= index <= chunks:
-        raise ValueError(f"a part K/N has K of 1 to N, not {index}/{chunks}")
     keys = [
         (name, level, preset, number)
         for number in range(len(views))
@@ -115,14 +101,14 @@ def measure_robustness(
         for level in STRESSORS[name].levels
         for preset in presets
     ]
-    for name, level, preset, number in keys[index - 1 :: chunks]:
+    for name, level, preset, number in keys:
         trial = RobustnessTrial(name, level, preset, views[number].views.name)
         stressor = STRESSORS[name]
-        if trial.key in done:
+        if (name, level, preset, trial.name) in done:
             continue
         subject = _subject(views[number], stressor.camera(views[number].camera, level))
         image = _corrupted(model, subject, stressor, level, seed + number)
-        yield _fit(model, _Attempt(image, subject, PRESETS[preset], seed + number, stressor, level), trial)
+        yield _fit(model, _Attempt(image, subject, PRESETS[preset], seed + number, stressor), trial)
 
 
 class _Subject(NamedTuple):
@@ -164,17 +150,11 @@ class _Attempt(NamedTuple):
     settings: FitSettings
     seed: int
     stressor: Stressor
-    level: float
 
     def job(self, model: Model) -> FitJob:
-        """Return the fit; the paper's recipe from the mean codes if the stressor gives an initial camera."""
+        """Return the fit."""
         cut = cut_out(Image.fromarray(to_bytes(self.image)).convert("RGBA"))
-        photo = prepare_photo(cut, model)
-        initial = None
-        if self.stressor.init and isinstance(self.settings, PaperSettings):
-            camera = self.stressor.init(self.subject.camera, self.level)
-            initial = Hypothesis(0, math.inf, (camera,), model.mean, torch.zeros(1, 4))
-        return FitJob((photo,), self.settings, self.seed, initial)
+        return FitJob((prepare_photo(cut, model),), self.settings, self.seed)
 
 
 def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> RobustnessTrial:
@@ -182,12 +162,12 @@ def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> RobustnessT
     try:
         *_, last = fit_as_set(model, attempt.job(model))
     except ValueError as error:
-        return replace(trial, outcome="refused" if attempt.stressor.no_object else str(error))
+        return replace(trial, outcome="refused" if attempt.stressor.other_category else str(error))
     return _judge(model, attempt, last, replace(trial, confidence=last.confidence))
 
 
 def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: RobustnessTrial) -> RobustnessTrial:
-    if attempt.stressor.no_object:
+    if attempt.stressor.other_category:
         doubted = last.confidence is not None and last.confidence < DOUBTFUL
         return replace(trial, outcome="doubted" if doubted else "believed")
     camera = last.cameras[0]

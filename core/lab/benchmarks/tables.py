@@ -1,25 +1,14 @@
-"""Markdown tables of the benchmarks: lists of columns, and the lines around them."""
+"""Markdown tables of the benchmarks, and the lines around them, from the frames of their rows."""
 
-import statistics
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from operator import attrgetter, itemgetter
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import pandas as pd
+
 from core.fitting.confidence import auroc
-from core.lab.benchmarks.ablations import Ablation
-from core.lab.benchmarks.candidates import SHIPPED, Judgement
-from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
-from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.robustness import (
-    ROUGH_DEGREES,
-    SUCCESS_DEGREES,
-    Rates,
-    RobustnessTrial,
-    rough_rates,
-    success_rates,
-)
+from core.lab.benchmarks.candidates import SHIPPED
+from core.lab.benchmarks.fits import FitSummary, calibrate_fits, summarise_presets
+from core.lab.benchmarks.robustness import ROUGH_DEGREES, SUCCESS_DEGREES, rough_rates, success_rates, successes
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.evaluation.protocol import ViewScore
 from core.lab.evaluation.statistics import Mean, format_difference, format_fraction, mean_of
@@ -27,27 +16,19 @@ from core.lab.evaluation.statistics import Mean, format_difference, format_fract
 _SURE = 0.9  # a wrong camera of more confidence misleads
 _THRESHOLDS = (0.0, 0.5, 0.8, _SURE)  # confidences from which a camera may be believed
 
-Column = tuple[str, str | Callable[[Any], Any], str | Callable[[Any], str]]
-"""heading; attribute or function of a row; format of its value"""
 
-
-def markdown_table(columns: Sequence[Column], rows: Iterable[Any]) -> str:
-    """Format a Markdown table.
+def markdown(rows: Iterable[Mapping[str, object]]) -> str:
+    """Format rows of cells by heading as a Markdown table.
 
     Example:
-        >>> print(markdown_table([("ms", "real", "{:.1f}"), ("twice", lambda ms: 2 * ms, "{:.0f}")], [1.25]))
+        >>> print(markdown([{"ms": "1.2", "twice": 2}]))
         | ms | twice |
         |---|---|
         | 1.2 | 2 |
     """
-    lines = [[heading for heading, *_ in columns], *([_cell(row, *column[1:]) for column in columns] for row in rows)]
-    head, *body = ("| " + " | ".join(line) + " |" for line in lines)
-    return "\n".join((head, "|" + "---|" * len(columns), *body))
-
-
-def _cell(row: Any, key: str | Callable[[Any], Any], form: str | Callable[[Any], str]) -> str:
-    value = attrgetter(key)(row) if isinstance(key, str) else key(row)
-    return form.format(value) if isinstance(form, str) else form(value)
+    table = pd.DataFrame(list(rows)).astype(str)
+    head, *body = ("| " + " | ".join(line) + " |" for line in ([*table.columns], *table.to_numpy()))
+    return "\n".join((head, "|" + "---|" * table.shape[1], *body))
 
 
 def _text(heading: str, *blocks: str) -> str:
@@ -55,198 +36,176 @@ def _text(heading: str, *blocks: str) -> str:
     return "\n\n".join((heading, *blocks)) + "\n"
 
 
+def interval(row: Any, name: str) -> Mean:
+    """Return a mean with its interval from a row of a frame."""
+    return Mean(*(row[f"{name}.{bound}"] for bound in Mean._fields))
+
+
 # Fits
 
 
-def fit_table(results: Results[FitTrial]) -> str:
+def fit_table(trials: pd.DataFrame) -> str:
     """Format a line per preset, then cameras that are right by symmetry, then a calibration of the confidence."""
-    summaries = summarise_presets(results.rows)
-    calibration = calibrate_fits(results.rows)
-    symmetric = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in results.rows if trial.symmetric]
+    symmetric = [f"{row.name} ({row.preset}, {row.rotation:.0f}°)" for row in trials[trials.symmetric].itertuples()]
     lines = []
     if symmetric:
         lines.append(f"Right by symmetry, for the object looks the same from there: {', '.join(symmetric)}.")
-    if calibration:
+    if calibration := calibrate_fits(trials):
         numbers = ", ".join(f"{name} {value:.3f}" for name, value in calibration._asdict().items())
         lines.append(f"A calibration of the confidence on these fits alone: {numbers}.")
+    summaries = summarise_presets(trials)
     conditions = f"{summaries[0].fits} views, cameras unknown; shares with their 95 % intervals."
-    return _text(f"{results.common['machine']}; {conditions}", markdown_table(_FITS, summaries), *lines)
+    table = markdown(map(_fit_cells, summaries))
+    return _text(f"{trials.machine[0]}; {conditions}", table, *lines)
+
+
+def _fit_cells(summary: FitSummary) -> dict[str, str]:
+    return {
+        "preset": summary.preset,
+        "processor s (median)": f"{summary.seconds:.1f}",
+        "initial rotation error": f"{summary.initial_rotation:.0f}°",
+        "rotation error (median)": f"{summary.rotation:.2f}°",
+        "within 5°": format_fraction(summary.within_5_degrees),
+        "within 10°": format_fraction(summary.within_10_degrees),
+        "within 3 %": format_fraction(summary.within_3_percent),
+        "other views": f"{summary.held_out.mean:.1f} dB",
+        "at the dataset's size: dB, overlap, haze": _view_score(summary.whole) if summary.whole else "",
+        "confidence (AUROC)": "" if summary.auroc is None else f"{summary.auroc:.2f}",
+    }
 
 
 def _view_score(score: ViewScore) -> str:
     return f"{score.psnr:.1f}, {score.overlap:.3f}, {score.haze:.3f}"
 
 
-_FITS: list[Column] = [
-    ("preset", "preset", "{}"),
-    ("processor s (median)", "seconds", "{:.1f}"),
-    ("initial rotation error", "initial_rotation", "{:.0f}°"),
-    ("rotation error (median)", "rotation", "{:.2f}°"),
-    ("within 5°", "within_5_degrees", format_fraction),
-    ("within 10°", "within_10_degrees", format_fraction),
-    ("within 3 %", "within_3_percent", format_fraction),
-    ("other views", "held_out.mean", "{:.1f} dB"),
-    ("at the dataset's size: dB, overlap, haze", "whole", lambda score: "" if score is None else _view_score(score)),
-    ("confidence (AUROC)", "auroc", lambda area: "" if area is None else f"{area:.2f}"),
-]
-
-
-def ablations_table(results: Results[Ablation]) -> str:
+def ablations_table(ablations: pd.DataFrame) -> str:
     """Format a line per method."""
-    heading = f"{results.common['machine']}; cameras unknown; 95 % intervals."
-    return _text(heading, markdown_table(_ABLATIONS, results.rows))
+    rows = (
+        {
+            "normal preset": row["summary.preset"],
+            "views": row["summary.fits"],
+            "time": f"{row['time']:.2f}",
+            "rotation error (median)": f"{row['summary.rotation']:.2f}°",
+            "within 5°": format_fraction(interval(row, "summary.within_5_degrees")),
+            "within 10°": format_fraction(interval(row, "summary.within_10_degrees")),
+            "other views (dB)": f"{row['summary.held_out.mean']:.1f}",
+            "difference to the full method (dB)": format_difference(interval(row, "gain")),
+        }
+        for row in ablations.to_dict("records")
+    )
+    return _text(f"{ablations.machine[0]}; cameras unknown; 95 % intervals.", markdown(rows))
 
 
-_ABLATIONS: list[Column] = [
-    ("normal preset", "summary.preset", "{}"),
-    ("views", "summary.fits", "{}"),
-    ("time", "time", "{:.2f}"),
-    ("rotation error (median)", "summary.rotation", "{:.2f}°"),
-    ("within 5°", "summary.within_5_degrees", format_fraction),
-    ("within 10°", "summary.within_10_degrees", format_fraction),
-    ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
-    ("difference to the full method (dB)", "gain", format_difference),
-]
-
-
-def candidates_table(results: Results[Judgement]) -> str:
+def candidates_table(judgements: pd.DataFrame) -> str:
     """Format a line per candidate and kind of camera, compared with the shipped model on the same views."""
-    groups: dict[tuple[str, bool], dict[tuple[str, int], Judgement]] = {}
-    for row in results.rows:
-        groups.setdefault((row.candidate, row.posed), {})[row.name, row.view] = row
-    columns: list[Column] = [
-        ("candidate", itemgetter(0), "{}"),
-        ("camera", lambda key: "known" if key[1] else "unknown", "{}"),
-        ("fits", lambda key: len(groups[key]), "{}"),
-        ("within 10°", lambda key: sum(row.rotation <= 10 for row in groups[key].values()), "{}"),
-        ("the photo: dB, overlap, haze", lambda key: _mean_view(groups[key].values(), "photo"), _view_score),
-        ("other views", lambda key: _mean_view(groups[key].values(), "novel"), _view_score),
-        ("dB over the shipped model", lambda key: _gain_over(groups.get((SHIPPED, key[1])), groups[key], "psnr"), "{}"),
-        ("overlap over it", lambda key: _gain_over(groups.get((SHIPPED, key[1])), groups[key], "overlap"), "{}"),
-        ("s (median)", lambda key: statistics.median(row.seconds for row in groups[key].values()), "{:.1f}"),
-    ]
-    heading = "{machine}; {objects} objects; other views at the dataset's size, with 95 % intervals over views."
-    return _text(heading.format(**results.common), markdown_table(columns, groups))
+    rows = []
+    for (name, posed), own in judgements.groupby(["candidate", "posed"], sort=False):
+        shipped = judgements[(judgements.candidate == SHIPPED) & (judgements.posed == posed)]
+        photo, novel = (ViewScore(*own.filter(like=f"{kind}.").mean()) for kind in ("photo", "novel"))
+        both = own.merge(shipped, on=["name", "view"], suffixes=("", " shipped")) if name != SHIPPED else own[:0]
+        gains = (
+            format_difference(mean_of(both[measure] - both[f"{measure} shipped"])) if len(both) else ""
+            for measure in ("novel.psnr", "novel.overlap")
+        )
+        cells = (
+            *(name, "known" if posed else "unknown", len(own), (own.rotation <= 10).sum()),
+            *(_view_score(photo), _view_score(novel), *gains, f"{own.seconds.median():.1f}"),
+        )
+        rows.append(dict(zip(_CANDIDATES, cells, strict=True)))
+    first = judgements.iloc[0]
+    heading = f"{first.machine}; {first.objects} objects; other views at the dataset's size, with 95 % intervals over"
+    return _text(f"{heading} views.", markdown(rows))
 
 
-def _mean_view(rows: Iterable[Judgement], kind: str) -> ViewScore:
-    scores = [getattr(row, kind) for row in rows]
-    return ViewScore(*(statistics.mean(values) for values in zip(*scores, strict=True)))
+_CANDIDATES = (
+    *("candidate", "camera", "fits", "within 10°", "the photo: dB, overlap, haze", "other views"),
+    *("dB over the shipped model", "overlap over it", "s (median)"),
+)
 
 
-def _gain_over(
-    shipped: Mapping[tuple[str, int], Judgement] | None, own: Mapping[tuple[str, int], Judgement], measure: str
-) -> str:
-    """Format the mean gain in the other views of the fits that both have; nothing without any."""
-    pairs = [(row.novel, shipped[key].novel) for key, row in own.items() if shipped and key in shipped]
-    if not pairs or shipped is own:
-        return ""
-    return format_difference(mean_of([getattr(after, measure) - getattr(before, measure) for after, before in pairs]))
-
-
-def robustness_table(results: Results[RobustnessTrial]) -> str:
+def robustness_table(trials: pd.DataFrame) -> str:
     """Format success rates by stressor, level and preset; confidence and size errors; kinds of failures."""
-    within = success_rates(results.rows)
-    rough = rough_rates(results.rows)
-    presets = list(dict.fromkeys(trial.preset for trial in results.rows))
-    ours = [trial for trial in results.rows if trial.preset == presets[0]]
-    groups = {key: [trial for trial in ours if (trial.stressor, trial.level) == key] for key in within}
-    columns: list[Column] = [("stressor", itemgetter(0), "{}"), ("level", _level, "{}")]
-    for preset in presets:
-        columns.append((preset, _rate_of(preset, within), _rate_with_interval))
-        columns.append((f"within {ROUGH_DEGREES:g}°", _rate_of(preset, rough), _rate))
-    columns += [
-        (f"wrong at confidence > {_SURE:g}", lambda key: sum(map(_misleads, groups[key])), "{}"),
-        ("size error (median)", lambda key: _size_error(groups[key]), "{}"),
-    ]
-    rated = [trial for trial in ours if trial.confidence is not None]
-    area = auroc([trial.confidence or 0 for trial in rated], [trial.success for trial in rated])
-    failed = Counter(trial.outcome for trial in ours if not trial.success).most_common()
-    symmetric = dict.fromkeys(trial.name for trial in results.rows if trial.outcome == "symmetric")
+    first = trials.preset[0]
+    ours = trials[trials.preset == first]
+    failed = ours.outcome[~successes(ours)].value_counts()
+    rated = ours[ours.confidence.notna()]
+    area = auroc(rated.confidence.tolist(), successes(rated).tolist())
+    symmetric = trials.name[trials.outcome == "symmetric"].unique()
     measure = f"share of cameras within {SUCCESS_DEGREES:g}°, with 95 % intervals; and within {ROUGH_DEGREES:g}°."
     return _text(
-        f"{results.common['machine']}; {len({trial.name for trial in results.rows})} objects; {measure}",
-        markdown_table(columns, within),
-        f"Confidence of {presets[0]} over {len(rated)} fits: AUROC {area:.3f}. Where there is an object to be found:",
-        _risk_and_coverage([trial for trial in rated if trial.rotation is not None]),
-        f"Failures of {presets[0]}: {', '.join(f'{count} {name}' for name, count in failed)}.",
+        f"{trials.machine[0]}; {trials.name.nunique()} objects; {measure}",
+        markdown(_stressor_rows(trials, ours)),
+        f"Confidence of {first} over {len(rated)} fits: AUROC {area:.3f}. Where there is an object to be found:",
+        markdown(_risk_and_coverage(rated[rated.rotation.notna()])),
+        f"Failures of {first}: {', '.join(f'{count} {name}' for name, count in failed.items())}.",
         f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}.",
     )
 
 
-def _risk_and_coverage(trials: Sequence[RobustnessTrial]) -> str:
-    """Format by least confidence: the fraction of all fits, of wrong ones among them, and of all right fits."""
+def _stressor_rows(trials: pd.DataFrame, ours: pd.DataFrame) -> Iterable[dict[str, object]]:
+    within = success_rates(trials)
+    rough = rough_rates(trials)
+    misleading = ~successes(ours) & (ours.confidence > _SURE)
+    for (stressor, level), _ in trials.groupby(["stressor", "level"], sort=False):
+        unit = STRESSORS[stressor].unit if stressor in STRESSORS else ""
+        row: dict[str, object] = {"stressor": stressor, "level": f"{level:g} {unit}".strip()}
+        for preset in trials.preset.unique():
+            key = (stressor, level, preset)
+            row[preset] = format_fraction(within[key]) if key in within else ""
+            row[f"{preset}, within {ROUGH_DEGREES:g}°"] = f"{100 * rough[key].mean:.0f} %" if key in rough else ""
+        group = (ours.stressor == stressor) & (ours.level == level)
+        row[f"wrong at confidence > {_SURE:g}"] = misleading[group].sum()
+        size = ours.size_error[group].abs().median()
+        row["size error (median)"] = "" if pd.isna(size) else f"{100 * size:.1f} %"
+        yield row
 
-    def right(least: float) -> list[bool]:
-        return [trial.success for trial in trials if (trial.confidence or 0) >= least]
 
-    columns: list[Column] = [
-        ("confidence from", lambda least: least, "{:g}"),
-        ("fits (coverage)", lambda least: _ratio(len(right(least)), len(trials)), "{}"),
-        ("wrong ones of these (risk)", lambda least: _ratio(right(least).count(False), len(right(least))), "{}"),
-        ("of the right ones", lambda least: _ratio(sum(right(least)), sum(right(0.0))), "{}"),
-    ]
-    return markdown_table(columns, _THRESHOLDS)
+def _risk_and_coverage(trials: pd.DataFrame) -> Iterable[dict[str, object]]:
+    """Yield by least confidence: the fraction of all fits, of wrong ones among them, and of all right fits."""
+    right = successes(trials)
+    for least in _THRESHOLDS:
+        kept = right[trials.confidence >= least]
+        yield {
+            "confidence from": f"{least:g}",
+            "fits (coverage)": _ratio(len(kept), len(trials)),
+            "wrong ones of these (risk)": _ratio(int((~kept).sum()), len(kept)),
+            "of the right ones": _ratio(int(kept.sum()), int(right.sum())),
+        }
 
 
 def _ratio(count: int, total: int) -> str:
     return f"{100 * count / total:.0f} %" if total else ""
 
 
-def _level(key: tuple[str, float]) -> str:
-    name, level = key
-    return f"{level:g} {STRESSORS[name].unit if name in STRESSORS else ''}".strip()
-
-
-def _rate_of(preset: str, rates: Rates) -> Callable[[tuple[str, float]], Mean | None]:
-    return lambda key: rates[key].get(preset)
-
-
-def _rate_with_interval(rate: Mean | None) -> str:
-    return format_fraction(rate) if rate else ""
-
-
-def _rate(rate: Mean | None) -> str:
-    return f"{100 * rate.mean:.0f} %" if rate else ""
-
-
-def _misleads(trial: RobustnessTrial) -> bool:
-    return not trial.success and (trial.confidence or 0) > _SURE
-
-
-def _size_error(trials: Sequence[RobustnessTrial]) -> str:
-    sizes = [abs(trial.size_error) for trial in trials if trial.size_error is not None]
-    return f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
-
-
 # Photographs
 
 
-def photos_table(results: Results[PhotoTrial]) -> str:
+def photos_table(trials: pd.DataFrame) -> str:
     """Format a line per photo, and one per category."""
-    columns: list[Column] = [
-        ("photo", "photo", "{}"),
-        ("box", "detected", "{}"),
-        ("cut out", "cut_out", "{}"),
-        ("sure of it", "mask_confidence", "{:.2f}"),
-        ("taken for", "taken_for", "{}"),
-        ("side", "right_side", lambda right: "none" if right is None else "right" if right else "wrong"),
-        ("confidence", "confidence", "{:.2f}"),
-        ("PSNR", "psnr", "{:.1f}"),
-        ("s", "seconds", "{:.1f}"),
-    ]
-    categories = sorted({trial.category for trial in results.rows})
-    summaries = [_category_summary(category, results.rows) for category in categories]
-    heading = "{preset} without a hint; sides and boxes by eye ({machine}).".format(**results.common)
-    return _text(heading, *summaries, markdown_table(columns, results.rows))
+    sides = {True: "right", False: "wrong"}
+    rows = (
+        {
+            "photo": row.photo,
+            "box": row.detected,
+            "cut out": row.cut_out,
+            "sure of it": f"{row.mask_confidence:.2f}",
+            "taken for": row.taken_for,
+            "side": sides.get(row.right_side, "none"),
+            "confidence": f"{row.confidence:.2f}",
+            "PSNR": f"{row.psnr:.1f}",
+            "s": f"{row.seconds:.1f}",
+        }
+        for row in trials.itertuples()
+    )
+    summaries = [_category_summary(str(category), group) for category, group in trials.groupby("category")]
+    heading = f"{trials.preset[0]} without a hint; sides and boxes by eye ({trials.machine[0]})."
+    return _text(heading, *summaries, markdown(rows))
 
 
-def _category_summary(category: str, trials: Sequence[PhotoTrial]) -> str:
-    trials = [trial for trial in trials if trial.category == category]
-    counts = Counter(trial.cut_out for trial in trials)
-    model = sum(trial.taken_for == category for trial in trials)
-    side = sum(trial.right for trial in trials)
-    wrong = [trial.confidence for trial in trials if not trial.right and trial.right_side is not None]
-    cut = f"cut out whole {counts['whole']}, in part {counts['part']}, wrongly {counts['wrong']}"
-    right = f"right model {model}, right side {side}; surest wrong camera {max(wrong, default=0.0):.2f}"
-    return f"{len(trials)} {category}: {cut}; {right}."
+def _category_summary(category: str, trials: pd.DataFrame) -> str:
+    right = (trials.taken_for == category) & (trials.right_side == True)  # noqa: E712 - None and NaN are neither
+    wrong = trials.confidence[~right & trials.right_side.notna()]
+    whole, in_part, wrongly = ((trials.cut_out == grade).sum() for grade in ("whole", "part", "wrong"))
+    cut = f"cut out whole {whole}, in part {in_part}, wrongly {wrongly}"
+    counts = f"right model {(trials.taken_for == category).sum()}, right side {right.sum()}"
+    return f"{len(trials)} {category}: {cut}; {counts}; surest wrong camera {max(wrong, default=0.0):.2f}."

@@ -1,6 +1,6 @@
 """Means over objects with bootstrap intervals, and their formatting."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ class Mean(NamedTuple):
     high: float
 
 
-def mean_of(values: Sequence[float]) -> Mean:
+def mean_of(values: Collection[float]) -> Mean:
     """Return the mean and its deterministic bootstrap interval; NaN without values.
 
     Example:
@@ -31,17 +31,7 @@ def mean_of(values: Sequence[float]) -> Mean:
     return Mean(float(array.mean()), float(low), float(high))
 
 
-def mean_gain(values: Sequence[float], baselines: Sequence[float]) -> Mean:
-    """Return the mean difference of paired values (same objects or same views).
-
-    Example:
-        >>> mean_gain([21.0, 31.0], [20.0, 30.0]).mean
-        1.0
-    """
-    return mean_of([value - baseline for value, baseline in zip(values, baselines, strict=True)])
-
-
-def fraction_within(values: Sequence[float], limit: float) -> Mean:
+def fraction_within(values: Collection[float], limit: float) -> Mean:
     """Return the fraction of values that are at most ``limit``, 0..1, with its interval.
 
     Example:

@@ -9,7 +9,7 @@ from core.metrics import psnr
 from core.models.model import Model
 from core.rendering.reference import render_exact
 
-_MEASURED_OBJECTS = 8  # of which held-out views are compared during training
+_MEASURED_OBJECTS = 8  # objects whose held-out views are compared during training
 
 
 def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:

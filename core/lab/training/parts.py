@@ -24,8 +24,8 @@ from core.streams import run_to_end
 _RESOLUTION = 96  # cells along the longest side of both surfaces
 _PLACES = 1000  # points on each object's surface
 _DEPTH = 0.004  # scene units below the surface
-_STEPS = 60  # of L-BFGS
-_WEIGHT_DECAY = 1e-4  # of the squared norm of the weights
+_STEPS = 60  # steps of L-BFGS
+_WEIGHT_DECAY = 1e-4  # factor of the squared norm of the weights in the loss
 
 Places = tuple[Float[Tensor, "places width"], Int[Tensor, "places"]]  # field features, part indices
 

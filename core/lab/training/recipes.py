@@ -19,7 +19,7 @@ class TrainSettings:
     field: FieldConfig = field(default_factory=FieldConfig)
     steps: int = 100_000
     rays: int = 768  # per step
-    samples: int = 24  # of a ray, within the lit part of its hull
+    samples: int = 24  # samples of a ray, within the lit part of its hull
     outside_points: int = 768  # points outside the hulls whose density is penalised, per step
     muon_lr: float | None = 1e-2
     """peak learning rate of the network's matrices by Muon; None: by AdamW like the rest, as in the paper"""

@@ -34,7 +34,7 @@ _PRUNE_AT = (0.08, 0.2, 0.4, 0.7)  # Fractions of the schedule at which hulls ar
 _PRUNE_AFTER = 2000  # steps before the first pruning: the field must have found the object
 _OUTSIDE_INTERVALS = 64  # across the box: the interval by which density outside the hulls is penalised
 _MIN_MUON_DIM = 8  # AdamW optimises matrices with fewer rows or columns (density, colour)
-_WEIGHT_DECAY = 1e-4  # of the weights, per step and learning rate
+_WEIGHT_DECAY = 1e-4  # decay of the weights per step, relative to the learning rate
 _WARMUP_STEPS = 500
 _FINAL_LR = 0.01  # learning rates at the end of the schedule, relative to their peaks
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import trimesh
 from PIL import ExifTags, Image
 
 from core.__main__ import main
@@ -130,6 +131,26 @@ def test_mesh_writes_the_object():
     assert Path("a.ply").read_bytes().startswith(b"ply")
     run("mesh --model m.safetensors --object 1 --resolution 24 --texture 64 --metres 0.9 --out a.glb")
     assert b"baseColorTexture" in Path("a.glb").read_bytes()
+
+
+def test_a_size_in_centimetres_is_that_of_the_mesh_and_of_pictures():
+    tiny_model().save(Path("m.safetensors"))
+    options = "--model m.safetensors --object 1"
+    run(f"mesh {options} --size-cm 60x58x92 --resolution 24 --out a.glb")
+    low, high = trimesh.load_scene("a.glb", process=False).bounds
+    np.testing.assert_allclose(high - low, (0.60, 0.92, 0.58), atol=1e-3)
+    run(f"render {options} --size 48 --out natural.png")
+    run(f"render {options} --size 48 --size-cm 60x58x120 --out sized.png")
+    assert (pixels("natural.png") != pixels("sized.png")).any()
+    run("mesh --model m.safetensors --scene sized.png --resolution 24 --out b.glb")
+    low, high = trimesh.load_scene("b.glb", process=False).bounds
+    np.testing.assert_allclose(high - low, (0.60, 1.20, 0.58), atol=1e-3)
+
+
+@pytest.mark.parametrize("size", ["0x58x92", "60x-5x92", "nanx58x92", "60x58", "1x2x3x4x5", "1e6x1e6x1e6", "60x58x5e4"])
+def test_other_sizes_are_refused(size: str, capsys: pytest.CaptureFixture[str]):
+    tiny_model().save(Path("m.safetensors"))
+    assert "cm" in refused(capsys, f"render --model m.safetensors --size-cm {size} --out a.png")
 
 
 def test_objects_are_edited_by_words_and_painted():
@@ -353,7 +374,7 @@ def test_bench_measures_fits_and_draws_their_charts(capsys, monkeypatch):
     run(f"bench robustness {words}")
     assert "| stressor | level | normal |" in capsys.readouterr().out
     before = Path("charts/robustness.csv").read_text()
-    run(f"bench robustness {words} --part 1/2")  # nothing is left to measure
+    run(f"bench robustness {words} --stressors none")  # nothing is left to measure
     assert Path("charts/robustness.csv").read_text() == before
     write_object(Path("d"), views_of(tiny_model(), 0, 3))
     run(f"bench fit {words} --dataset d")

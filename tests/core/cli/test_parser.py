@@ -42,6 +42,14 @@ assert not {"torch", "numpy", "PIL"} & {*sys.modules}
         assert any(word in printed for printed in words), word
 
 
+def test_a_benchmark_without_the_extra_lab_names_the_missing_package() -> None:
+    code = "import sys; sys.modules['pandas'] = None; from core.__main__ import main; main(['bench', 'redraw'])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.endswith("this command needs pandas: pip install 'codenerf-viewer[lab]'")
+
+
 def test_help_lists_every_format_that_can_be_written() -> None:
     """They are written out in the parser, as the tables hold writers that load torch."""
     commands = next(iter(build_parser()._subparsers._group_actions)).choices

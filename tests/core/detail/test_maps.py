@@ -9,10 +9,9 @@ import torch
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.detail.maps import ComparedPhoto, SurfaceTexels, detail_maps, paint_weight, surface_normals
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
-from core.gl.baked_field import render_baked
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
@@ -24,6 +23,7 @@ from core.rendering.outline import FADED, effective_strength
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end
 from tests.conftest import no_opengl
+from tests.core.baked_reference import render_baked
 
 SIZE = 192
 SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"
@@ -166,13 +166,19 @@ def test_every_stage_shows_photo_detail(instance: Instance, camera: Camera) -> N
 
 
 @pytest.mark.parametrize(
-    ("azimuth", "covers", "edited"),
-    [(1.4, False, False), (1.4, False, True), (np.pi - 1.1, False, False), (np.pi - 1.1, True, False)],
+    ("azimuth", "covers", "edited", "stretch"),
+    [
+        (1.4, False, False, None),
+        (1.4, False, True, None),
+        (1.2, False, False, (1.5, 1.0, 0.8)),
+        (np.pi - 1.1, False, False, None),
+        (np.pi - 1.1, True, False, None),
+    ],
 )
 def test_opengl_and_the_processor_draw_the_same_photo_detail(
-    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool
+    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool, stretch: Factors | None
 ) -> None:
-    instance = moved_along(instance, 0, 9.0) if edited else instance
+    instance = moved_along(instance, 0, 9.0) if edited else instance.changed(stretch=stretch)
     *_, shadowed = filter(None, bake(instance))
     assert shadowed.detail is not None and (shadowed.detail.warp is not None) == edited
     baked = replace(shadowed, shadow=None)

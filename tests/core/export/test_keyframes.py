@@ -168,6 +168,18 @@ def test_a_morph_turns_once_and_is_the_other_object_halfway() -> None:
     assert turned[2] == pytest.approx(math.pi / 2) and turned[6] == pytest.approx(-math.pi / 2)
 
 
+def test_sizes_change_between_keys() -> None:
+    instance, camera = shot()
+    wide = instance.changed(stretch=(3.0, 1.0, 1.0))
+    keys = Keyframe(0.0, View(instance, camera)), Keyframe(2.0, View(wide, camera))
+    video = Timeline(keys, 2.0, loop=False)
+    assert [video.at(seconds).instance.codes.stretch for seconds in (0.0, 1.0, 2.0)] == [
+        None,
+        (2.0, 1.0, 1.0),
+        (3.0, 1.0, 1.0),
+    ]
+
+
 @pytest.mark.parametrize("film", [swing, turntable])
 def test_a_video_without_frames_is_refused(film: Callable[..., list[View]]) -> None:
     with pytest.raises(ValueError, match="at least 1 frame"):

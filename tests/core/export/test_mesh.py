@@ -20,6 +20,7 @@ from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.rendering import fast
+from core.rendering.size import sized
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import unchecked_shapes
@@ -252,6 +253,49 @@ def test_a_mesh_in_metres_stands_on_the_ground(name: str, tiny: Model, tmp_path:
     assert low[up] == pytest.approx(0, abs=1e-5)
     np.testing.assert_allclose(np.delete(low + high, up), 0, atol=1e-5)
     assert (high - low).max() == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("name", ["stool.glb", "stool.obj", "stool.ply"])
+@pytest.mark.parametrize("texture", [0, 64])
+def test_a_sized_object_measures_its_size(name: str, texture: int, tiny: Model, tmp_path: Path):
+    if texture and name != "stool.glb":
+        return
+    stool = sized(tiny[0], (60.0, 58.0, 92.0))
+    list(export_mesh(stool, tmp_path / name, MeshSettings(32, texture=texture)))
+    low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
+    expected = (0.60, 0.58, 0.92) if name.endswith(".ply") else (0.60, 0.92, 0.58)
+    np.testing.assert_allclose(high - low, expected, atol=1e-4)
+    assert low[expected.index(0.92)] == pytest.approx(0, abs=1e-5)
+    list(export_mesh(stool, tmp_path / name, MeshSettings(32, metres=0.46, texture=texture)))
+    low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
+    np.testing.assert_allclose(high - low, np.array(expected) / 2, atol=1e-4)
+
+
+def test_normals_are_those_of_the_stretched_surface(tiny: Model, tmp_path: Path):
+    list(export_mesh(tiny[0].changed(stretch=(2.0, 1.0, 0.5)), tmp_path / "stool.ply", MeshSettings(48)))
+    read = trimesh.load_mesh(tmp_path / "stool.ply", process=False)
+    written = np.array(read.vertex_normals)
+    np.testing.assert_allclose(np.linalg.norm(written, axis=1), 1, atol=1e-4)
+    own = trimesh.Trimesh(read.vertices, read.faces, process=False).vertex_normals
+    assert np.median((written * own).sum(1)) > 0.99
+
+
+def test_the_camera_of_a_sized_glb_sees_the_object_where_pictures_do(tiny: Model, tmp_path: Path):
+    path = tmp_path / "stool.glb"
+    stool = sized(tiny[0], (60.0, 40.0, 92.0))
+    camera = tiny.camera(0.7, 0.4).resized(96, 64)
+    list(export_mesh(stool, path, MeshSettings(32), camera))
+    written = path.read_bytes()
+    document = json.loads(written[20 : 20 + int.from_bytes(written[12:16], "little")])
+    (node,) = (node for node in document["nodes"] if "camera" in node)
+    points = trimesh.load_scene(path, process=False).to_geometry().vertices
+    local = np.c_[points, np.ones(len(points))] @ np.linalg.inv(np.reshape(node["matrix"], (4, 4)).T).T
+    slopes = local[:, :2] / -local[:, 2:3] / np.tan(document["cameras"][0]["perspective"]["yfov"] / 2)
+    own = torch.from_numpy(run_to_end(extract_mesh(stool, 32)).vertices)
+    expected = stool.local_camera(camera).project(own).numpy()
+    projected = np.c_[48 + 32 * slopes[:, 0], 32 - 32 * slopes[:, 1]]
+    np.testing.assert_allclose(projected.min(0), expected.min(0), atol=0.3)
+    np.testing.assert_allclose(projected.max(0), expected.max(0), atol=0.3)
 
 
 def test_a_texture_has_the_colours_of_the_vertices(tiny: Model, tmp_path: Path):

@@ -14,7 +14,7 @@ from PIL import Image
 
 from core.export.page import MAX_BYTES, write_page
 from core.export.page import page as page_text
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, Factors
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
@@ -53,7 +53,18 @@ def drawn(browser: Chromium, azimuth: float, elevation: float) -> Float[np.ndarr
     return on_white(browser.picture(f"view.azimuth = {azimuth}; view.elevation = {elevation}; draw(1)"))
 
 
-@pytest.mark.parametrize("side, views", [("mirrored", CAMERAS), ("soft", CAMERAS[:2]), (None, CAMERAS[:2])])
+STRETCH = 1.0, 1.5, 0.7
+
+
+@pytest.mark.parametrize(
+    "side, views, stretch",
+    [
+        ("mirrored", CAMERAS, None),
+        ("soft", CAMERAS[:2], None),
+        (None, CAMERAS[:2], None),
+        ("mirrored", CAMERAS[:3], STRETCH),
+    ],
+)
 def test_pages_show_the_programs_own_render(
     tiny: Model,
     camera: Camera,
@@ -61,8 +72,10 @@ def test_pages_show_the_programs_own_render(
     tmp_path: Path,
     side: OtherSide | None,
     views: list[tuple[float, float]],
+    stretch: Factors | None,
 ) -> None:
     instance = tiny[0] if side is None else striped(tiny, camera.resized(192, 192))
+    instance = instance.changed(stretch=stretch)
     if instance.detail and side:
         instance = instance.with_detail(replace(instance.detail, other_side=side))
     path = tmp_path / "object.html"

@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,7 +7,6 @@ import pytest
 import torch
 import trimesh
 
-from core.export.glb import split
 from core.export.mesh import MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh
 from core.models.library import load_model
@@ -21,11 +21,17 @@ def car() -> tuple[Model, Mesh]:
     return cars, run_to_end(extract_mesh(cars[cars.codes.index["cars-0000030-0000030"]], 80))
 
 
+def triangles_by_part(mesh: Mesh) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield each part's name and triangles."""
+    names, counts = zip(*mesh.part_counts, strict=True)
+    return zip(names, np.split(mesh.faces, np.cumsum(counts)[:-1]), strict=True)
+
+
 def test_a_car_has_a_wheel_at_each_corner_glass_above_them_and_a_body(car: tuple[Model, Mesh]):
     _, mesh = car
     low = mesh.vertices.min(0)
     size = mesh.vertices.max(0) - low
-    places = {name: (mesh.vertices[faces].mean(1) - low) / size for name, faces in split(mesh.faces, mesh.part_counts)}
+    places = {name: (mesh.vertices[faces].mean(1) - low) / size for name, faces in triangles_by_part(mesh)}
     assert list(places) == ["body", "wheels", "glass"]
     assert sum(map(len, places.values())) == len(mesh.faces)
     wheels = places["wheels"]
@@ -63,7 +69,7 @@ def test_chairs_have_their_own_parts_and_a_seat_ends_below_the_back():
     chairs = load_model("chairs")
     chair = chairs[chairs.codes.index["quaternius_oct2017_chaircushioned"]]
     mesh = run_to_end(extract_mesh(chair, 64))
-    heights = {name: mesh.vertices[faces][..., 2] for name, faces in split(mesh.faces, mesh.part_counts)}
+    heights = {name: mesh.vertices[faces][..., 2] for name, faces in triangles_by_part(mesh)}
     assert {"seat", "back", "legs"} <= set(heights)
     top = np.median(heights["seat"])
     assert heights["legs"].max() < top + 0.1 and heights["back"].min() > top - 0.15

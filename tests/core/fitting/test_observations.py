@@ -31,6 +31,16 @@ def test_sampled_pixels_represent_the_visible_photo(tiny: Model):
     assert abs(float(pixels.weights.sum()) - 1) < 1e-5
 
 
+def test_halves_of_sampled_pixels_represent_the_photo_too(tiny: Model):
+    observation = Observation.of(photo_of(tiny[0], tiny.camera(0.9, 0.3)), tiny)
+    pixels = sample_pixels([observation], 65, torch.Generator().manual_seed(0))
+    halves = [pixels.subset(slice(first, None, 2)) for first in range(2)]
+    assert [half.pixels.shape[1] for half in halves] == [33, 32]
+    means = [float((half.target_opacity * half.weights).sum()) for half in halves]
+    expected = float((pixels.target_opacity * pixels.weights).sum())
+    assert abs((33 * means[0] + 32 * means[1]) / 65 - expected) < 1e-5
+
+
 def test_certainty_is_lower_near_uncertain_edges(tiny: Model):
     photo = photo_of(tiny[0], tiny.camera(0.9, 0.3))
     sure, unsure = (Observation.of(replace(photo, edge_error=error), tiny).certainty for error in (0.0, 2.0))

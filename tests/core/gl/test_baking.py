@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from core.geometry.camera import Camera
-from core.gl.baked_field import BakedField, render_baked
+from core.geometry.camera import Camera, Factors
+from core.gl.baked_field import BakedField
 from core.gl.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
+from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Model
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
-from tests.conftest import random_model, with_contrast
+from tests.conftest import no_opengl, random_model, with_contrast
+from tests.core.baked_reference import render_baked
 from tests.core.tiny import tiny_model
 
 
@@ -39,6 +41,28 @@ def test_renders_of_baked_fields_approach_the_exact_one_with_more_cells(tiny: Mo
     assert solid.sum() > 200
     np.testing.assert_allclose(rendered.opacity, exact.opacity, atol=0.05)
     np.testing.assert_allclose(rendered.depth[solid], exact.depth[solid], atol=0.02)
+
+
+@pytest.mark.parametrize("stretch", [(2.0, 1.0, 0.5), (0.6, 1.1, 1.5)])
+def test_a_stretched_object_has_the_same_texels_and_another_picture(tiny: Model, stretch: Factors) -> None:
+    stool = tiny[0].changed(stretch=stretch)
+    camera = tiny.camera(0.7, 0.4).resized(96, 64)
+    exact = render_exact(stool, camera)
+    *_, fine = filter(None, bake(stool))
+    *_, natural = filter(None, bake(tiny[0]))
+    np.testing.assert_array_equal(fine.texels, natural.texels)
+    assert psnr(render_baked(fine, camera).colour, exact.colour) > 40
+    views = run_to_end(bake_views(stool, [camera], 128))
+    assert psnr(render_baked(views.seen_from(camera), camera).colour, exact.colour) > 40
+    try:
+        pictures = OffscreenRenderer((96, 64))
+    except RuntimeError as error:
+        no_opengl(error)
+    with pictures:
+        image = torch.from_numpy(pictures.draw(replace(fine, shadow=None), camera).copy()).float() / 255
+    assert psnr(image, exact.colour) > 40
+    assert fine.shadow.height == pytest.approx(natural.shadow.height * stool.codes.proportions[2])
+    assert fine.shadow.reach[0] == pytest.approx(natural.shadow.reach[0] * stool.codes.proportions[0])
 
 
 @pytest.mark.parametrize("perspective", [True, False])

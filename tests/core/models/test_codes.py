@@ -41,6 +41,26 @@ def test_shape_and_texture_are_mixed_separately_and_must_be_finite():
         Codes(torch.tensor([torch.nan]), torch.zeros(1))
 
 
+def test_a_stretch_goes_with_the_shape():
+    natural = Codes(torch.zeros(3), torch.zeros(2))
+    wide = Codes(torch.ones(3), torch.ones(2), stretch=(3.0, 1.0, 1.0))
+    assert natural.taking("shape", wide).stretch == wide.stretch == wide.taking("texture", natural).stretch
+    assert natural.taking("texture", wide).stretch is None
+    assert natural.mixed(wide, 0.5, 0.0).stretch == (2.0, 1.0, 1.0)
+    assert natural.mixed(wide, 1.0, 1.0) == wide
+    assert wide.mixed(natural, 1.0, 1.0) == natural
+    assert natural == Codes(torch.zeros(3), torch.zeros(2), stretch=(1.0, 1.0, 1.0))
+    assert wide != Codes(torch.ones(3), torch.ones(2))
+    x, y, z = wide.proportions
+    assert x == pytest.approx(3 * y) and y == z and x**2 + y**2 + z**2 == pytest.approx(3)
+
+
+@pytest.mark.parametrize("stretch", [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (torch.nan,) * 3, (1e3,) * 3, (1.0, 20.0, 1.0)])
+def test_other_stretches_are_refused(stretch: tuple[float, float, float]):
+    with pytest.raises(ValueError, match="times"):
+        Codes(torch.zeros(3), torch.zeros(2), stretch=stretch)
+
+
 def test_a_code_book_shares_shapes_and_samples_by_seed():
     book = CodeBook(cloud(count=2), cloud(1, count=3), (Entry("a", 0, 0), Entry("b", 0, 2)))
     assert torch.equal(book[0].shape, book[1].shape)

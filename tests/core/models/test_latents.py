@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import extract_mesh
-from core.gl.baked_field import render_baked
 from core.gl.baking import bake
 from core.metrics import psnr
 from core.models.latents import Latents, mixed_offsets, read_offsets
@@ -19,6 +18,7 @@ from core.models.scene import Scene
 from core.rendering.images import render_image
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
+from tests.core.baked_reference import render_baked
 
 BLOCKS, WIDTH = 2, 32  # of the tiny model
 

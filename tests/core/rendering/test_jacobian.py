@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from core.geometry.rays import Rays
 from core.models.model import Model
@@ -46,6 +47,11 @@ def rendered(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, Re
     return rays, moves, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), moves)
 
 
+def with_opacity(by_texture: Tensor) -> Tensor:
+    """Derivatives of all channels by the texture, which does not change opacity."""
+    return pad(by_texture, (0, 0, 0, 1))
+
+
 @pytest.mark.parametrize(("white_from_network", "contrast"), [(False, 0.0), (True, 0.0), (False, 20.0)])
 def test_with_all_samples_channels_and_jacobian_are_those_of_autograd(white_from_network: bool, contrast: float):
     model = with_contrast(random_model(white_from_network=white_from_network), contrast)
@@ -61,12 +67,22 @@ def test_with_all_samples_channels_and_jacobian_are_those_of_autograd(white_from
         )
         torch.testing.assert_close(jacobian.origin[..., index, :], origin, rtol=1e-3, atol=1e-4)
         torch.testing.assert_close(jacobian.direction[..., index, :], direction, rtol=1e-3, atol=1e-4)
-        ours = jacobian.codes[..., index, :].sum((1, 2))
-        expected = [
-            (slope.flatten(1)[..., None] * move.flatten(1, 2)).sum(1)
-            for slope, move in ((by_shape, moves.shape), (by_texture, moves.texture))
-        ]
-        torch.testing.assert_close(ours, torch.cat(expected, -1), rtol=1e-3, atol=1e-3)
+        by_codes = (jacobian.shape, by_shape, moves.shape), (with_opacity(jacobian.texture), by_texture, moves.texture)
+        for ours, slope, move in by_codes:
+            expected = (slope.flatten(1)[..., None] * move.flatten(1, 2)).sum(1)
+            torch.testing.assert_close(ours[..., index, :].sum((1, 2)), expected, rtol=1e-3, atol=1e-3)
+
+
+def test_biases_with_numbers_of_their_own_are_a_diagonal_jacobian(model: Model):
+    rays = bundle(model, OBJECTS, RAYS)
+    generator = torch.Generator().manual_seed(6)
+    scales = BiasJacobians(*(torch.rand(bias.shape, generator=generator) for bias in biases(model)))
+    diagonals = BiasJacobians(*(torch.diag_embed(scale.flatten(1)).unflatten(1, scale.shape[1:]) for scale in scales))
+    ours, expected = (
+        render_with_jacobian(model, rays, SAMPLES, 4, *biases(model), moves) for moves in (scales, diagonals)
+    )
+    for derivative, mapped in zip(ours, expected, strict=True):
+        torch.testing.assert_close(derivative, mapped, rtol=1e-5, atol=1e-6)
 
 
 def test_few_samples_give_similar_derivatives_and_chunks_the_same(
@@ -74,10 +90,10 @@ def test_few_samples_give_similar_derivatives_and_chunks_the_same(
 ) -> None:
     _, _, complete = rendered(model)
     _, _, sparse = rendered(model, 4)
-    for name in ("channels", "origin", "codes"):
+    for name in ("channels", "origin", "shape"):
         similarity = torch.cosine_similarity(getattr(complete, name).flatten(), getattr(sparse, name).flatten(), dim=0)
         assert float(similarity) > 0.95
-    monkeypatch.setattr(jacobians, "CHUNK_POINTS", 50)
+    monkeypatch.setattr(jacobians, "chunk_points", lambda _: 50)
     _, _, chunked = rendered(model)
     for values, expected in zip(chunked, complete, strict=True):
         torch.testing.assert_close(values, expected, rtol=1e-4, atol=1e-5)

@@ -10,7 +10,6 @@ import torch
 from core.export.mesh import extract_mesh
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
-from core.gl.baked_field import render_baked
 from core.gl.baking import bake
 from core.metrics import psnr
 from core.models.model import Instance, Model
@@ -19,6 +18,7 @@ from core.rendering.fast import clear_cache, render
 from core.rendering.outline import FADED, Outline, coherence, outline
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
+from tests.core.baked_reference import render_baked
 
 SIZE = 96
 MARGIN = 0.03

@@ -17,10 +17,10 @@ from viewer.values.share_settings import ShareSettings
 
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
-    seen: list[float] = []
+    progress: list[float] = []
     session.exporting.share(tmp_path / "turn.gif", ShareSettings("turntable", size=16))
-    finish(session, lambda: bool(seen.append(session.exporting.progress)) or not session.exporting.running)
-    assert max(seen) == 1.0
+    finish(session, lambda: bool(progress.append(session.exporting.progress)) or not session.exporting.running)
+    assert max(progress) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
         assert (video.n_frames, video.size) == (TURN, (16, 16))
     assert session.messages.errors == []
@@ -67,7 +67,7 @@ _REFUSED = {
 
 
 @pytest.mark.parametrize(("kind", "names"), _REFUSED.items())
-def test_what_cannot_be_written_is_reported(session: Session, tmp_path: Path, kind: str, names: str) -> None:
+def test_an_unwritable_export_is_reported(session: Session, tmp_path: Path, kind: str, names: str) -> None:
     for name in names.split():
         session.messages.all.clear()
         session.exporting.share(tmp_path / name, ShareSettings(kind, cells=16, size=16))

@@ -48,18 +48,18 @@ def test_an_object_without_photo_has_no_swing_and_one_that_is_b_no_turn_with_b(s
 
 
 @pytest.mark.parametrize(("sources", "shares"), [(None, (0.0, 0.0)), ([[0.3, 0.2], [0.0, 0.0]], (0.6, 0.4))])
-def test_shares_count_the_object_alone(sources: list | None, shares: tuple[float, float]) -> None:
+def test_photo_shares_ignore_transparent_pixels(sources: list | None, shares: tuple[float, float]) -> None:
     opacity = np.array([[0.5, 0.0]], np.float32)
-    about = None if sources is None else np.array([sources], np.float32)
-    frame = Frame(np.zeros((1, 2, 3), np.uint8), opacity, opacity, 0, 1, 8, 0.0, sources=about)
+    fractions = None if sources is None else np.array([sources], np.float32)
+    frame = Frame(np.zeros((1, 2, 3), np.uint8), opacity, opacity, 0, 1, 8, 0.0, sources=fractions)
     assert frame.photo_shares == pytest.approx(shares)
 
 
-def test_the_time_of_saving_is_told_before_and_grows_with_the_size(session: Session) -> None:
+def test_the_estimated_time_of_saving_grows_with_the_size(session: Session) -> None:
     preview = session.exporting.preview
     seconds = []
-    for size, exact in ((256, False), (1080, False), (1080, True)):
-        preview.update(ShareSettings("turntable", size=size, exact=exact))
+    for size in (256, 512, 1080):
+        preview.update(ShareSettings("turntable", size=size))
         finish(session, lambda: preview.seconds is not None)
         seconds.append(preview.seconds)
     assert seconds == sorted(seconds)

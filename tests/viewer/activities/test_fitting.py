@@ -43,7 +43,7 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, editor: E
     assert "block" in editor.objects.own
 
 
-def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, editor: Editor, photo: Path) -> None:
+def test_a_stopped_fit_keeps_its_newest_step(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     session.fitting.start(photo)
     finish_when = lambda: len(session.fitting.history.steps) > 4  # noqa: E731
@@ -110,7 +110,7 @@ def test_a_fit_is_begun_again_and_resumed(session: Session, photo: Path) -> None
     assert fitting.history.last.cameras == kept[-1].cameras
 
 
-def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, photo: Path) -> None:
+def test_a_failed_resume_keeps_the_former_fit(session: Session, photo: Path) -> None:
     session.fitting.start(photo)
     finish(session)
     history = session.fitting.history
@@ -157,9 +157,9 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, phot
 
 def block(photo: Path, name: str) -> Path:
     """Another photo."""
-    other = photo.with_name(f"block {name}.png")
-    other.write_bytes(photo.read_bytes())
-    return other
+    copy = photo.with_name(f"block {name}.png")
+    copy.write_bytes(photo.read_bytes())
+    return copy
 
 
 def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]):
@@ -168,7 +168,7 @@ def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, phot
         fitting.start(path)
     assert [request.history.name for request in fitting.queue] == ["block b", "text", "block c"]
     finish(session, lambda: not fitting.running)
-    assert {one.name for one in editor.objects.added} == {"block", "block b", "block c"}
+    assert {added.name for added in editor.objects.added} == {"block", "block b", "block c"}
     assert len(session.messages.errors) == 1
     assert [(request.history.name, bool(request.problem)) for request in fitting.pending] == [("text", True)]
     assert editor.state.mix.a.shape == "block"  # what is being edited stays
@@ -249,9 +249,9 @@ def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Sessi
     assert question.words.startswith("Which one?")
     assert question.preview.boxes == ((0.0, 0.2, 0.5, 0.8), (0.5, 0.2, 1.0, 0.8))
 
-    def noted(path: Path, wanted: Hints | None) -> CutOut:
-        hints.append(wanted)
-        return crowded(path, wanted)
+    def noted(path: Path, photo_hints: Hints | None) -> CutOut:
+        hints.append(photo_hints)
+        return crowded(path, photo_hints)
 
     session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
     fitting.choose(question.request.history.sources, 0, 1)
@@ -280,7 +280,7 @@ def test_a_question_is_saved_and_asked_again(session: Session, photo: Path, tmp_
     assert session.editor.objects.own == ["block"]
 
 
-def test_a_failed_fit_is_saved_and_not_repeated_until_it_is_told_to(session: Session, photo: Path, tmp_path: Path):
+def test_a_failed_fit_is_saved_and_repeated_on_request_alone(session: Session, photo: Path, tmp_path: Path):
     working = session.jobs.backend
     session.jobs.backend = replace(working, fit=broken_fit)
     session.fitting.start(photo)
@@ -355,7 +355,7 @@ def test_the_fit_of_the_object_in_the_view_is_shown_beside_another_that_runs(ses
     assert fitting.shown.sources[0].path == second
 
 
-def test_a_result_does_not_take_over_what_is_edited(session: Session, editor: Editor, photo: Path) -> None:
+def test_a_result_does_not_replace_an_object_being_edited(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     session.fitting.start(photo)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
@@ -385,7 +385,7 @@ def test_the_first_result_can_be_used_while_it_is_checked(session: Session, edit
     assert editor.objects["block"].instance == model[4]
     assert editor.scene.instance == model[4]  # nobody has edited it
     assert editor.scene.camera.azimuth == pytest.approx(1.0 + np.pi, abs=0.02)
-    assert [one.name for one in editor.objects.added] == ["block"]
+    assert [added.name for added in editor.objects.added] == ["block"]
     assert "a better viewpoint was found" in session.messages.all[-1].text
     editor.undo()
     assert editor.scene.instance == model[3]
@@ -422,18 +422,18 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
 
 
-def test_a_photo_of_something_else_among_several_is_asked_about(session: Session, photo: Path) -> None:
-    other = photo.with_name("block other.png")
+def test_a_photo_of_another_category_among_several_is_a_question(session: Session, photo: Path) -> None:
+    second = photo.with_name("block other.png")
     beside = photo.with_name("block.mov")
-    shutil.copy(photo, other)
+    shutil.copy(photo, second)
     beside.write_bytes(b"moving")
     guesses = iter(({"chairs": 0.9, "boats": 0.1}, {"chairs": 0.1, "boats": 0.9}))
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
-    session.fitting.start(photo, beside, other)
+    session.fitting.start(photo, beside, second)
     finish(session, lambda: not session.fitting.running)
     assert [message.text for message in session.messages.shown] == ["Left out block.mov: no image"]
     (question,) = session.fitting.questions
-    assert question.source.path == other
+    assert question.source.path == second
     assert question.words.startswith("This looks like a boat, the first image like a chair")
     session.fitting.leave(question)
     finish(session, lambda: not session.fitting.running)
@@ -441,7 +441,7 @@ def test_a_photo_of_something_else_among_several_is_asked_about(session: Session
     assert [fitted.source.path for fitted in session.fitting.shown.photos] == [photo]
 
 
-def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
+def test_a_message_names_the_fitted_image_of_a_file_with_several(session: Session, photo: Path) -> None:
     def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
         return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
 

@@ -10,15 +10,15 @@ from viewer.activities.frame_budget import FrameBudget
 def settled(cost: float, fixed: float = 0.0, frames: int = 400) -> list[int]:
     """Divisors of first images on a machine that takes ``fixed`` s and ``cost`` s for all pixels."""
     pace = FrameBudget()
-    found = []
+    divisors = []
     for _ in range(frames):
-        found.append(pace.divisor)
+        divisors.append(pace.divisor)
         pace.observe(pace.divisor, fixed + cost / pace.divisor**2)
-    return found
+    return divisors
 
 
 @given(st.floats(1e-4, 50), st.floats(0, 0.03))
-def test_first_images_come_to_fit_the_budget_and_waste_none_of_it(cost: float, fixed: float) -> None:
+def test_the_first_frame_converges_to_the_finest_within_the_budget(cost: float, fixed: float) -> None:
     late = settled(cost, fixed)[-100:]
     slow = [divisor for divisor in late if fixed + cost / divisor**2 > FrameBudget().budget and divisor < 24]
     assert len(slow) <= 2
@@ -35,17 +35,17 @@ def test_first_images_come_to_fit_the_budget_and_waste_none_of_it(cost: float, f
         (8, [0.001, 0.001, 0.001], 6),
     ],
 )
-def test_one_slow_image_makes_the_next_coarser_and_some_quick_ones_finer(
+def test_one_slow_frame_coarsens_and_three_quick_ones_refine(
     divisor: int, seconds: list[float], next_divisor: int
 ) -> None:
     pace = FrameBudget(divisor=divisor)
-    for each in seconds:
-        pace.observe(divisor, each)
+    for frame_seconds in seconds:
+        pace.observe(divisor, frame_seconds)
     assert pace.divisor == next_divisor
 
 
 @given(st.floats(0.04, 1), st.floats(1e-3, 50))
-def test_time_that_no_smaller_image_saves_does_not_make_it_smaller(fixed: float, cost: float) -> None:
+def test_fixed_time_does_not_coarsen_the_frame(fixed: float, cost: float) -> None:
     late = settled(cost, fixed)[-100:]
     usual = max(set(late), key=late.count)
     assert late.count(usual) >= 40
@@ -53,7 +53,7 @@ def test_time_that_no_smaller_image_saves_does_not_make_it_smaller(fixed: float,
     assert usual == 1 or 4 * cost / usual**2 > 0.05 * fixed
 
 
-def test_only_images_of_its_own_size_change_the_budget() -> None:
+def test_frames_of_another_size_do_not_change_the_budget() -> None:
     pace = FrameBudget()
     for _ in range(60):
         first = pace.divisors(256)[0]
@@ -87,7 +87,7 @@ def test_fixed_time_is_forgotten_once_it_has_gone(fixed: float, cost: float, fra
 
 
 @pytest.mark.parametrize("divisor", [24, 8, 4, 3, 2, 1])
-def test_stages_climb_to_the_whole_and_once_more_with_all_samples(divisor: int) -> None:
+def test_stages_end_at_full_size_twice(divisor: int) -> None:
     stages = FrameBudget(divisor=divisor).divisors(2000)
     assert stages[0] == divisor
     assert stages[-2:] == (1, 1)
@@ -105,7 +105,7 @@ def test_no_first_image_is_lower_than_64_px(height: int, seconds: float) -> None
 
 
 @given(st.floats(0.05, 5), st.integers(1, 200))
-def test_it_recovers_soon_after_other_work_has_ended(busy: float, frames: int) -> None:
+def test_the_frame_is_fine_again_soon_after_other_work_ends(busy: float, frames: int) -> None:
     pace = FrameBudget()
     for frame in range(frames):
         pace.observe(pace.divisor, busy / pace.divisor if frame % 9 else 0.02)

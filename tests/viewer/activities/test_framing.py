@@ -12,7 +12,7 @@ from viewer.values import orbit
 @pytest.fixture
 def nearer(session: Session) -> Session:
     """The object fills its share at a distance of 1.1, whichever it is."""
-    session.jobs.backend = replace(session.jobs.backend, distance=lambda *about: 1.1)
+    session.jobs.backend = replace(session.jobs.backend, distance=lambda *inputs: 1.1)
     return session
 
 

@@ -65,7 +65,7 @@ def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> No
     assert player.seconds == player.timeline.keys[-1].seconds < player.timeline.length
 
 
-def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> None:
+def test_a_timeline_without_loop_ends_and_restarts(player: Player, clock: Clock) -> None:
     player.loop(False)
     player.play()
     clock.now += 9.0
@@ -86,14 +86,14 @@ def test_the_view_shows_the_scene_at_the_playhead(session: Session, player: Play
     assert session.viewport.frame is not None and session.viewport.frame.final
 
 
-def test_any_edit_stops_it(editor: Editor, player: Player, clock: Clock) -> None:
+def test_any_edit_stops_the_player(editor: Editor, player: Player, clock: Clock) -> None:
     player.play()
     editor.show_object("object 1")
-    shown = editor.scene
+    edited = editor.scene
     clock.now += 0.5
     player.tick()
     assert not player.playing
-    assert editor.scene == shown
+    assert editor.scene == edited
 
 
 def test_a_project_begun_meanwhile_has_an_empty_timeline(session: Session, player: Player) -> None:
@@ -113,7 +113,7 @@ def test_a_timeline_without_keys_does_nothing(session: Session, tmp_path: Path) 
     assert not session.exporting.running
 
 
-def test_what_cannot_be_written_is_reported(session: Session, player: Player, tmp_path: Path) -> None:
+def test_an_unwritable_export_is_reported(session: Session, player: Player, tmp_path: Path) -> None:
     webp = ShareSettings("video", video=".webp", background="transparent")
     session.exporting.share(tmp_path / "a.mp4", webp)
     finish(session)

@@ -15,7 +15,7 @@ from viewer.session import Session
 from viewer.values.fit_history import PhotoSource
 
 
-def test_a_image_that_is_segmented_by_hand_must_be_one(session: Session, editor: Editor, bad_files: dict[str, Path]):
+def test_a_damaged_image_is_reported_and_not_segmented(session: Session, editor: Editor, bad_files: dict[str, Path]):
     before = editor.history
     for path in bad_files.values():
         session.messages.all.clear()
@@ -32,8 +32,8 @@ def test_a_photo_that_is_cut_out_is_fitted_at_once(worker: Worker, tmp_path: Pat
     Image.fromarray(noise).save(tmp_path / "street.png")
     mask = np.zeros((160, 240), np.float32)
     mask[40:120, 60:120] = 1.0
-    seen = candidates.Candidate("network", mask)
-    monkeypatch.setattr(candidates, "network_candidate", lambda *_: seen)
+    candidate = candidates.Candidate("network", mask)
+    monkeypatch.setattr(candidates, "network_candidate", lambda *_: candidate)
     tiny = tiny_model()
     backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)

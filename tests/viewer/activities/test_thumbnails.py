@@ -22,14 +22,14 @@ def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, model: M
     camera = model.camera(0.1, 0.2).resized(16, 16)
     assert session.thumbnails.get(model[1], camera) is None
     finish(session)
-    found = session.thumbnails.get(model[1].mixed(model[2], 0.0, 0.0), camera)
-    assert found.resolution == (16, 16)
+    thumbnail = session.thumbnails.get(model[1].mixed(model[2], 0.0, 0.0), camera)
+    assert thumbnail.resolution == (16, 16)
     assert session.thumbnails.get(model[2], camera) is None
     finish(session)
     assert len(rendered) == 2
 
 
-def test_what_is_requested_no_more_is_not_rendered(session: Session, model: Model) -> None:
+def test_a_request_that_is_not_repeated_is_dropped(session: Session, model: Model) -> None:
     camera = model.camera(0.1, 0.2).resized(16, 16)
     for index in range(40):
         session.thumbnails.get(model[index % 6].mixed(model[0], index / 40, 0.0), camera)
@@ -63,7 +63,7 @@ def test_another_model_has_other_thumbnails(session: Session, model: Model) -> N
     assert not session.thumbnails.newest
 
 
-def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, model: Model) -> None:
+def test_a_repeated_request_is_rendered_once(session: Session, model: Model) -> None:
     widths: list[int] = []
 
     def counted(job: RenderJob) -> Iterator[Frame | None]:
@@ -76,7 +76,7 @@ def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, model:
     assert widths == [64, 64, 64]
 
 
-def test_thumbnails_are_there_at_once_the_next_time(session: Session, model: Model) -> None:
+def test_stored_thumbnails_are_shown_at_the_next_launch(session: Session, model: Model) -> None:
     def shown(thumbnails: Thumbnails) -> list[Frame | None]:
         return [thumbnails.of_object(model[index]) for index in range(3)]
 
@@ -85,8 +85,8 @@ def test_thumbnails_are_there_at_once_the_next_time(session: Session, model: Mod
         first.tick()
         finish(session)
     again = Thumbnails(session.jobs, first.newest)
-    for one, other in zip(before, shown(again), strict=True):
-        assert one and other
-        np.testing.assert_array_equal(one.image, other.image)
-        np.testing.assert_allclose(one.opacity, other.opacity, atol=1 / 255)
+    for kept, restored in zip(before, shown(again), strict=True):
+        assert kept and restored
+        np.testing.assert_array_equal(kept.image, restored.image)
+        np.testing.assert_allclose(kept.opacity, restored.opacity, atol=1 / 255)
     assert Thumbnails(session.jobs, again.newest).newest.keys() == first.newest.keys()  # what is not shown stays, too

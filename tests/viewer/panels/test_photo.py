@@ -39,7 +39,9 @@ from viewer.widgets.user_objects import COLOURS
 
 @in_window(fit=detailed_fit)
 def test_photo_and_view_are_compared_from_the_photo_s_camera(window: Driver, photo: Path) -> None:
-    session, editor, context = window.session, window.session.editor, window.context
+    session = window.session
+    editor = window.session.editor
+    context = window.context
     window.fit(photo)
     first, low, high = editor.scene.camera, *context.view
     middle = int((low.y + high.y) / 2), int((low.x + high.x) / 2)
@@ -78,12 +80,12 @@ def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver,
     window.click("Photo/###erase")
     window.wait()
     assert editor.scene.camera == window.session.photo_camera
-    seen = editor.state
+    from_photo = editor.state
     window.drag("View/orbit", 40)
     (stroke,) = erased()
     xs = [x for x, _ in stroke.points]
     assert len(xs) > 1 and xs[-1] > xs[0]
-    assert editor.history.past[-1] == seen, "a stroke is one step"
+    assert editor.history.past[-1] == from_photo, "a stroke is one step"
     window.ctx.mouse_wheel_y(4.0)
     window.ctx.yield_(2)
     window.drag("View/orbit", 40)
@@ -100,7 +102,8 @@ def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver,
 
 @in_window()
 def test_a_fit_is_begun_again_in_several_ways(window: Driver, photo: Path) -> None:
-    session, editor = window.session, window.session.editor
+    session = window.session
+    editor = window.session.editor
     fitting = session.fitting
     window.fit(photo)
     window.drag("View/orbit", 150)
@@ -123,16 +126,17 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: 
         return (replace(step, margin=margin, psnr=40.0) for step in quick_fit(model, job))
 
     def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
+        session = window.session
+        editor = window.session.editor
         window.fit(photo)
-        found = editor.state
+        after_fit = editor.state
         assert window.exists("Photo/###viewpoint") == (margin == 0.0)
         if margin:
             return
         window.click("Photo/###viewpoint")
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
         assert session.fitting.view.from_runner_up
-        assert editor.scene.instance == found.scene.instance
+        assert editor.scene.instance == after_fit.scene.instance
         window.click("Photo/###viewpoint")
         assert editor.scene.camera.azimuth == pytest.approx(1.0)
         window.undo()
@@ -167,12 +171,15 @@ def test_a_new_photo_is_not_shown_as_the_object_on_screen(
     drive(act, replace(backend, cut_out=slow))
 
 
-def test_the_panel_is_about_the_object_in_the_view(drive: Drive, backend: Backend, model: Model, photo: Path) -> None:
-    other = photo.with_name("block two.png")
-    other.write_bytes(photo.read_bytes())
+def test_the_panel_shows_the_fit_of_the_object_in_the_view(
+    drive: Drive, backend: Backend, model: Model, photo: Path
+) -> None:
+    second = photo.with_name("block two.png")
+    second.write_bytes(photo.read_bytes())
 
     def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
+        session = window.session
+        editor = window.session.editor
         assert not window.exists("Photo/##photo detail")
         editor.add_and_show(fitted(model), editor.scene.camera)
         window.show("Photo")
@@ -195,7 +202,8 @@ def test_the_panel_is_about_the_object_in_the_view(drive: Drive, backend: Backen
 
 @in_window(of="both", cut_out=doubted)
 def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path) -> None:
-    fitting, editor = window.session.fitting, window.session.editor
+    fitting = window.session.fitting
+    editor = window.session.editor
     window.context.drop([str(photo)])
     window.wait(lambda: bool(fitting.questions))
     assert window.exists("Photo/photo")
@@ -222,7 +230,8 @@ def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path
 
 @in_window(cut_out=crowded)
 def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path) -> None:
-    fitting, editor = window.session.fitting, window.session.editor
+    fitting = window.session.fitting
+    editor = window.session.editor
     window.context.drop([str(photo)])
     window.wait(lambda: bool(fitting.questions))
     window.click("Photo/object 1")
@@ -236,13 +245,15 @@ def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path)
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model: Model) -> None:
-    session, editor = window.session, window.session.editor
+    session = window.session
+    editor = window.session.editor
     editor.add_and_show(fitted(model), editor.scene.camera)
     window.show("Photo")
     window.wait()
-    before, past = editor.state, len(editor.history.past)
-    for share in (0.2, 0.5, 0.9):  # a drag over colours
-        session.painting.paint((share, 0.0, 0.0))
+    before = editor.state
+    past = len(editor.history.past)
+    for red in (0.2, 0.5, 0.9):  # a drag over colours
+        session.painting.paint((red, 0.0, 0.0))
     window.wait()
     assert editor.scene.instance.codes.texture[0] == pytest.approx(0.9)
     assert len(editor.history.past) == past + 1
@@ -266,7 +277,8 @@ def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: Driver) -> None:
-    editor, past = window.session.editor, len(window.session.editor.history.past)
+    editor = window.session.editor
+    past = len(window.session.editor.history.past)
     window.show("Photo")
     window.wait()
     name, paint = next(iter(paints_of(window.session.painting.part).items()))
@@ -340,18 +352,18 @@ def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path:
 def test_several_photos_agree_or_not_by_a_dot(
     drive: Drive, backend: Backend, photo: Path, psnr: float, second: str, words: str
 ) -> None:
-    other = photo.with_name("block two.png")
-    other.write_bytes(photo.read_bytes())
+    second_photo = photo.with_name("block two.png")
+    second_photo.write_bytes(photo.read_bytes())
 
     def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, psnr=psnr) for step in quick_fit(model, job))
 
     def told(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-        category = second if source.path == other else "cars"
+        category = second if source.path == second_photo else "cars"
         return replace(quick_photo(cut, model, source), categories={category: 0.9})
 
     def act(window: Driver) -> None:
-        window.fit(photo, other)
+        window.fit(photo, second_photo)
         window.show("Photo")
         again = window.ctx.item_info("//Photo/###again").rect_full
         line = window.capture()[int(again.max.y) : int(again.max.y) + 30, int(again.min.x) - 120 :]
@@ -393,11 +405,11 @@ def test_a_swatch_never_shows_the_colour_of_another_object(drive: Drive, backend
     may_measure = threading.Event()
     may_measure.set()
 
-    def slow_colour(instance: Instance, part: str) -> Iterator[None]:
+    def slow_colour(instance: Instance, part_name: str) -> Iterator[None]:
         while not may_measure.is_set():
             time.sleep(0.01)
             yield None
-        return (yield from quick_colour(instance, part))
+        return (yield from quick_colour(instance, part_name))
 
     def swatch(window: Driver) -> np.ndarray:
         place = window.ctx.item_info("//Photo/###paint").rect_full.get_center()
@@ -413,8 +425,8 @@ def test_a_swatch_never_shows_the_colour_of_another_object(drive: Drive, backend
         window.wait(lambda: window.session.painting.colour is not None)
         frame = window.session.viewport.frame
         assert frame is not None
-        shown = frame.image[frame.opacity > 0.99].mean(0)
-        assert np.abs(swatch(window) - shown).max() < 3 < np.abs(before - shown).max()
+        colour = frame.image[frame.opacity > 0.99].mean(0)
+        assert np.abs(swatch(window) - colour).max() < 3 < np.abs(before - colour).max()
         may_measure.set()
 
     drive(act, replace(backend, paint_colour=slow_colour))

@@ -9,7 +9,9 @@ from tests.viewer.stand_ins import endless_fit
 
 @in_window(fit=endless_fit)
 def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(window: Driver, photo: Path) -> None:
-    fitting, viewport, editor = window.session.fitting, window.session.viewport, window.session.editor
+    fitting = window.session.fitting
+    viewport = window.session.viewport
+    editor = window.session.editor
     window.context.drop([str(photo)])
     window.wait(lambda: viewport.source == "fit")
     window.drag("View/orbit", 120)

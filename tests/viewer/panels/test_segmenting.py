@@ -44,10 +44,10 @@ class _Canvas:
     def draw(self, *shares: tuple[float, float]) -> None:
         """A stroke through these places, or a box between the first and the last."""
         ctx = self.window.ctx
-        first, *others = (self.place(*share) for share in shares)
+        first, *later = (self.place(*share) for share in shares)
         ctx.mouse_move_to_pos(first)
         ctx.mouse_down()
-        for place in others:
+        for place in later:
             ctx.mouse_move_to_pos(place)
             ctx.yield_()
         ctx.mouse_up()
@@ -56,7 +56,7 @@ class _Canvas:
     def covered(self, x: float, y: float) -> bool:
         """Whether the object was found at this place."""
         result = self.window.session.segmenting.result
-        mask = result.found.mask
+        mask = result.cut.mask
         return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
 
 
@@ -114,12 +114,12 @@ def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarr
     places = []
     for number, name in enumerate(names):
         cut = read_cut_out(_SAMPLES / f"{name}.png")
-        at = (200 * number, 40 + 10 * number)
+        corner = (200 * number, 40 + 10 * number)
         values = np.dstack((cut.pixels, cut.opacity)) * 255
-        seen = Image.fromarray(values.astype(np.uint8)).resize((256, 256), Image.Resampling.BICUBIC)
-        room.paste(seen, at, seen)
+        image = Image.fromarray(values.astype(np.uint8)).resize((256, 256), Image.Resampling.BICUBIC)
+        room.paste(image, corner, image)
         place = Image.new("L", room.size)
-        place.paste(seen.getchannel("A"), at)
+        place.paste(image.getchannel("A"), corner)
         places.append(np.asarray(place) > 127)
     return room, places
 

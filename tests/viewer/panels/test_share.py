@@ -58,19 +58,20 @@ def test_a_page_is_saved_in_three_actions_and_begins_like_its_preview(
         assert poster is not None
         with Image.open(io.BytesIO(base64.b64decode(poster[1]))) as image:
             first = np.asarray(image.convert("RGBA").resize(preview.size)) / 255
-        shown = np.asarray(preview) / 255
-        assert shown[..., 3].mean() > 0.2
-        assert psnr(first[..., 3], shown[..., 3]) > 25  # colours of an untrained network are not the same when baked
+        pixels = np.asarray(preview) / 255
+        assert pixels[..., 3].mean() > 0.2
+        assert psnr(first[..., 3], pixels[..., 3]) > 25  # colours of an untrained network are not the same when baked
 
     drive(act, replace(real_backend, load_model=lambda name: block))
 
 
 def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path, real_backend: Backend, model: Model):
-    shown: list[Path] = []
+    folders: list[Path] = []
 
     def act(window: Driver) -> None:
-        session, exporting = window.session, window.session.exporting
-        window.context.file_manager = shown.append
+        session = window.session
+        exporting = window.session.exporting
+        window.context.file_manager = folders.append
         window.click("View/###share")
         window.click("Share/###film")
         window.click("Share/###small")
@@ -82,7 +83,7 @@ def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path,
         with av.open(str(tmp_path / "turn.mp4")) as video:
             assert (video.streams.video[0].frames, video.streams.video[0].width) == (72, 256)
         window.click("Share/###show in folder")
-        assert shown == [tmp_path / "turn.mp4"]
+        assert folders == [tmp_path / "turn.mp4"]
         window.press(imgui.Key.escape)
         assert not window.context.share_open
 
@@ -99,15 +100,9 @@ def test_the_preview_is_the_first_frame(drive: Drive, real_backend: Backend, mod
         editor.set_camera(replace(camera, distance=0.6 * camera.distance))
         window.context.share("turntable")
         preview = window.session.exporting.preview
-        window.click("Share/###more")
         window.wait(lambda: preview.image is not None)
-        filling = preview.image
-        assert (
-            filling[[0, -1], :, 3].max() < 40 < filling[..., 3].mean() - 40
-        )  # all but the end of its shadow is in sight
-        window.click("Share/###fill")
-        window.wait(lambda: preview.image is not filling)
-        assert preview.image[[0, -1], :, 3].max() > 230  # as near as in the view
+        opacity = preview.image[..., 3]
+        assert opacity[[0, -1]].max() < 40 < opacity.mean() - 40  # all but the end of its shadow is in sight
 
     drive(act, replace(real_backend, load_model=lambda name: block))
 
@@ -116,7 +111,13 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
     block = filled(model, 100.0)
 
     def act(window: Driver) -> None:
-        editor, exporting = window.session.editor, window.session.exporting
+        def saved(name: str) -> Image.Image:
+            window.click("Share/###save")
+            window.type(str(tmp_path / name))
+            window.wait(lambda: (tmp_path / name).exists() and not window.session.exporting.running)
+            return Image.open(tmp_path / name)
+
+        editor = window.session.editor
         editor.set_camera(replace(editor.scene.camera, distance=0.6 * editor.scene.camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
         window.click("Share/###picture")
@@ -124,27 +125,18 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
         choose(window, "##background", "Colour")
         window.context.set_preference(share=replace(window.context.preferences.share, colour=(200, 10, 20)))
         window.click("Share/###small")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "red.png"))
-        window.wait(lambda: (tmp_path / "red.png").exists() and not exporting.running)
-        with Image.open(tmp_path / "red.png") as image:
+        with saved("red.png") as image:
             assert image.getpixel((0, 0)) == (200, 10, 20)
             assert image.size == (256, 256)
-            seen = np.asarray(image).astype(int)
-        rows = np.flatnonzero((np.abs(seen - (200, 10, 20)).sum(-1) > 60).any(1))
+            pixels = np.asarray(image).astype(int)
+        rows = np.flatnonzero((np.abs(pixels - (200, 10, 20)).sum(-1) > 60).any(1))
         assert 240 <= rows[-1] < 255  # down to the frame's edge, and no further
         choose(window, "##background", "Transparent")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "clear.png"))
-        window.wait(lambda: (tmp_path / "clear.png").exists() and not exporting.running)
-        with Image.open(tmp_path / "clear.png") as image:
+        with saved("clear.png") as image:
             assert image.mode == "RGBA"
             assert image.getpixel((0, 0))[3] == 0
         choose(window, "##background", "As in the view")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "view.png"))
-        window.wait(lambda: (tmp_path / "view.png").exists() and not exporting.running)
-        with Image.open(tmp_path / "view.png") as image:
+        with saved("view.png") as image:
             for row, colour in ((0, window.context.palette.background[0]), (255, window.context.palette.background[1])):
                 assert np.abs(np.array(image.getpixel((0, row))) / 255 - colour).max() < 0.02
         choose(window, "##picture", ".jpg")
@@ -154,7 +146,7 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
     drive(act, replace(real_backend, load_model=lambda name: block))
 
 
-def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Path) -> None:
+def test_share_settings_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
     def first(window: Driver) -> None:
         window.context.share("mesh")
         window.click("Share/###more")
@@ -201,11 +193,11 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         window.wait(lambda: session.exporting.progress > 0)
         window.wait(lambda: not session.exporting.running)
         assert session.messages.errors == []
-        found = trimesh.load_mesh(tmp_path / "block.ply")
-        assert found.is_watertight
-        np.testing.assert_allclose(found.extents / found.extents.max(), np.array(model.extent) / 0.45, rtol=0.05)
-        assert (found.extents.max(), found.bounds[0, 2]) == pytest.approx((0.9, 0.0), abs=1e-5)
-        assert found.visual.kind == "vertex"
+        mesh = trimesh.load_mesh(tmp_path / "block.ply")
+        assert mesh.is_watertight
+        np.testing.assert_allclose(mesh.extents / mesh.extents.max(), np.array(model.extent) / 0.45, rtol=0.05)
+        assert (mesh.extents.max(), mesh.bounds[0, 2]) == pytest.approx((0.9, 0.0), abs=1e-5)
+        assert mesh.visual.kind == "vertex"
         assert [path.name for path in tmp_path.iterdir()] == ["block.ply"]
         choose(window, "##mesh", ".glb")
         choose(window, "##texture", "Image, 512 px")
@@ -224,7 +216,7 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
 
 
 @pytest.mark.parametrize("closed", [False, True])
-def test_what_is_cancelled_leaves_nothing(drive: Drive, tmp_path: Path, backend: Backend, closed: bool) -> None:
+def test_a_cancelled_export_leaves_no_file(drive: Drive, tmp_path: Path, backend: Backend, closed: bool) -> None:
     def slow(*_: object) -> Iterator[float]:
         with atomic_file(tmp_path / "chair.glb"):
             for number in range(1000):
@@ -279,11 +271,12 @@ def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) 
 
 
 def test_a_dropped_image_of_this_program_restores_its_scene(drive: Drive, tmp_path: Path, model: Model, photo: Path):
-    other = Scene(MissingInstance("another", model.codes[0]), model.camera(0, 0))
-    save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
+    foreign = Scene(MissingInstance("another", model.codes[0]), model.camera(0, 0))
+    save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", foreign)
 
     def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
+        session = window.session
+        editor = window.session.editor
         window.drag("View/orbit", 90, -20)
         window.press(imgui.Key.r)
         scene = editor.scene

@@ -45,6 +45,48 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
 
 
 @in_window()
+def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
+    editor, sizing = window.session.editor, window.session.sizing
+    window.show("Sliders")
+    window.wait(lambda: sizing.bounds is not None)
+    before = editor.state
+    natural = sizing.bounds.size(editor.model.metres)
+    assert natural == pytest.approx((60, 45, 90))
+    for name, side in (("Width", 72.0), ("Depth", 45.0), ("Height", 99.0)):
+        window.set(f"Sliders/**/##{name}", side)
+        window.ctx.yield_(2)
+    assert editor.scene.instance.codes.stretch == pytest.approx((1.2, 1.0, 1.1))
+    window.click("Sliders/**/###natural size")
+    assert editor.scene.instance == before.scene.instance
+    past = len(editor.history.past)
+    window.drag("Sliders/**/##Width", 40)
+    assert editor.scene.instance.codes.stretch[0] > 1.1
+    assert len(editor.history.past) == past + 1  # a drag is one step
+    window.undo()
+    assert editor.scene.instance == before.scene.instance
+
+
+@in_window()
+def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
+    editor = window.session.editor
+    window.show("Sliders")
+    window.wait(lambda: window.session.sizing.bounds is not None)
+    before = editor.state
+    assert not window.exists("View/**/##size 2 1")
+    window.click("Sliders/**/###size handles")
+    window.ctx.yield_(2)
+    window.drag("View/**/##size 2 1", 0, -40)
+    assert editor.scene.instance.codes.stretch[2] > 1.1
+    assert editor.scene.instance.codes.stretch[:2] == (1.0, 1.0)
+    window.undo()
+    assert editor.state == before
+    window.drag("View/orbit", 60, 0)
+    assert editor.scene.instance == before.scene.instance  # beside the handles, the object turns
+    window.press(imgui.Key.escape)
+    assert window.context.tool == "turn"
+
+
+@in_window()
 def test_the_slider_under_the_mouse_shows_where_it_leads(window: Driver) -> None:
     session = window.session
     window.show("Sliders")

@@ -10,7 +10,8 @@ from tests.viewer.stand_ins import small_video
 
 @in_window()
 def test_keyframes_are_added_moved_shown_and_deleted(window: Driver) -> None:
-    editor, made = window.session.editor, window.session.player
+    editor = window.session.editor
+    made = window.session.player
     window.show("Timeline")
     buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share video", "time"))
     assert line.min.y > buttons.max.y
@@ -49,7 +50,8 @@ def test_keyframes_are_added_moved_shown_and_deleted(window: Driver) -> None:
 
 @in_window(video=small_video)
 def test_a_timeline_is_exported(window: Driver, tmp_path: Path) -> None:
-    session, made = window.session, window.session.player
+    session = window.session
+    made = window.session.player
     window.show("Timeline")
     made.add_key()
     made.seek(2.0)
@@ -77,33 +79,37 @@ def test_a_timeline_is_exported(window: Driver, tmp_path: Path) -> None:
 @in_window()
 def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(window: Driver) -> None:
     # The timeline is folded away.
-    editor, player, shown = window.session.editor, window.session.player, []
+    editor = window.session.editor
+    player = window.session.player
+    instances = []
     for name in ("object 2", "object 3", "object 4"):
         editor.show_object(name)
         window.press(imgui.Key.k)
-        shown.append(editor.scene.instance)
-    assert [key.view.instance for key in player.timeline.keys] == shown
+        instances.append(editor.scene.instance)
+    assert [key.view.instance for key in player.timeline.keys] == instances
     assert [key.seconds for key in player.timeline.keys] == [0.0, 1.0, 2.0]
     assert window.session.messages.shown[-1].text == "Keyframe 3 of 3, at 2.0 s"
     for key, stands in ((imgui.Key.comma, 1), (imgui.Key.comma, 0), (imgui.Key.comma, 0), (imgui.Key.period, 1)):
         window.press(key)  # steps through them
-        assert (player.seconds, editor.scene.instance) == (float(stands), shown[stands])
+        assert (player.seconds, editor.scene.instance) == (float(stands), instances[stands])
 
 
 @in_window()
 def test_playing_is_one_step_of_undo_and_stops_at_a_touch(window: Driver) -> None:
-    session, editor = window.session, window.session.editor
+    session = window.session
+    editor = window.session.editor
     player = session.player
     window.show("Timeline")
     window.press(imgui.Key.k)
     player.seek(2.0)
     window.click("Library/**/show object 3")
     window.press(imgui.Key.k)
-    before, past = editor.state, len(editor.history.past)
+    before = editor.state
+    past = len(editor.history.past)
     window.click("Timeline/###play")
     assert player.playing
-    seen = set[int]()
-    window.wait(lambda: bool(seen.add(id(session.viewport.frame))) or len(seen) > 6)
+    frames = set[int]()
+    window.wait(lambda: bool(frames.add(id(session.viewport.frame))) or len(frames) > 6)
     window.ctx.mouse_move("//View/orbit")
     window.press(imgui.Key.space)
     assert not player.playing

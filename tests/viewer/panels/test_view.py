@@ -11,7 +11,7 @@ from core.detail.progressive import render_frame
 from core.export.framing import filling_distance
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver, in_window
-from tests.viewer.stand_ins import Bakery, detailed_fit, endless_fit
+from tests.viewer.stand_ins import detailed_fit, endless_fit
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.view_modes import MODES
@@ -290,22 +290,3 @@ def test_the_object_stands_still_under_a_hand_and_a_first_fit_has_its_own_camera
     window.session.fitting.stop()
     window.wait()
     assert orbit.same_direction(editor.scene.camera, window.session.fitting.view.camera)
-
-
-@in_window(bake=Bakery(), size=(900, 600))
-def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(window: Driver, photo: Path) -> None:
-    session, editor = window.session, window.session.editor
-    idle = session.idle_turn
-    window.context.fast_opengl = True
-    window.fit(photo)
-    assert idle.due
-    window.wait(lambda: session.viewport.is_baked(editor.scene.instance) and session.viewport.sharp)
-    assert not idle.turning
-    window.context.attended = True
-    before, edits = editor.scene, len(editor.history.past)
-    window.wait(lambda: idle.turning and session.viewport.baked_frame is not None)
-    assert editor.scene is before
-    window.press(imgui.Key.f5)  # any key
-    assert not idle.due
-    assert editor.scene.camera.azimuth != before.camera.azimuth
-    assert len(editor.history.past) == edits

@@ -23,7 +23,9 @@ class Dialog:
 
 def test_a_file_that_an_ending_leads_to_is_confirmed(tmp_path: Path) -> None:
     (tmp_path / "video.mp4").touch()
-    proposed, answers, saved = list[str](), ["video", "video.mp4"], list[Path]()
+    proposed = list[str]()
+    answers = ["video", "video.mp4"]
+    saved = list[Path]()
 
     def opened(request: FileRequest, folder: Path) -> Dialog:
         proposed.append(request.name)
@@ -68,7 +70,8 @@ def test_typed_paths_are_completed_with_folders_first(tmp_path: Path) -> None:
 
 @in_window()
 def test_a_click_on_a_folder_and_on_its_file_completes_the_path(window: Driver, tmp_path: Path) -> None:
-    chosen, files = list[Path](), window.context.files
+    chosen = list[Path]()
+    files = window.context.files
     (tmp_path / "deep").mkdir()
     (tmp_path / "deep" / "chair.png").touch()
     files.folder = tmp_path
@@ -80,5 +83,5 @@ def test_a_click_on_a_folder_and_on_its_file_completes_the_path(window: Driver, 
     assert chosen == [tmp_path / "deep" / "chair.png"]
 
 
-def test_a_file_that_is_no_name_is_not_there() -> None:
+def test_a_path_with_invalid_characters_does_not_exist() -> None:
     assert not is_there(Path("a\0b"))

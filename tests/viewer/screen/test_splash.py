@@ -50,7 +50,7 @@ def start(work: str, close: bool = False) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_it_is_on_screen_before_torch_is_imported(opengl: None) -> None:
+def test_the_splash_is_on_screen_before_torch_is_imported(opengl: None) -> None:
     lines = start("import torch; return len(drawn)")
     frames = int(lines[0].removeprefix("got "))
     assert frames > 0

@@ -14,11 +14,11 @@ _GROUNDS = (
 
 
 @pytest.mark.parametrize("palette", [DARK, LIGHT])
-def test_every_text_can_be_read_on_whatever_it_is_on(palette: Palette) -> None:
-    found = colours(palette)
-    worst = {name: contrast(found["text"], found[name]) for name in _GROUNDS}
+def test_every_text_has_contrast_to_its_background(palette: Palette) -> None:
+    by_name = colours(palette)
+    worst = {name: contrast(by_name["text"], by_name[name]) for name in _GROUNDS}
     worst |= {
-        f"quiet {name}": contrast(palette.quiet, found[name]) for name in ("window_bg", "popup_bg", "menu_bar_bg")
+        f"quiet {name}": contrast(palette.quiet, by_name[name]) for name in ("window_bg", "popup_bg", "menu_bar_bg")
     }
     assert {name: value for name, value in worst.items() if value < _READABLE} == {}
     for ground in (palette.panel, palette.back, palette.raised):

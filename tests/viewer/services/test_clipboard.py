@@ -31,7 +31,7 @@ def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert len(list(folder.iterdir())) == 50
 
 
-def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_image_of_the_view_is_copied(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     copied: list[tuple[bytes, int, int]] = []
 
     def act(window: Driver) -> None:
@@ -39,8 +39,8 @@ def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyP
         monkeypatch.setattr(clipboard.copykitten, "copy_image", lambda *image: copied.append(image))
         window.press(imgui.Key.mod_ctrl, imgui.Key.c)
         ((pixels, width, height),) = copied
-        shown = window.session.viewport.frame.image
-        assert np.array_equal(np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[..., :3], shown)
+        image = window.session.viewport.frame.image
+        assert np.array_equal(np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[..., :3], image)
 
         def refused(*image: object) -> None:
             raise clipboard.copykitten.CopykittenError("no display")

@@ -17,7 +17,7 @@ def test_every_system_has_its_command(platform: str, command: list[str]) -> None
     assert folder_command(Path("folder/chair.glb"), platform) == command
 
 
-def test_no_file_manager_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_missing_file_manager_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(ValueError, match="no file manager"):
         show_in_folder(tmp_path / "chair.glb")

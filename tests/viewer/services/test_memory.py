@@ -17,7 +17,7 @@ def resident() -> int:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="others give memory back by themselves")
-def test_free_memory_between_what_is_kept_is_returned() -> None:
+def test_free_memory_between_kept_blocks_is_returned() -> None:
     blocks = [bytearray(b"\1" * _BLOCK) for _ in range(1000)]
     kept = blocks[::50]
     before = resident()

@@ -13,7 +13,7 @@ def test_errors_stay_and_are_reported_once(session: Session) -> None:
         session.messages.notify(f"wrong {number}", MessageKind.PROBLEM)
         session.messages.notify(f"news {number}")
     assert session.messages.errors == [f"wrong {number}" for number in range(1, 7)]
-    assert [one.text for one in session.messages.all if one.kind is MessageKind.DONE] == [
+    assert [message.text for message in session.messages.all if message.kind is MessageKind.DONE] == [
         f"news {n}" for n in (3, 4, 5, 6)
     ]
 
@@ -37,7 +37,7 @@ def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
         ({"buttons": (Button("Undo", lambda: None),), "passing": True}, 10),
     ],
 )
-def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
+def test_a_message_fades_with_time(more: dict, seconds: float) -> None:
     messages = Messages()
     messages.notify("news", **more)
     (message,) = messages.shown
@@ -45,7 +45,7 @@ def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
     assert replace(message, born=message.born - seconds - 1).faded
 
 
-def test_of_passing_offers_the_newest_is_shown() -> None:
+def test_only_the_newest_passing_offer_is_shown() -> None:
     messages = Messages()
     for number in range(3):
         messages.notify(f"removed {number}", buttons=(Button("Undo", lambda: None),), passing=True)
@@ -53,7 +53,8 @@ def test_of_passing_offers_the_newest_is_shown() -> None:
 
 
 def test_offers_outlast_time_and_news_while_they_are_relevant() -> None:
-    messages, relevant = Messages(), dict.fromkeys(range(6), True)
+    messages = Messages()
+    relevant = dict.fromkeys(range(6), True)
     for number in relevant:
         show = Button("Show", lambda: None)
         messages.notify(f"offer {number}", buttons=(show,), relevant=partial(relevant.__getitem__, number))

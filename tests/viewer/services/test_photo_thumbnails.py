@@ -8,7 +8,8 @@ from viewer.session import Session
 
 
 def test_a_photo_is_shown_small_upright_and_whole(session: Session, tmp_path: Path) -> None:
-    exif, path = Image.Exif(), tmp_path / "red.jpg"
+    exif = Image.Exif()
+    path = tmp_path / "red.jpg"
     exif[ExifTags.Base.Orientation] = 6  # it lies on its side
     Image.new("RGB", (400, 200), "red").save(path, exif=exif)
     assert session.photo_thumbnails.get(path) is None
@@ -21,7 +22,7 @@ def test_a_photo_is_shown_small_upright_and_whole(session: Session, tmp_path: Pa
     assert session.photo_thumbnails.get(path) is pixels
 
 
-def test_what_is_no_photo_has_no_thumbnail(session: Session, bad_files: dict[str, Path]) -> None:
+def test_a_file_that_is_no_photo_has_no_thumbnail(session: Session, bad_files: dict[str, Path]) -> None:
     for path in bad_files.values():
         session.photo_thumbnails.get(path)
     finish(session)

@@ -41,9 +41,9 @@ def test_a_second_start_is_handed_over(window: SingleInstance, tmp_path: Path) -
 
 def test_two_homes_and_two_displays_do_not_meet(window: SingleInstance, tmp_path: Path) -> None:
     for folder, display in ((tmp_path / "other", None), (tmp_path / "home", "far-10-0")):
-        other = begin(folder, Start("a.png"), display)
-        with closing(other):
-            assert list(other.starts()) == list(window.starts()) == []
+        independent = begin(folder, Start("a.png"), display)
+        with closing(independent):
+            assert list(independent.starts()) == list(window.starts()) == []
 
 
 def test_the_next_window_opens_once_the_first_is_closed(window: SingleInstance, tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_a_start_waits_for_a_window_that_ends(window: SingleInstance, tmp_path: 
 
 
 @pytest.mark.parametrize("left", ["", "{", "[]", '{"image": "a.png", "colour": 1}'])
-def test_what_another_program_left_stops_no_start(window: SingleInstance, tmp_path: Path, left: str) -> None:
+def test_a_damaged_file_of_a_start_is_ignored(window: SingleInstance, tmp_path: Path, left: str) -> None:
     (place,) = (tmp_path / "home").iterdir()
     (place / "0.json").write_text(left)
     assert handed_over(window, tmp_path / "home", Start("a.png")) == [Start("a.png")]
@@ -91,8 +91,9 @@ print("".join(sorted(taken)))
 """
 
 
-def test_of_starts_at_once_one_is_the_window(tmp_path: Path) -> None:
-    home, go = tmp_path / "home", tmp_path / "go"
+def test_one_of_simultaneous_starts_is_the_window(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    go = tmp_path / "go"
     words = [sys.executable, "-c", _START, home, go]
     started = {
         name: subprocess.Popen([*words, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -101,8 +102,8 @@ def test_of_starts_at_once_one_is_the_window(tmp_path: Path) -> None:
     go.touch()
     said = {name: process.communicate()[0].split() for name, process in started.items()}
     (window,) = [name for name, lines in said.items() if lines[0] == "window"]
-    others = "abcd".replace(window, "")
-    assert said == {window: ["window", others]} | {name: ["handed", "over"] for name in others}
+    later = "abcd".replace(window, "")
+    assert said == {window: ["window", later]} | {name: ["handed", "over"] for name in later}
 
 
 def test_a_window_that_was_killed_holds_nothing(tmp_path: Path) -> None:

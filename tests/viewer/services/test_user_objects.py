@@ -19,10 +19,10 @@ def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted
     user_objects = UserObjects(tmp_path / "mine")
     assert user_objects.open(model) == ()
     user_objects.sync(open_models(model), [fitted])
-    (found,) = UserObjects(tmp_path / "mine").open(model)
-    assert (found.name, found.confidence) == ("Red chair (2)", 0.83)
-    assert found.instance == fitted.instance
-    assert found.fitted
+    (stored,) = UserObjects(tmp_path / "mine").open(model)
+    assert (stored.name, stored.confidence) == ("Red chair (2)", 0.83)
+    assert stored.instance == fitted.instance
+    assert stored.fitted
     (path,) = (tmp_path / "mine").iterdir()
     assert open_scene(path, model).instance == fitted.instance  # it opens as any scene
     assert UserObjects(tmp_path / "mine").open(random_model(seed=7)) == ()
@@ -32,42 +32,46 @@ def test_objects_last_when_their_model_is_extended(tmp_path: Path, model: Model,
     UserObjects(tmp_path).sync(open_models(model), [fitted])
     extended = replace(random_model(seed=7), extends=(model.fingerprint,))
     user_objects = UserObjects(tmp_path)
-    (found,) = user_objects.open(extended)
+    (stored,) = user_objects.open(extended)
     instance = Instance(extended, fitted.instance.codes)
-    assert (found.name, found.instance) == (fitted.name, instance)
-    user_objects.sync(open_models(extended), [replace(found, name="green")])
+    assert (stored.name, stored.instance) == (fitted.name, instance)
+    user_objects.sync(open_models(extended), [replace(stored, name="green")])
     (again,) = UserObjects(tmp_path).open(extended)
     assert (again.name, again.instance) == ("green", instance)
 
 
 def test_an_edited_object_lasts_with_its_edits_in_its_place(tmp_path: Path, model: Model, fitted: EditableObject):
-    user_objects, second = UserObjects(tmp_path), replace(fitted, name="green")
+    user_objects = UserObjects(tmp_path)
+    second = replace(fitted, name="green")
     user_objects.sync(open_models(model), [fitted])
     user_objects.sync(open_models(model), [fitted, second])
     edited = fitted.left_as(model[2])
     user_objects.sync(open_models(model), [edited, second])
-    found, _ = UserObjects(tmp_path).open(model)
-    assert (found.instance, found.original, found.unedited) == (edited.instance, fitted.instance, fitted.instance)
+    stored, _ = UserObjects(tmp_path).open(model)
+    assert (stored.instance, stored.original, stored.unedited) == (edited.instance, fitted.instance, fitted.instance)
     user_objects.sync(open_models(model), [edited.left_as(fitted.instance), second])
-    found, _ = UserObjects(tmp_path).open(model)
-    assert (found.instance, found.unedited) == (fitted.instance, None)
+    stored, _ = UserObjects(tmp_path).open(model)
+    assert (stored.instance, stored.unedited) == (fitted.instance, None)
 
 
 def test_an_update_stores_edits_of_kept_objects_alone(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    user_objects, other = UserObjects(tmp_path), EditableObject("green", model[3], True)
+    user_objects = UserObjects(tmp_path)
+    unstored = EditableObject("green", model[3], True)
     user_objects.sync(open_models(model), [fitted])
     edited = fitted.left_as(model[2])
-    user_objects.update(open_models(model), [edited, other])
-    user_objects.update(open_models(model), [replace(other, name=fitted.name)])  # the name is another object's by now
-    (found,) = UserObjects(tmp_path).open(model)
-    assert (found.instance, found.original) == (edited.instance, fitted.instance)
+    user_objects.update(open_models(model), [edited, unstored])
+    renamed = replace(unstored, name=fitted.name)  # the name is another object's by now
+    user_objects.update(open_models(model), [renamed])
+    (stored,) = UserObjects(tmp_path).open(model)
+    assert (stored.instance, stored.original) == (edited.instance, fitted.instance)
 
 
 def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    user_objects, other = UserObjects(tmp_path), replace(fitted, name="../../blue")
-    user_objects.sync(open_models(model), [fitted, other])
-    user_objects.sync(open_models(model), [fitted, replace(other, name="green")])
-    assert {one.name for one in UserObjects(tmp_path).open(model)} == {"Red chair (2)", "green"}
+    user_objects = UserObjects(tmp_path)
+    second = replace(fitted, name="../../blue")
+    user_objects.sync(open_models(model), [fitted, second])
+    user_objects.sync(open_models(model), [fitted, replace(second, name="green")])
+    assert {stored.name for stored in UserObjects(tmp_path).open(model)} == {"Red chair (2)", "green"}
     user_objects.sync(open_models(model), [fitted])
     assert len(list(tmp_path.iterdir())) == 1
     written = next(tmp_path.iterdir()).stat().st_mtime_ns
@@ -75,7 +79,7 @@ def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitte
     assert next(tmp_path.iterdir()).stat().st_mtime_ns == written
 
 
-def test_only_what_it_has_seen_is_changed_in_a_folder(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+def test_files_that_were_not_read_stay_unchanged(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     (tmp_path / "torn.json").write_text('{"model": ')
     user_objects = UserObjects(tmp_path)
     user_objects.open(model)
@@ -88,13 +92,14 @@ def test_only_what_it_has_seen_is_changed_in_a_folder(tmp_path: Path, model: Mod
 
 
 def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    windows, other = [UserObjects(tmp_path), UserObjects(tmp_path)], replace(fitted, instance=model[2])
-    for user_objects, one in zip(windows, (fitted, other), strict=True):
-        user_objects.sync(open_models(model), [one])
+    windows = [UserObjects(tmp_path), UserObjects(tmp_path)]
+    second = replace(fitted, instance=model[2])
+    for user_objects, added in zip(windows, (fitted, second), strict=True):
+        user_objects.sync(open_models(model), [added])
     again = UserObjects(tmp_path)
-    found = again.open(model)
-    assert {one.name for one in found} == {"Red chair (2)", "Red chair (2) (2)"}
-    assert {one.instance for one in found} == {fitted.instance, other.instance}
-    again.sync(open_models(model), [one for one in found if one.instance == other.instance])
+    stored = again.open(model)
+    assert {item.name for item in stored} == {"Red chair (2)", "Red chair (2) (2)"}
+    assert {item.instance for item in stored} == {fitted.instance, second.instance}
+    again.sync(open_models(model), [item for item in stored if item.instance == second.instance])
     (left,) = UserObjects(tmp_path).open(model)
-    assert left.instance == other.instance
+    assert left.instance == second.instance

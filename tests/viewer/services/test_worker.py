@@ -37,15 +37,15 @@ def ticking(closed: list[str] | None = None, name: str = "", pause: float = 0.00
 
 
 def test_values_come_in_order_on_this_thread_and_then_the_end(worker: Worker) -> None:
-    seen: list[object] = []
+    values: list[object] = []
 
     def value(number: int) -> None:
         assert threading.current_thread() is threading.main_thread()
-        seen.append(number)
+        values.append(number)
 
-    worker.submit(Job("count", lambda: iter([1, None, 2, 3]), value, lambda error: seen.append(error)))
+    worker.submit(Job("count", lambda: iter([1, None, 2, 3]), value, lambda error: values.append(error)))
     wait(worker, lambda: not worker.busy())
-    assert seen == [1, 2, 3, None]
+    assert values == [1, 2, 3, None]
 
 
 def test_an_exception_is_a_value_and_the_worker_goes_on(worker: Worker) -> None:
@@ -53,23 +53,23 @@ def test_an_exception_is_a_value_and_the_worker_goes_on(worker: Worker) -> None:
         yield 1
         raise MemoryError("none left")
 
-    seen: list[object] = []
-    worker.submit(Job("bad", failing, seen.append, seen.append))
-    worker.submit(Job("bad start", lambda: 1 / 0, seen.append, seen.append))  # type: ignore[arg-type, return-value]
+    values: list[object] = []
+    worker.submit(Job("bad", failing, values.append, values.append))
+    worker.submit(Job("bad start", lambda: 1 / 0, values.append, values.append))  # type: ignore[arg-type, return-value]
     wait(worker, lambda: not worker.busy())
-    assert sorted(type(value).__name__ for value in seen) == ["MemoryError", "ZeroDivisionError", "int"]
-    worker.submit(Job("good", lambda: iter(["fine"]), seen.append))
-    wait(worker, lambda: "fine" in seen)
+    assert sorted(type(value).__name__ for value in values) == ["MemoryError", "ZeroDivisionError", "int"]
+    worker.submit(Job("good", lambda: iter(["fine"]), values.append))
+    wait(worker, lambda: "fine" in values)
 
 
 def test_a_newer_job_takes_the_place_of_an_older_one(worker: Worker) -> None:
-    seen: list[tuple[str, int]] = []
+    values: list[tuple[str, int]] = []
     closed: list[str] = []
-    worker.submit(Job("same", lambda: ticking(closed, "old"), lambda value: seen.append(("old", value))))
-    wait(worker, lambda: len(seen) > 3)
-    worker.submit(Job("same", lambda: iter([7]), lambda value: seen.append(("new", value))))
+    worker.submit(Job("same", lambda: ticking(closed, "old"), lambda value: values.append(("old", value))))
+    wait(worker, lambda: len(values) > 3)
+    worker.submit(Job("same", lambda: iter([7]), lambda value: values.append(("new", value))))
     wait(worker, lambda: not worker.busy())
-    assert seen[-1] == ("new", 7)
+    assert values[-1] == ("new", 7)
     wait(worker, lambda: closed == ["old"])
 
 
@@ -82,21 +82,23 @@ def test_a_stream_of_newer_renders_does_not_keep_every_frame_from_being_shown(wo
         for _ in ticking():
             yield None
 
-    seen: list[int] = []
-    patience, number = Patience(60.0), 0
-    while len(seen) <= 10:  # a drag that never rests, a new job every 2 ms
+    numbers: list[int] = []
+    patience = Patience(60.0)
+    number = 0
+    while len(numbers) <= 10:  # a drag that never rests, a new job every 2 ms
         assert not patience.is_over(), "few renders are shown"
-        worker.submit(Job("view", lambda number=number: render(number), seen.append, urgent=True))
+        worker.submit(Job("view", lambda number=number: render(number), numbers.append, urgent=True))
         number += 1
         time.sleep(0.002)
         worker.deliver()
-    wait(worker, lambda: number - 1 in seen)
-    assert seen == sorted(seen)
+    wait(worker, lambda: number - 1 in numbers)
+    assert numbers == sorted(numbers)
 
 
 def test_a_render_at_rest_does_not_keep_a_drag_waiting(worker: Worker) -> None:
-    seen: list[str] = []
-    stepped, over = threading.Event(), threading.Event()
+    values: list[str] = []
+    stepped = threading.Event()
+    over = threading.Event()
 
     def endless() -> Iterator[str | None]:
         while not over.is_set():
@@ -104,32 +106,33 @@ def test_a_render_at_rest_does_not_keep_a_drag_waiting(worker: Worker) -> None:
             yield None
         yield "whole"
 
-    worker.submit(Job("view", endless, seen.append))
+    worker.submit(Job("view", endless, values.append))
     assert stepped.wait(60)
-    worker.submit(Job("view", lambda: iter(["coarse"]), seen.append, urgent=True))
-    wait(worker, lambda: seen == ["coarse"])
+    worker.submit(Job("view", lambda: iter(["coarse"]), values.append, urgent=True))
+    wait(worker, lambda: values == ["coarse"])
     over.set()
     wait(worker, lambda: not worker.busy())
-    assert seen == ["coarse"]
+    assert values == ["coarse"]
 
 
-def test_the_last_step_of_what_was_replaced_lets_no_two_renders_run_beside_each_other(worker: Worker) -> None:
-    seen: list[tuple[int, str]] = []
-    stepping, go_on = threading.Event(), threading.Event()
+def test_a_replaced_render_ends_before_the_next_begins(worker: Worker) -> None:
+    values: list[tuple[int, str]] = []
+    stepping = threading.Event()
+    go_on = threading.Event()
 
     def sharpened() -> Iterator[tuple[int, str]]:
         stepping.set()
         go_on.wait(60)
         yield 0, "whole"
 
-    worker.submit(Job("view", sharpened, seen.append))
+    worker.submit(Job("view", sharpened, values.append))
     assert stepping.wait(60)
     for number in (1, 2):  # both come during that step
         stages = [(number, "coarse"), (number, "fine")]
-        worker.submit(Job("view", lambda stages=stages: iter(stages), seen.append, urgent=True))
+        worker.submit(Job("view", lambda stages=stages: iter(stages), values.append, urgent=True))
     go_on.set()
     wait(worker, lambda: not worker.busy())
-    assert seen == [(1, "coarse"), (2, "coarse"), (2, "fine")]
+    assert values == [(1, "coarse"), (2, "coarse"), (2, "fine")]
 
 
 def test_an_urgent_job_goes_between_the_steps_of_another(worker: Worker) -> None:
@@ -144,11 +147,11 @@ def test_an_urgent_job_goes_between_the_steps_of_another(worker: Worker) -> None
     worker.submit(Job("fit", fit, lambda number: None))
     wait(worker, lambda: bool(begun))
     for _ in range(3):
-        seen: list[int] = []
-        worker.submit(Job("view", lambda: iter([len(begun)]), seen.append, urgent=True))
+        steps: list[int] = []
+        worker.submit(Job("view", lambda: iter([len(begun)]), steps.append, urgent=True))
         most = len(begun) + 1  # one may have been chosen already
-        wait(worker, lambda: bool(seen))  # noqa: B023
-        assert seen[0] <= most
+        wait(worker, lambda: bool(steps))  # noqa: B023
+        assert steps[0] <= most
     assert worker.busy("fit")
 
 
@@ -171,26 +174,28 @@ def test_time_is_shared_fairly_between_long_and_short_steps(clock: Clock) -> Non
     assert len(short) > 3 * len(long)
 
 
-def test_nothing_of_a_cancelled_job_is_delivered(worker: Worker) -> None:
-    seen: list[object] = []
+def test_callbacks_of_a_cancelled_job_are_dropped(worker: Worker) -> None:
+    values: list[object] = []
     closed: list[str] = []
     made = threading.Event()
     worker.wake = made.set
-    worker.submit(Job("fit", lambda: ticking(closed, "fit"), seen.append, seen.append))
+    worker.submit(Job("fit", lambda: ticking(closed, "fit"), values.append, values.append))
     assert made.wait(60)
     worker.cancel("fit")
     worker.cancel("never heard of")
     wait(worker, lambda: closed == ["fit"])
     worker.deliver()
-    assert seen == []
+    assert values == []
     assert not worker.busy()
 
 
-def test_closing_ends_what_runs_and_cleans_up() -> None:
-    worker, closed, seen = Worker(), list[str](), set[str]()
+def test_closing_ends_jobs_and_closes_their_streams() -> None:
+    worker = Worker()
+    closed = list[str]()
+    names = set[str]()
     for name in ("fit", "export"):
-        worker.submit(Job(name, lambda name=name: ticking(closed, name, 0.02), lambda _, name=name: seen.add(name)))
-    wait(worker, lambda: len(seen) == 2)
+        worker.submit(Job(name, lambda name=name: ticking(closed, name, 0.02), lambda _, name=name: names.add(name)))
+    wait(worker, lambda: len(names) == 2)
     worker.close()
     worker.close()
     assert sorted(closed) == ["export", "fit"]
@@ -212,12 +217,12 @@ def test_deliveries_wake_the_window_and_work_ends_with_a_rest() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have a priority of their own on Linux only")
-def test_the_worker_steps_back_behind_the_window(worker: Worker) -> None:
-    seen: list[int] = []
+def test_the_worker_has_a_lower_priority_than_the_window(worker: Worker) -> None:
+    priorities: list[int] = []
     nice = lambda: iter([os.getpriority(os.PRIO_PROCESS, threading.get_native_id())])  # noqa: E731
-    worker.submit(Job("nice", nice, seen.append))
-    wait(worker, lambda: bool(seen))
-    assert seen[0] >= min(19, os.getpriority(os.PRIO_PROCESS, 0) + 2)
+    worker.submit(Job("nice", nice, priorities.append))
+    wait(worker, lambda: bool(priorities))
+    assert priorities[0] >= min(19, os.getpriority(os.PRIO_PROCESS, 0) + 2)
 
 
 @pytest.mark.parametrize(
@@ -240,17 +245,19 @@ def test_a_mode_that_a_job_leaves_on_does_not_reach_the_next_one(
             value.backward()
             yield float(weight.grad.sum()), (weight @ weight).dtype
 
-    goes_on, seen, ends = threading.Event(), list[object](), list[Exception | None]()
-    worker.submit(Job("leaking", leaking, seen.append, ends.append))
-    wait(worker, lambda: seen == [1])
+    goes_on = threading.Event()
+    values = list[object]()
+    ends = list[Exception | None]()
+    worker.submit(Job("leaking", leaking, values.append, ends.append))
+    wait(worker, lambda: values == [1])
     goes_on.set()
-    worker.submit(Job("next", differentiating, seen.append, ends.append))
+    worker.submit(Job("next", differentiating, values.append, ends.append))
     wait(worker, lambda: not worker.busy())
     assert ends == [None, None]
-    assert sorted(one for one in seen if isinstance(one, int)) == [1, 2, 3], "the job itself goes on"
-    assert {one for one in seen if not isinstance(one, int)} == {(16.0, torch.float32)}
+    assert sorted(value for value in values if isinstance(value, int)) == [1, 2, 3], "the job itself goes on"
+    assert {value for value in values if not isinstance(value, int)} == {(16.0, torch.float32)}
     assert {record.name for record in caplog.records} == {"viewer.services.worker"}
     assert "the job leaking is faulty" in caplog.records[0].message
-    worker.submit(Job("after", lambda: iter([TorchModes.current()]), seen.append))
+    worker.submit(Job("after", lambda: iter([TorchModes.current()]), values.append))
     wait(worker, lambda: not worker.busy())
-    assert seen[-1] == TorchModes.current()
+    assert values[-1] == TorchModes.current()

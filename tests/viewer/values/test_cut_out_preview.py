@@ -26,8 +26,8 @@ def test_the_outline_runs_along_the_mask_on_white() -> None:
         drawn = (outlined(pixels, mask, (1, 2, 3)) == (1, 2, 3)).all(-1)
         assert drawn[20 * scale, 20 * scale] and drawn[10 * scale, 30 * scale]
         assert not drawn[20 * scale, 30 * scale] and not drawn[0, 0]
-    whole = outlined(np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), bool), (9, 9, 9))
-    assert whole[0].any() and not whole[4, 4].any()  # it is cut off there
+    full = outlined(np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), bool), (9, 9, 9))
+    assert full[0].any() and not full[4, 4].any()  # it is cut off there
     assert not outlined(np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8), bool), (9, 9, 9)).any()
     image = Image.new("RGBA", (64, 32), (10, 20, 30, 0))
     image.putpixel((0, 0), (10, 20, 30, 255))
@@ -40,11 +40,11 @@ def test_a_doubtful_cut_out_has_an_outline_of_another_colour(cut: CutOut) -> Non
     image = Image.fromarray((255 * cut.pixels).astype(np.uint8)).convert("RGBA")
     doubtful = replace(cut, confidence=0.2, detections=(_FIRST,))
     assert is_doubtful(doubtful) and not is_doubtful(cut)
-    seen = CutOutPreview.of(image, doubtful)
-    assert seen.boxes == (_FIRST.box,)
+    preview = CutOutPreview.of(image, doubtful)
+    assert preview.boxes == (_FIRST.box,)
     far = _FIRST._replace(box=(0.0, 0.0, 0.1, 0.05), scores={"chairs": 0.3, "cars": 0.0})
     assert CutOutPreview.of(image, replace(doubtful, detections=(_FIRST, _FIRST, far))).boxes == (_FIRST.box,) * 2
-    assert (seen.pixels[10, 30] != CutOutPreview.of(image, cut).pixels[10, 30]).any()
+    assert (preview.pixels[10, 30] != CutOutPreview.of(image, cut).pixels[10, 30]).any()
 
 
 @pytest.mark.parametrize(("score", "rival"), [(0.79, True), (0.3, False)])

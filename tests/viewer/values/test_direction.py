@@ -7,11 +7,13 @@ from viewer.values.direction import Direction
 
 
 @pytest.mark.parametrize("kind", CODE_KINDS)
-def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, kind: CodeKind) -> None:
-    book, instance = model.codes, model[2]
+def test_a_principal_direction_sets_one_coordinate_of_one_code(model: Model, kind: CodeKind) -> None:
+    book = model.codes
+    instance = model[2]
     direction = Direction.principal(book, kind, 1)
     space = book.shape_space if kind == "shape" else book.texture_space
-    before, other = space.coordinates(getattr(instance.codes, kind)), "texture" if kind == "shape" else "shape"
+    before = space.coordinates(getattr(instance.codes, kind))
+    other_kind = "texture" if kind == "shape" else "shape"
     assert direction.kind == kind
     assert direction.strength(instance) == pytest.approx(float(before[1]), abs=1e-4)
     to = float(before[1]) + 0.5
@@ -20,4 +22,4 @@ def test_a_principal_one_sets_a_coordinate_of_one_code_alone(model: Model, kind:
     expected = before.clone()
     expected[1] = to
     torch.testing.assert_close(after, expected, atol=1e-3, rtol=1e-3)
-    assert getattr(moved.codes, other) is getattr(instance.codes, other)
+    assert getattr(moved.codes, other_kind) is getattr(instance.codes, other_kind)

@@ -9,21 +9,22 @@ from viewer.values import fit_history
 from viewer.values.fit_history import FitHistory, PhotoSource, photo_sources
 
 
-def test_what_lies_beside_photos_is_left_out(tmp_path: Path) -> None:
+def test_files_beside_photos_are_left_out(tmp_path: Path) -> None:
     names = ("photo.heic", "photo.mov", "photo.AAE", "license.txt", "Thumbs.db", "scan", "gone.png")
     paths = {name: tmp_path / name for name in names}
     for path in [*paths.values()][:-1]:
         path.write_text("something")
     Image.new("RGB", (8, 8)).save(paths["scan"], "PNG")  # an image by its content
-    sources, others = photo_sources([*paths.values()])
+    sources, no_images = photo_sources([*paths.values()])
     assert [source.path.name for source in sources] == ["photo.heic", "scan", "gone.png"]
-    assert [path.name for path in others] == ["photo.mov", "photo.AAE", "license.txt", "Thumbs.db"]
+    assert [path.name for path in no_images] == ["photo.mov", "photo.AAE", "license.txt", "Thumbs.db"]
     assert photo_sources([paths["photo.mov"]]) == ((PhotoSource(paths["photo.mov"]),), ())
 
 
 def test_of_very_many_steps_every_other_one_is_kept(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fit_history, "MAX_STEPS", 8)
-    camera, so_far = model.camera(0.0, 0.0), FitHistory()
+    camera = model.camera(0.0, 0.0)
+    so_far = FitHistory()
     for number in range(8):
         so_far = so_far.with_step(FitStep(number, 100, 0, 1.0, 20.0, number, (camera,), model.mean))
     so_far = so_far.with_step(FitStep(8, 100, 0, 1.0, 20.0, 8, (camera,), model.mean))

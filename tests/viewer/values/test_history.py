@@ -63,7 +63,7 @@ def test_edits_are_grouped_by_object_and_what_changes_no_code_is_none(states: li
     history = History.of(first)
     for state in (moved, other_b, shown, mixed, back):
         history = history.changed(state)
-    assert [[(edit.last, edit.words) for edit in group] for group in history.edits] == [
+    assert [[(edit.last, edit.words) for edit in group] for group in history.edits()] == [
         [(2, "at first")],
         [(3, "b"), (4, "c mixed in: shape 50%, texture 0%")],
         [(5, "a")],
@@ -83,7 +83,7 @@ def test_a_move_from_an_earlier_state_keeps_the_later_ones(edited: Callable[[int
         history = history.changed(turned, "orbit", moves=True)
     assert history.states == (edited(0), turned, edited(1), edited(2)) and history.now == turned
     assert history.redone().now == edited(1) and history.undone().now == edited(0)
-    assert [[edit.words for edit in group] for group in history.edits] == [
+    assert [[edit.words for edit in group] for group in history.edits()] == [
         ["at first", "shape and texture", "shape and texture"]
     ]
 
@@ -91,11 +91,11 @@ def test_a_move_from_an_earlier_state_keeps_the_later_ones(edited: Callable[[int
 def test_an_edit_from_an_earlier_state_is_a_branch_beside_the_later_ones(edited: Callable[[int], State]) -> None:
     history = History.of(edited(0), edited(1), edited(2)).at(0).changed(edited(3))
     assert history.states == (edited(0), edited(3)) and history.future == ()
-    (branch,) = history.branches
+    (branch,) = history.branches()
     assert (branch.start, branch.last, branch.words) == (0, 2, "shape and texture")
     back = history.at(branch.last)
     assert back.states == (edited(0), edited(1), edited(2)) and back.now == edited(2)
-    assert [one.last for one in back.branches] == [3]
+    assert [one.last for one in back.branches()] == [3]
     assert back.undone().undone().redone().now == edited(1)  # redo stays on the path
 
 
@@ -106,7 +106,7 @@ def test_a_drag_that_begins_as_no_edit_is_a_branch_once_it_is_one(edited: Callab
     assert history.future == (replace(edited(1), removed=frozenset({"a"})),)
     history = history.changed(replace(edited(2), removed=frozenset({"a"})), "key")
     assert history.steps[1].state == edited(1)
-    assert history.future == () and [one.last for one in history.branches] == [1]
+    assert history.future == () and [one.last for one in history.branches()] == [1]
     assert history.undone().now == edited(0)
 
 
@@ -114,12 +114,12 @@ def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_keyframe_is(
     edited: Callable[[int], State], model: Model
 ) -> None:
     turned = History.of(edited(0), _turned(edited(0), model, 0.5)).undone().changed(edited(1))
-    assert turned.branches == () and len(turned.steps) == 3
+    assert turned.branches() == () and len(turned.steps) == 3
     other_b = replace(edited(0), mix=replace(edited(0).mix, b="c"))
     removed, keys = replace(edited(0), removed=frozenset({"a"})), replace(edited(0), timeline=Timeline(length=9.0))
     for changed, words in ((other_b, "c as B"), (removed, "removed objects"), (keys, "keyframes")):
         history = History.of(edited(0), changed).undone().changed(edited(1))
-        assert [(one.last, one.words) for one in history.branches] == [(1, words)]
+        assert [(one.last, one.words) for one in history.branches()] == [(1, words)]
 
 
 def test_later_states_take_over_what_is_removed_or_in_the_timeline(edited: Callable[[int], State]) -> None:
@@ -183,11 +183,11 @@ def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, 
         if kind == "move":
             assert _edits(history) == _edits(before)
             assert history.future == before.future
-        shown = {number for group in history.edits for edit in group for number in edit.steps}
+        shown = {number for group in history.edits() for edit in group for number in edit.steps}
         hidden = set(range(len(history.steps))) - shown
-        for branch in history.branches:
+        for branch in history.branches():
             there = history.at(branch.last)
-            hidden -= {number for group in there.edits for edit in group for number in edit.steps}
+            hidden -= {number for group in there.edits() for edit in group for number in edit.steps}
         assert all(_is_turned(history, number) for number in hidden)
 
 
@@ -251,7 +251,7 @@ def _operated(history: History, kind: str, number: int) -> History:
 
 
 def _edits(history: History) -> list[str]:
-    return [edit.words for group in history.edits for edit in group] + [one.words for one in history.branches]
+    return [edit.words for group in history.edits() for edit in group] + [one.words for one in history.branches()]
 
 
 def _is_turned(history: History, number: int) -> bool:

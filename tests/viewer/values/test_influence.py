@@ -17,24 +17,25 @@ def frame() -> Frame:
     return Frame(image, opacity, opacity, 0, 1, 8, 0.1)
 
 
-def test_it_is_found_where_colours_change_and_nowhere_else(frame: Frame) -> None:
+def test_influence_is_at_pixels_that_change_alone(frame: Frame) -> None:
     image = frame.image.copy()
     image[2:4, 2:6, 0] = 160
-    found = CodeInfluence.between(frame, replace(frame, image=image))
-    assert found.leak == 0.0
-    assert found.image[3, 3].sum() > found.image[5, 5].sum() + 300
-    assert (found.image[5, 5] == found.image[0, 0]).all()
-    found = CodeInfluence.between(frame, frame)
-    assert found.leak == 0.0
-    assert (found.image[..., 3] == 0).all()
+    influence = CodeInfluence.between(frame, replace(frame, image=image))
+    assert influence.leak == 0.0
+    assert influence.image[3, 3].sum() > influence.image[5, 5].sum() + 300
+    assert (influence.image[5, 5] == influence.image[0, 0]).all()
+    influence = CodeInfluence.between(frame, frame)
+    assert influence.leak == 0.0
+    assert (influence.image[..., 3] == 0).all()
 
 
 def test_texture_leaves_the_silhouette_exactly_and_shape_moves_it(model: Model) -> None:
     camera = model.camera(0.4, 0.3).resized(24, 24)
-    first, other = model[0], model[1]
+    first = model[0]
+    second = model[1]
     before = render_frame(first, camera)
-    repainted = CodeInfluence.between(before, render_frame(first.with_texture(other), camera))
-    reshaped = CodeInfluence.between(before, render_frame(first.with_shape(other), camera))
+    repainted = CodeInfluence.between(before, render_frame(first.with_texture(second), camera))
+    reshaped = CodeInfluence.between(before, render_frame(first.with_shape(second), camera))
     assert repainted.leak == 0.0
     assert repainted.image.std() > 0
     assert reshaped.leak > 0

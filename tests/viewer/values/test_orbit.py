@@ -37,15 +37,16 @@ def test_no_drag_leaves_the_orbit_or_passes_a_pole(across: float, down: float) -
 
 @given(st.floats(-1e3, 1e3))
 def test_zoom_stays_in_reach(model: Model, steps: float) -> None:
-    near, far = orbit.zoomed(CAMERA, 1e3, model).distance, orbit.zoomed(CAMERA, -1e3, model).distance
+    near = orbit.zoomed(CAMERA, 1e3, model).distance
+    far = orbit.zoomed(CAMERA, -1e3, model).distance
     assert 0 < near <= orbit.zoomed(CAMERA, steps, model).distance <= far
     assert near < model.distance < far
 
 
 def test_zooms_come_back_and_home_sees_the_whole_object(model: Model) -> None:
-    there = orbit.zoomed(CAMERA, 2.0, model)
-    assert there.distance < CAMERA.distance
-    assert orbit.zoomed(there, -2.0, model).distance == pytest.approx(CAMERA.distance)
+    nearer = orbit.zoomed(CAMERA, 2.0, model)
+    assert nearer.distance < CAMERA.distance
+    assert orbit.zoomed(nearer, -2.0, model).distance == pytest.approx(CAMERA.distance)
     camera = orbit.home(model)
     assert camera.distance <= model.distance
     assert abs(camera.azimuth - math.pi / 2) < math.radians(45)
@@ -70,15 +71,16 @@ def test_a_panned_view_shows_the_object_aside(pan: tuple[float, float], divisor:
     crop = orbit.fit_to_panel(CAMERA, 200, 100, 128, pan)
     camera = crop.camera
     assert camera.focal == pytest.approx(CAMERA.focal * 128 / CAMERA.height)
-    height, width = max(1, camera.height // divisor), max(1, camera.width // divisor)
+    height = max(1, camera.height // divisor)
+    width = max(1, camera.width // divisor)
     y, x = np.mgrid[0:height, 0:width] + 0.5
     opacity = (np.hypot(x - width / 2, y - height / 2) < 10 / divisor + 1).astype(np.float32)
     frame = Frame(np.zeros((height, width, 3), np.uint8), opacity, opacity, 0, 1, 1, 0.0)
-    shown = crop.cropped(frame)
-    assert shown.resolution == pytest.approx((256 // divisor, 128 // divisor), abs=1)
-    rows, columns = shown.opacity.nonzero()
-    expected = shown.resolution[0] / 2 + pan[0] * 128 / divisor, shown.resolution[1] / 2 + pan[1] * 128 / divisor
-    inside = 0 < expected[0] < shown.resolution[0] and 0 < expected[1] < shown.resolution[1]
+    cropped = crop.cropped(frame)
+    assert cropped.resolution == pytest.approx((256 // divisor, 128 // divisor), abs=1)
+    rows, columns = cropped.opacity.nonzero()
+    expected = cropped.resolution[0] / 2 + pan[0] * 128 / divisor, cropped.resolution[1] / 2 + pan[1] * 128 / divisor
+    inside = 0 < expected[0] < cropped.resolution[0] and 0 < expected[1] < cropped.resolution[1]
     if inside:
         assert columns.mean() + 0.5 == pytest.approx(expected[0], abs=1.5)
         assert rows.mean() + 0.5 == pytest.approx(expected[1], abs=1.5)
@@ -86,27 +88,27 @@ def test_a_panned_view_shows_the_object_aside(pan: tuple[float, float], divisor:
 
 @pytest.mark.parametrize("view", orbit.VIEWS)
 def test_usual_views_keep_the_distance(view: str) -> None:
-    seen = orbit.seen_from(CAMERA, view)
-    assert (seen.azimuth, seen.elevation) == orbit.VIEWS[view]
-    assert replace(seen, azimuth=CAMERA.azimuth, elevation=CAMERA.elevation) == CAMERA
+    turned = orbit.seen_from(CAMERA, view)
+    assert (turned.azimuth, turned.elevation) == orbit.VIEWS[view]
+    assert replace(turned, azimuth=CAMERA.azimuth, elevation=CAMERA.elevation) == CAMERA
 
 
 @pytest.mark.parametrize("panel, pan", [((400, 300), (0.0, 0.0)), ((300, 500), (0.2, -0.1))])
 def test_a_photo_lies_over_the_view_where_its_object_is(model: Model, panel: tuple[int, int], pan: tuple[float, float]):
     photo = replace(model.camera(0.7, 0.3), distance=1.4, focal=900.0, width=640, height=480)
-    seen = orbit.photo_camera(photo, model)
-    left, top, right, bottom = orbit.photo_box(photo, seen, panel, pan)
+    camera = orbit.photo_camera(photo, model)
+    left, top, right, bottom = orbit.photo_box(photo, camera, panel, pan)
     assert (right - left, bottom - top) == pytest.approx((0.8 * min(panel), 0.6 * min(panel)))
     corner = torch.tensor([[0.1, -0.2, 0.3]])
-    crop = orbit.fit_to_panel(seen, *panel, min(panel), pan)
-    shown = crop.camera.project(corner)[0] - torch.tensor([crop.left, crop.top])
-    there = photo.project(corner)[0] / torch.tensor([640.0, 480.0])
-    expected = left + float(there[0]) * (right - left), top + float(there[1]) * (bottom - top)
-    assert shown.tolist() == pytest.approx(expected, abs=1.0)  # views are moved by whole px
+    crop = orbit.fit_to_panel(camera, *panel, min(panel), pan)
+    projected = crop.camera.project(corner)[0] - torch.tensor([crop.left, crop.top])
+    place = photo.project(corner)[0] / torch.tensor([640.0, 480.0])
+    expected = left + float(place[0]) * (right - left), top + float(place[1]) * (bottom - top)
+    assert projected.tolist() == pytest.approx(expected, abs=1.0)  # views are moved by whole px
 
 
 def test_a_photo_lies_over_the_view_from_its_camera_alone(model: Model) -> None:
     photo = replace(model.camera(0.7, 0.3), focal=900.0, width=640, height=480)
-    seen = orbit.photo_camera(photo, model)
-    for other in (orbit.turned(seen, 0.01, 0.0), orbit.zoomed(seen, 1, model)):
-        assert orbit.photo_box(photo, other, (400, 300), (0.0, 0.0)) is None
+    camera = orbit.photo_camera(photo, model)
+    for moved in (orbit.turned(camera, 0.01, 0.0), orbit.zoomed(camera, 1, model)):
+        assert orbit.photo_box(photo, moved, (400, 300), (0.0, 0.0)) is None

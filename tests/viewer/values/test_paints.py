@@ -3,9 +3,9 @@ import pytest
 from viewer.values.paints import as_paint, paints_of, rgb, square_colour
 
 
-@pytest.mark.parametrize("part", ["body", "wheels", "fabric", "wood", "seat", "back", "arms", "legs", ""])
-def test_every_part_has_twelve_different_paints(part: str) -> None:
-    paints = paints_of(part)
+@pytest.mark.parametrize("part_name", ["body", "wheels", "fabric", "wood", "seat", "back", "arms", "legs", ""])
+def test_every_part_has_twelve_different_paints(part_name: str) -> None:
+    paints = paints_of(part_name)
     assert len(set(paints.values())) == len(paints) == 12
     assert all(as_paint(rgb(paint)) == paint for paint in paints.values())
 

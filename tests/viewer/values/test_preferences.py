@@ -7,9 +7,9 @@ from viewer.values.preferences import LARGEST, SMALLEST, Preferences
 from viewer.values.share_settings import ShareSettings
 
 
-def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
-    share = ShareSettings("picture", size=1024, background="colour", colour=(3, 255, 255))
-    chosen = replace(Preferences(), dark=False, text=1.25, newcomer=False, share=share)
+def test_saved_preferences_are_loaded(tmp_path: Path) -> None:
+    settings = ShareSettings("picture", size=1024, background="colour", colour=(3, 255, 255))
+    chosen = replace(Preferences(), dark=False, text=1.25, newcomer=False, share=settings)
     chosen = chosen.with_recent(tmp_path / "a.png")
     chosen.save(tmp_path / "deep" / "folder")
     assert Preferences.load(tmp_path / "deep" / "folder") == chosen
@@ -28,7 +28,7 @@ def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
         '{"share": {"size": "large", "frames": null, "more": 1}}',
     ],
 )
-def test_what_makes_no_sense_is_as_on_the_first_launch(text: str, tmp_path: Path) -> None:
+def test_invalid_preferences_have_their_defaults(text: str, tmp_path: Path) -> None:
     (tmp_path / "preferences.json").write_text(text)
     assert Preferences.load(tmp_path) == Preferences()
 

@@ -52,52 +52,61 @@ def saved(session: Session, editor: Editor, photo: Path) -> Project:
     session.player.add_key()
     session.player.stretch(7.0)
     editor.undo()
-    found = session.project()
+    project = session.project()
     hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
     source = PhotoSource(photo, hints)
-    return replace(found, pending=(FitRequest(FitHistory((source,))),))
+    return replace(project, pending=(FitRequest(FitHistory((source,))),))
 
 
-def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session: Session, tmp_path: Path) -> None:
+def test_a_saved_project_is_loaded_completely(
+    models: OpenModels, saved: Project, session: Session, tmp_path: Path
+) -> None:
     saved.save(tmp_path / "a.codenerf", models)
-    found = Project.load(tmp_path / "a.codenerf", models)
-    assert found.history == saved.history
-    assert len(found.history.past) > 3
-    assert len(found.history.future) == 1
-    assert found.history.now.timeline.length == 4.0
-    assert found.history.future[0].timeline.length == 7.0
-    (before,), (after,) = saved.objects, found.objects
+    loaded = Project.load(tmp_path / "a.codenerf", models)
+    assert loaded.history == saved.history
+    assert len(loaded.history.past) > 3
+    assert len(loaded.history.future) == 1
+    assert loaded.history.now.timeline.length == 4.0
+    assert loaded.history.future[0].timeline.length == 7.0
+    (before,) = saved.objects
+    (after,) = loaded.objects
     assert (after.name, after.confidence) == ("block", before.confidence)
     assert after.instance == before.instance
     assert after.fitted
-    assert found.pending[0].history.sources == saved.pending[0].history.sources
-    last, expected = found.fit.last, saved.fit.last
-    assert [step.psnr for step in found.fit.steps] == [step.psnr for step in saved.fit.steps]
+    assert loaded.pending[0].history.sources == saved.pending[0].history.sources
+    last = loaded.fit.last
+    expected = saved.fit.last
+    assert [step.psnr for step in loaded.fit.steps] == [step.psnr for step in saved.fit.steps]
     assert last.confidence == expected.confidence
     assert last.runner_up == expected.runner_up
     assert last.instance == expected.instance
     assert len(last.hypotheses) == len(expected.hypotheses)
-    assert [len(step.hypotheses) for step in found.fit.steps[:-1]] == [1] * 9
+    assert [len(step.hypotheses) for step in loaded.fit.steps[:-1]] == [1] * 9
     assert (last.hypotheses[0].crop_transform == expected.hypotheses[0].crop_transform).all()
-    assert found.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
-    assert all(map(session.editor.can_show, found.history.states))
+    assert loaded.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
+    before, after = (project.fit.photos[0].preview for project in (saved, loaded))
+    assert before and after and np.abs(after.pixels.astype(float) - before.pixels).mean() < 5  # the whole photo
+    assert all(map(session.editor.can_show, loaded.history.states))
 
 
-def test_states_share_what_they_have_in_common(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
+def test_loaded_states_share_timelines_and_codes(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
     history = saved.history
     for step in range(400):  # the camera moves, codes and timeline stay
         camera = replace(history.now.scene.camera, azimuth=0.01 * step)
         history = history.changed(replace(history.now, scene=replace(history.now.scene, camera=camera)))
     replace(saved, history=history).save(tmp_path / "a.codenerf", models)
     assert (tmp_path / "a.codenerf").stat().st_size < 200_000
-    found = Project.load(tmp_path / "a.codenerf", models)
-    assert found.history == history
-    first, last = found.history.past[-300], found.history.now
+    loaded = Project.load(tmp_path / "a.codenerf", models)
+    assert loaded.history == history
+    first = loaded.history.past[-300]
+    last = loaded.history.now
     assert first.timeline is last.timeline
     assert first.scene.instance.codes.shape.data_ptr() == last.scene.instance.codes.shape.data_ptr()
 
 
-def test_a_photo_keeps_what_no_image_can_hold(models: OpenModels, model: Model, saved: Project, tmp_path: Path) -> None:
+def test_a_photo_keeps_the_fields_beside_its_pixels(
+    models: OpenModels, model: Model, saved: Project, tmp_path: Path
+) -> None:
     mask = torch.zeros(8, 8, dtype=torch.bool)
     mask[2:5] = True
     photo = Photo(torch.rand(8, 8, 3), mask, model.camera(0.1, 0.2).resized(8, 8), True, ~mask)
@@ -106,36 +115,36 @@ def test_a_photo_keeps_what_no_image_can_hold(models: OpenModels, model: Model, 
     fitted = FittedPhoto.of(PhotoSource(tmp_path / "b.png"), photo)
     pending = (FitRequest(FitHistory((fitted.source,), (fitted,))),)
     replace(saved, pending=pending).save(tmp_path / "a.codenerf", models)
-    found = Project.load(tmp_path / "a.codenerf", models).pending[0].history.photos[0].photo
-    assert (found.camera, found.cropped) == (photo.camera, True)
-    assert (found.unseen == photo.unseen).all()
-    assert torch.equal(found.opacity, photo.opacity)
-    assert (found.scaled, found.edge_error, found.focal, found.blur) == (True, 1.5, 50.0, 2.0)
-    assert found.fine == photo.fine
+    loaded = Project.load(tmp_path / "a.codenerf", models).pending[0].history.photos[0].photo
+    assert (loaded.camera, loaded.cropped) == (photo.camera, True)
+    assert (loaded.unseen == photo.unseen).all()
+    assert torch.equal(loaded.opacity, photo.opacity)
+    assert (loaded.scaled, loaded.edge_error, loaded.focal, loaded.blur) == (True, 1.5, 50.0, 2.0)
+    assert loaded.fine == photo.fine
 
 
 def rewrite(path: Path, change: Callable[[dict, dict[str, bytes]], None]) -> None:
     """Change the JSON and the members of a project's file."""
     with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist()}
-    about = json.loads(parts["project.json"])
-    change(about, parts)
-    parts["project.json"] = json.dumps(about).encode()
+        members = {name: file.read(name) for name in file.namelist()}
+    record = json.loads(members["project.json"])
+    change(record, members)
+    members["project.json"] = json.dumps(record).encode()
     with zipfile.ZipFile(path, "w") as file:
-        for name, content in parts.items():
+        for name, content in members.items():
             file.writestr(name, content)
 
 
 @pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "format"])
-def test_what_is_no_whole_project_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, harm: str):
+def test_a_broken_project_is_reported_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, harm: str):
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
 
-    def change(about: dict, parts: dict[str, bytes]) -> None:
+    def change(record: dict, members: dict[str, bytes]) -> None:
         if harm == "no tensors":
-            del parts["tensors.safetensors"]
+            del members["tensors.safetensors"]
         elif harm == "format":
-            about["format"] = "another"
+            record["format"] = "another"
 
     rewrite(path, change)
     if harm in ("empty", "text", "cut"):
@@ -152,7 +161,7 @@ def test_files_name_objects_as_before_codes_with_the_fingerprint_of_their_model(
     with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
         project = json.loads(file.read("project.json"))["project"]
     (model,) = models
-    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "model"]
+    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "stretch", "model"]
     scene = project["history"]["steps"][0]["state"]["scene"]
     for holder in (scene, *project["objects"], *project["fit"]["steps"]):
         assert "instance" not in holder and list(holder["codes"]) == names
@@ -160,38 +169,38 @@ def test_files_name_objects_as_before_codes_with_the_fingerprint_of_their_model(
     assert list(scene) == ["codes", "camera"]
 
 
-def _last_state(about: dict, parts: dict[str, bytes]) -> None:
-    history = about["project"]["history"]
+def _last_state(record: dict, members: dict[str, bytes]) -> None:
+    history = record["project"]["history"]
     del history["steps"][history["current"]]["state"]["mix"]["a"]
 
 
-def _camera(about: dict, parts: dict[str, bytes]) -> None:
-    about["project"]["history"]["steps"][1]["state"]["scene"]["camera"]["distance"] = "far"
+def _camera(record: dict, members: dict[str, bytes]) -> None:
+    record["project"]["history"]["steps"][1]["state"]["scene"]["camera"]["distance"] = "far"
 
 
-def _every_state(about: dict, parts: dict[str, bytes]) -> None:
-    for step in about["project"]["history"]["steps"]:
+def _every_state(record: dict, members: dict[str, bytes]) -> None:
+    for step in record["project"]["history"]["steps"]:
         step["state"]["scene"] = 0
 
 
-def _object(about: dict, parts: dict[str, bytes]) -> None:
-    about["project"]["objects"][0]["confidence"] = 7
+def _object(record: dict, members: dict[str, bytes]) -> None:
+    record["project"]["objects"][0]["confidence"] = 7
 
 
-def _fit(about: dict, parts: dict[str, bytes]) -> None:
-    about["project"]["fit"]["steps"][0]["loss"] = "small"
+def _fit(record: dict, members: dict[str, bytes]) -> None:
+    record["project"]["fit"]["steps"][0]["loss"] = "small"
 
 
-def _photo(about: dict, parts: dict[str, bytes]) -> None:
-    parts["photos/0.png"] = b"no image"
+def _photo(record: dict, members: dict[str, bytes]) -> None:
+    members["photos/0.png"] = b"no image"
 
 
-def _request(about: dict, parts: dict[str, bytes]) -> None:
-    about["project"]["pending"][0]["history"]["sources"][0]["path"] = 3
+def _request(record: dict, members: dict[str, bytes]) -> None:
+    record["project"]["pending"][0]["history"]["sources"][0]["path"] = 3
 
 
-def _newer(about: dict, parts: dict[str, bytes]) -> None:
-    about["format"] = "codenerf-project-9"
+def _newer(record: dict, members: dict[str, bytes]) -> None:
+    record["format"] = "codenerf-project-9"
 
 
 _HARMS = _last_state, _camera, _every_state, _object, _fit, _photo, _request, _newer
@@ -222,7 +231,8 @@ def test_a_part_that_cannot_be_read_leaves_the_others_and_its_file_is_kept(
 def branched(saved: Project) -> Project:
     """The same at a branch from the second state; the later ones are another branch."""
     history = saved.history.at(1)
-    camera, instance = history.now.scene.camera, history.past[0].scene.instance
+    camera = history.now.scene.camera
+    instance = history.past[0].scene.instance
     edited = replace(
         history.now, scene=replace(history.now.scene, instance=instance.changed(texture=instance.codes.texture + 0.1))
     )
@@ -234,19 +244,20 @@ def branched(saved: Project) -> Project:
 def test_branches_stay_where_a_state_between_cannot_be_read(
     models: OpenModels, branched: Project, tmp_path: Path, lost: str
 ) -> None:
-    history, path = branched.history, tmp_path / "a.codenerf"
-    (branch,) = history.branches
+    history = branched.history
+    path = tmp_path / "a.codenerf"
+    (branch,) = history.branches()
     own = [history.steps.index(step) for step in history.steps if step.state in history.states]
     numbers = {"first": [0], "fork": [1], "now": [history.current], "end of the other": [branch.last], "step": [1]}
     dropped = numbers.get(lost, own)
     branched.save(path, models)
 
-    def harm(about: dict, parts: dict[str, bytes]) -> None:
+    def harm(record: dict, members: dict[str, bytes]) -> None:
         for number in dropped:
             if lost == "step":
-                about["project"]["history"]["steps"][number] = "lost"
+                record["project"]["history"]["steps"][number] = "lost"
             else:
-                about["project"]["history"]["steps"][number]["state"]["mix"] = None
+                record["project"]["history"]["steps"][number]["state"]["mix"] = None
 
     rewrite(path, harm)
     project = Project.load(path, models)
@@ -254,7 +265,7 @@ def test_branches_stay_where_a_state_between_cannot_be_read(
     assert len(project.originals) == 1
     left = [step.state for number, step in enumerate(history.steps) if number not in dropped]
     assert [step.state for step in project.history.steps] == left
-    assert len(project.history.branches) == (lost != "all but the other")
+    assert len(project.history.branches()) == (lost != "all but the other")
     if history.current not in dropped:
         assert project.history.now == history.now
 
@@ -267,19 +278,19 @@ def test_states_that_are_no_tree_are_consecutive(
 ) -> None:
     path = tmp_path / "a.codenerf"
     branched.save(path, models)
-    rewrite(path, lambda about, parts: about["project"]["history"].update(harm))
+    rewrite(path, lambda record, members: record["project"]["history"].update(harm))
     project = Project.load(path, models)
     assert project.originals[0].content == path.read_bytes()
     scenes = [step.state.scene for step in branched.history.steps]
     assert [state.scene for state in project.history.states] == (scenes[:1] if "steps" in harm else scenes)
 
 
-def test_what_belongs_to_a_missing_model_is_saved_as_it_was(models: OpenModels, saved: Project, tmp_path: Path) -> None:
-    def foreign(about: dict, parts: dict[str, bytes]) -> None:
-        about["project"]["objects"][0]["codes"]["model"] = "0" * 16
-        about["project"]["history"]["steps"][1]["state"]["scene"]["codes"]["model"] = "0" * 16
-        about["project"]["models"] = ["chairs", "/gone/stools.safetensors"]
-        about["project"]["model_files"] = {}
+def test_objects_of_a_missing_model_are_saved_unchanged(models: OpenModels, saved: Project, tmp_path: Path) -> None:
+    def foreign(record: dict, members: dict[str, bytes]) -> None:
+        record["project"]["objects"][0]["codes"]["model"] = "0" * 16
+        record["project"]["history"]["steps"][1]["state"]["scene"]["codes"]["model"] = "0" * 16
+        record["project"]["models"] = ["chairs", "/gone/stools.safetensors"]
+        record["project"]["model_files"] = {}
 
     saved.save(tmp_path / "a.codenerf", models)
     rewrite(tmp_path / "a.codenerf", foreign)
@@ -300,17 +311,17 @@ def test_what_belongs_to_a_missing_model_is_saved_as_it_was(models: OpenModels, 
     assert again.model_files["0" * 16] == "/gone/stools.safetensors"
 
 
-def test_a_project_that_is_not_there_or_of_no_open_model(models: OpenModels, tmp_path: Path, saved: Project) -> None:
+def test_a_project_that_is_missing_or_of_no_open_model(models: OpenModels, tmp_path: Path, saved: Project) -> None:
     with pytest.raises(ValueError, match=r"no such project: .*a\.codenerf"):
         Project.load(tmp_path / "a.codenerf", models)
     saved.save(tmp_path / "a.codenerf", models)
     (model,) = models
-    other = OpenModels(lambda name: random_model(seed=9))
-    found = Project.load(tmp_path / "a.codenerf", other)
-    assert found.history == saved.history and all(state.scene.instance.is_missing for state in found.history.states)
+    strangers = OpenModels(lambda name: random_model(seed=9))
+    loaded = Project.load(tmp_path / "a.codenerf", strangers)
+    assert loaded.history == saved.history and all(state.scene.instance.is_missing for state in loaded.history.states)
     extended = replace(random_model(seed=9), extends=(model.fingerprint,))
-    found = Project.load(tmp_path / "a.codenerf", OpenModels(lambda name: extended))
-    assert {state.scene.instance.fingerprint for state in found.history.states} == {extended.fingerprint}
+    loaded = Project.load(tmp_path / "a.codenerf", OpenModels(lambda name: extended))
+    assert {state.scene.instance.fingerprint for state in loaded.history.states} == {extended.fingerprint}
 
 
 def test_states_that_mix_objects_that_nobody_has_are_not_shown(session: Session, saved: Project) -> None:
@@ -323,9 +334,10 @@ def test_states_that_mix_objects_that_nobody_has_are_not_shown(session: Session,
 
 
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
-def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, commit: str) -> None:
+def test_projects_and_scenes_of_earlier_versions_open(worker: Worker, backend: Backend, commit: str) -> None:
     """Chairs had a session of their own, and cars, which were open at the end; models of both may be former ones."""
-    folder, (chairs, cars) = Path("tests/files") / commit, _MODELS
+    folder = Path("tests/files") / commit
+    (chairs, cars) = _MODELS
     session = Session(worker, replace(backend, load_model=load_model))
     session.open_project(folder / "project.codenerf")
     editor = session.editor
@@ -334,7 +346,7 @@ def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, co
     assert [state.scene.instance.fingerprint for state in states] == [chairs] * 9 + [cars] * 9
     assert (len(editor.history.past), len(editor.history.future)) == (16, 1)
     assert states[8].timeline.turns == states[17].timeline.turns == -2
-    assert [one.name for one in editor.objects.added] == ["block (2)", "block"]
+    assert [added.name for added in editor.objects.added] == ["block (2)", "block"]
     assert [editor.objects[name].instance.fingerprint for name in ("block (2)", "block")] == [chairs, cars]
     assert states[4].mix.a.shape == "block (2)" and states[13].mix.a.shape == "block"
     assert session.fitting.history.model == cars and len(session.fitting.history.steps) == 10
@@ -363,16 +375,16 @@ def test_a_project_without_branches_opens(worker: Worker, backend: Backend) -> N
 def test_a_project_with_branches_and_an_edited_object_opens(worker: Worker, backend: Backend, tmp_path: Path) -> None:
     shutil.copytree("tests/files/29b3170/mine", tmp_path / "mine")
     session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
-    assert sorted(one.unedited is not None for one in session.editor.objects.added) == [False, True]
+    assert sorted(block.unedited is not None for block in session.editor.objects.added) == [False, True]
     session.open_project(Path("tests/files/29b3170/project.codenerf"))
     editor = session.editor
     assert session.messages.errors == []
-    one = editor.objects["block blue"]
-    assert editor.scene.instance == one.instance and one.unedited is not None
-    torch.testing.assert_close(one.instance.codes.texture, one.unedited.codes.texture - 0.25)
-    (branch,) = editor.history.branches
+    block = editor.objects["block blue"]
+    assert editor.scene.instance == block.instance and block.unedited is not None
+    torch.testing.assert_close(block.instance.codes.texture, block.unedited.codes.texture - 0.25)
+    (branch,) = editor.history.branches()
     editor.go_to(branch.last)
-    torch.testing.assert_close(editor.objects["block blue"].instance.codes.texture, one.unedited.codes.texture + 0.25)
+    torch.testing.assert_close(editor.objects["block blue"].instance.codes.texture, block.unedited.codes.texture + 0.25)
     assert editor.objects.own == ["block blue"]
     for _ in range(2):
         editor.undo()
@@ -386,7 +398,8 @@ def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backen
     session.open_project(folder / "project.codenerf")
     editor = session.editor
     assert session.messages.errors == []
-    fitted, mixed = editor.objects["block"].instance, editor.scene.instance
+    fitted = editor.objects["block"].instance
+    mixed = editor.scene.instance
     assert fitted.codes.shape_offsets is not None and fitted.detail is not None
     assert fitted.detail.fitted.shape_key == fitted.codes.shape_key
     assert mixed.codes.shape_offsets is not None  # half of B, which has none
@@ -398,28 +411,42 @@ def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backen
         assert editor.scene.instance == mixed
 
 
-def test_an_object_of_before_that_was_fitted_to_no_photo_opens(tmp_path: Path) -> None:
+def test_a_project_and_a_scene_with_a_size_open(worker: Worker, backend: Backend) -> None:
+    folder, model = Path("tests/files/2de427aa"), load_model("tests/files/1bad02d/model.safetensors")
+    session = Session(worker, replace(backend, load_model=lambda name: model))
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
+    editor.undo()
+    assert editor.scene.instance.codes.stretch is None
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
+
+
+def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:
     """Scenes that were opened had a photo of null."""
     with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:
-        parts = {name: file.read(name) for name in file.namelist()}
-    about = json.loads(parts["project.json"])
-    for one in about["sessions"]:
-        for made in one["objects"]:
+        members = {name: file.read(name) for name in file.namelist()}
+    record = json.loads(members["project.json"])
+    for session in record["sessions"]:
+        for made in session["objects"]:
             made["photo"] = None
-    parts["project.json"] = json.dumps(about).encode()
+    members["project.json"] = json.dumps(record).encode()
     with zipfile.ZipFile(tmp_path / "a.codenerf", "w") as file:
-        for name, content in parts.items():
+        for name, content in members.items():
             file.writestr(name, content)
-    found = Project.load(tmp_path / "a.codenerf", OpenModels(load_model))
-    assert [one.fitted for one in found.objects] == [False, False]
+    loaded = Project.load(tmp_path / "a.codenerf", OpenModels(load_model))
+    assert [item.fitted for item in loaded.objects] == [False, False]
 
 
 @pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
-def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
+def test_stored_objects_of_earlier_versions_open(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
     shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
     session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
     assert len(session.editor.objects.added) == 2
-    assert {one.instance.fingerprint for one in session.editor.objects.added} == {*_MODELS}
+    assert {added.instance.fingerprint for added in session.editor.objects.added} == {*_MODELS}
 
 
 def test_work_with_a_formerly_shipped_model_goes_on_beside_the_new_one(
@@ -470,18 +497,21 @@ def test_a_project_that_is_too_large_is_not_saved(session: Session, tmp_path: Pa
 
 
 @pytest.mark.parametrize("kind", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_a_project_damaged_anywhere_is_said_in_one_line(models: OpenModels, saved: Project, tmp_path: Path, kind: int):
+def test_a_project_damaged_anywhere_is_reported_in_one_line(
+    models: OpenModels, saved: Project, tmp_path: Path, kind: int
+):
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
     with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist()}
+        members = {name: file.read(name) for name in file.namelist()}
     with zipfile.ZipFile(path, "w", kind) as file:
-        for name, content in parts.items():
+        for name, content in members.items():
             file.writestr(name, content)
-    whole, generator = path.read_bytes(), random.Random(0)
+    intact = path.read_bytes()
+    generator = random.Random(0)
     assert Project.load(path, models).objects
     for _ in range(40):
-        harmed = bytearray(whole)
+        harmed = bytearray(intact)
         for _ in range(generator.randint(1, 20)):
             harmed[generator.randrange(len(harmed))] = generator.randrange(256)
         path.write_bytes(harmed[: generator.randint(1, 2 * len(harmed))])
@@ -489,7 +519,9 @@ def test_a_project_damaged_anywhere_is_said_in_one_line(models: OpenModels, save
             Project.load(path, models)
 
 
-def test_what_cannot_be_read_back_leaves_the_old_file(models: OpenModels, saved: Project, tmp_path: Path) -> None:
+def test_a_project_that_cannot_be_read_back_leaves_the_old_file(
+    models: OpenModels, saved: Project, tmp_path: Path
+) -> None:
     path = tmp_path / "a.codenerf"
     saved.save(path, models)
     before = path.read_bytes()
@@ -511,8 +543,8 @@ def test_a_project_that_is_handed_on_names_no_folder_and_finds_photos_beside_it(
         assert str(tmp_path).encode() not in b"".join(map(file.read, file.namelist()))
     project = Project.load(path, models)
     assert project.path is None
-    found = project.beside(path.parent)
-    assert found.fit.sources[0].path == found.fit.photos[0].source.path == Path(photo.name)
+    moved = project.beside(path.parent)
+    assert moved.fit.sources[0].path == moved.fit.photos[0].source.path == Path(photo.name)
     (path.parent / photo.name).write_bytes(photo.read_bytes())
-    found = project.beside(path.parent)
-    assert found.fit.sources[0].path == path.parent / photo.name
+    moved = project.beside(path.parent)
+    assert moved.fit.sources[0].path == path.parent / photo.name

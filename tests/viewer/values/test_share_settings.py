@@ -29,12 +29,12 @@ def scene(model: Model) -> Scene:
         {"cells": 4},
     ],
 )
-def test_a_choice_that_there_is_not_is_refused(wrong: dict[str, object]) -> None:
+def test_an_unknown_choice_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValueError):
         ShareSettings(**wrong)  # type: ignore[arg-type]
 
 
-def test_only_what_can_be_transparent_is_and_views_stand_in_for_themselves() -> None:
+def test_background_and_shadow_follow_the_format() -> None:
     clear = ShareSettings("turntable", background="transparent")
     assert clear.behind == (255, 255, 255)
     assert replace(clear, video=".webp").behind is None
@@ -53,40 +53,35 @@ def test_only_what_can_be_transparent_is_and_views_stand_in_for_themselves() -> 
 
 def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera.resized(60, 30), focal=300.0))
-    settings = ShareSettings(size=40, wide=True, fill=False, background="transparent", view_background=((1, 2, 3),) * 2)
+    settings = ShareSettings(size=40, wide=True, background="transparent", view_background=((1, 2, 3),) * 2)
     (view,) = settings.views(near, Timeline())
     assert (view.camera.width, view.camera.height) == (40, 40)
     corners = torch.cartesian_prod(*(torch.tensor([-side, side]) for side in model.extent))
     for turn in range(12):
-        seen = replace(view.camera, azimuth=turn).project(corners)
-        assert seen.min() > -4 and seen.max() < 44
+        projected = replace(view.camera, azimuth=turn).project(corners)
+        assert projected.min() > -4 and projected.max() < 44
     assert settings.behind == (255, 255, 255)
     assert settings.shows_shadow and settings.suffix == ".html"
 
 
-def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
-    views = ShareSettings("turntable", size=40, fill=False).views(scene, Timeline())
-    assert len(views) == TURN
-    assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
-    wide = ShareSettings("turntable", size=40, fill=False, wide=True).views(scene, Timeline())
-    assert {(view.camera.width, view.camera.height, view.camera.focal) for view in wide} == {(72, 40, 41.0)}
-
-
-@pytest.mark.parametrize(("fill", "nearest"), [(True, 1.0), (False, 0.4)])
-def test_a_turntable_that_fills_its_frame_keeps_its_perspective(model: Model, scene: Scene, fill: bool, nearest: float):
+def test_a_turntable_turns_once_at_the_chosen_size_and_fills_its_frame(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    views = ShareSettings("turntable", size=40, fill=fill).views(near, Timeline())
-    assert {view.camera.distance for view in views} == {nearest * model.distance}
+    views = ShareSettings("turntable", size=40).views(near, Timeline())
+    assert len(views) == TURN
+    assert {(view.camera.width, view.camera.height, view.camera.distance) for view in views} == {
+        (40, 40, model.distance)  # its perspective stays
+    }
+    wide = ShareSettings("turntable", size=40, wide=True).views(near, Timeline())
+    assert {(view.camera.width, view.camera.height) for view in wide} == {(72, 40)}
 
 
 def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
     video = ShareSettings("video")
     for distance, nearer in ((6.0, True), (0.5, False)):
         key = Keyframe(0.0, View(scene.instance, replace(scene.camera, distance=distance)))
-        shown = video.views(scene, Timeline((key,), 1.0))
-        assert len(shown) == RATE
-        before = replace(video, fill=False).views(scene, Timeline((key,), 1.0))
-        assert (shown[0].camera.focal > before[0].camera.focal) == nearer
+        views = video.views(scene, Timeline((key,), 1.0))
+        assert len(views) == RATE
+        assert (views[0].camera.focal > scene.camera.resized(512, 512).focal) == nearer
 
 
 @pytest.fixture
@@ -100,11 +95,8 @@ def photographed(model: Model, scene: Scene) -> Scene:
 
 
 @pytest.mark.parametrize(("kind", "frames"), [("swing", SWING), ("turntable", TURN), ("morph", TURN), ("page", 1)])
-@pytest.mark.parametrize("fill", [True, False])
-def test_what_moves_starts_at_the_photos_camera(
-    model: Model, photographed: Scene, kind: str, frames: int, fill: bool
-) -> None:
-    views = ShareSettings(kind, size=40, fill=fill).views(photographed, Timeline(), model[1])
+def test_films_start_at_the_photos_camera(model: Model, photographed: Scene, kind: str, frames: int) -> None:
+    views = ShareSettings(kind, size=40).views(photographed, Timeline(), model[1])
     assert len(views) == frames
     assert (views[0].camera.azimuth, views[0].camera.elevation) == pytest.approx((1.0, 0.4))
     assert views[0].instance == photographed.instance
@@ -115,10 +107,10 @@ def test_what_moves_starts_at_the_photos_camera(
 def test_a_film_that_the_object_cannot_have_gives_way_to_its_usual_one(
     model: Model, scene: Scene, photographed: Scene
 ) -> None:
-    other = model[1]
-    assert films_of(photographed, other) == ("swing", "turntable", "morph", "video")
+    partner = model[1]
+    assert films_of(photographed, partner) == ("swing", "turntable", "morph", "video")
     assert films_of(scene, None) == ("turntable", "video")
     for kind, plain in (("swing", "turntable"), ("morph", "turntable"), ("video", "video"), ("page", "page")):
         assert ShareSettings(kind).film_of(scene, None).kind == plain
-        assert ShareSettings(kind).film_of(photographed, other).kind == kind
+        assert ShareSettings(kind).film_of(photographed, partner).kind == kind
     assert ShareSettings("morph").film_of(photographed, None).kind == "swing"

@@ -17,7 +17,8 @@ CAMERA = Camera(0.7, 0.4, 2.0, 131.25, 64, 64)
 def ball() -> Frame:
     """A solid ball of radius 0.4 around the origin, as a camera sees it."""
     rays = camera_rays(CAMERA, torch.ones(3))
-    origins, directions = rays.origins.numpy(), rays.directions.numpy()
+    origins = rays.origins.numpy()
+    directions = rays.directions.numpy()
     along = -(origins * directions).sum(-1)
     aside = ((origins + along[..., None] * directions) ** 2).sum(-1)
     hit = aside < 0.16
@@ -28,48 +29,48 @@ def ball() -> Frame:
 
 
 def test_normals_of_a_ball_point_from_its_middle(ball: Frame) -> None:
-    found = normals(ball, CAMERA)
-    there = found.any(-1)
-    assert there.sum() > 500
+    directions = normals(ball, CAMERA)
+    is_ball = directions.any(-1)
+    assert is_ball.sum() > 500
     rays = camera_rays(CAMERA, torch.ones(3))
     points = rays.origins.numpy() + ball.depth[..., None] * rays.directions.numpy()
     expected = points / np.linalg.norm(points, axis=-1, keepdims=True)
-    assert (found * expected).sum(-1)[there].min() > 0.9
-    assert (found * expected).sum(-1)[there].mean() > 0.995
-    np.testing.assert_allclose(np.linalg.norm(found[there], axis=-1), 1.0, atol=1e-6)
+    assert (directions * expected).sum(-1)[is_ball].min() > 0.9
+    assert (directions * expected).sum(-1)[is_ball].mean() > 0.995
+    np.testing.assert_allclose(np.linalg.norm(directions[is_ball], axis=-1), 1.0, atol=1e-6)
 
 
 def test_near_is_brighter_and_opacity_and_samples_fill_the_image(ball: Frame) -> None:
-    seen = in_mode(ball, CAMERA, "depth").image.astype(int).sum(-1)
+    brightness = in_mode(ball, CAMERA, "depth").image.astype(int).sum(-1)
     edge = np.flatnonzero(ball.opacity[32])[1]
-    assert seen[32, 32] > seen[32, edge] + 100
-    assert (seen[ball.opacity == 0] == 3 * 255).all()
+    assert brightness[32, 32] > brightness[32, edge] + 100
+    assert (brightness[ball.opacity == 0] == 3 * 255).all()
     for mode in ("opacity", "samples"):
-        seen = in_mode(ball, CAMERA, mode)
-        assert (seen.opacity == 1).all()
-        assert seen.image[32, 32].sum() > seen.image[0, 0].sum() + 200
+        frame = in_mode(ball, CAMERA, mode)
+        assert (frame.opacity == 1).all()
+        assert frame.image[32, 32].sum() > frame.image[0, 0].sum() + 200
     assert in_mode(ball, CAMERA, "colour") is ball
 
 
 def test_a_source_has_its_tint(ball: Frame) -> None:
-    there = ball.opacity > 0.5
+    is_ball = ball.opacity > 0.5
     tints = []
     for photo, mirrored in ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0)):
         sources = ball.opacity[..., None] * np.array([photo, mirrored], np.float32)
         image = in_mode(replace(ball, sources=sources), CAMERA, "source").image
         assert (image[ball.opacity == 0] == 255).all()
-        tints.append(image[there].mean(0))
+        tints.append(image[is_ball].mean(0))
     green, blue, grey = tints
     assert green.argmax() == 1 and blue.argmax() == 2 and np.ptp(grey) < 2
-    np.testing.assert_array_equal(in_mode(ball, CAMERA, "source").image[there].mean(0), grey)
+    np.testing.assert_array_equal(in_mode(ball, CAMERA, "source").image[is_ball].mean(0), grey)
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_an_image_of_nothing_is_no_trouble(mode: str) -> None:
+def test_every_mode_shows_an_empty_frame(mode: str) -> None:
     empty = np.zeros((2, 3), np.float32)
     nothing = Frame(np.full((2, 3, 3), 255, np.uint8), empty, empty, 0, 1, 8, 0.1)
-    seen = in_mode(nothing, CAMERA, mode)
-    assert seen.image.shape == (2, 3, 3)
+    changed = in_mode(nothing, CAMERA, mode)
+    assert changed.image.shape == (2, 3, 3)
     assert np.isfinite(normals(nothing, CAMERA)).all()
 
 

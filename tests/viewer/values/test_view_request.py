@@ -12,7 +12,7 @@ def request_(model: Model) -> ViewRequest:
     return ViewRequest(model[0], orbit.home(model), ViewSettings((300, 200), (0.1, 0.0), 128, 96))
 
 
-def test_one_record_says_what_is_rendered_and_where_the_object_stands(request_: ViewRequest) -> None:
+def test_a_view_request_gives_image_size_and_crop(request_: ViewRequest) -> None:
     assert (request_.full, request_.preview) == (200, 128)
     crop = request_.crop(request_.full)
     assert (crop.width, crop.height) == (300, 200)

@@ -13,8 +13,8 @@ from viewer.values.fit_history import PhotoSource
 
 def throne(path: Path, hints: Hints | None) -> CutOut:
     """Doubtfully cut out, and rather a car than a chair."""
-    found = Detection((0.3, 0.2, 0.7, 0.8), {"chairs": 0.17, "cars": 0.2})
-    return replace(read_cut_out(path, hints), confidence=0.2, detections=(found,), white=False)
+    detection = Detection((0.3, 0.2, 0.7, 0.8), {"chairs": 0.17, "cars": 0.2})
+    return replace(read_cut_out(path, hints), confidence=0.2, detections=(detection,), white=False)
 
 
 @pytest.mark.parametrize("category", ["chairs", "cars"])
@@ -22,7 +22,8 @@ def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(
     drive: Drive, both: Backend, photo: Path, category: str
 ) -> None:
     def act(window: Driver) -> None:
-        fitting, editor = window.session.fitting, window.session.editor
+        fitting = window.session.fitting
+        editor = window.session.editor
         window.context.drop([str(photo)])
         window.wait(lambda: bool(fitting.questions))
         assert fitting.questions[0].words in ("Is it a chair or a car?", "Is it a car or a chair?")
@@ -36,7 +37,7 @@ def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(
 
 
 @in_window(of="both", guess_category=lambda cut: {})
-def test_what_was_pointed_out_is_not_taken_for_the_category_on_screen(window: Driver, photo: Path) -> None:
+def test_a_pointed_out_object_is_asked_for_its_category(window: Driver, photo: Path) -> None:
     fitting = window.session.fitting
     window.click("Library/**/show car 1")
     fitting.fit(PhotoSource(photo, Hints(box=(0.1, 0.1, 0.9, 0.9))))
@@ -67,7 +68,8 @@ def test_none_of_these_is_the_first_answer_where_nothing_looks_like_a_category(w
 
 @in_window()
 def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Driver, photo: Path) -> None:
-    fitting, moved = window.session.fitting, photo.with_name("moved.png")
+    fitting = window.session.fitting
+    moved = photo.with_name("moved.png")
     content = photo.read_bytes()
     photo.unlink()
     window.context.fit(photo)
@@ -83,7 +85,8 @@ def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Dri
 
 @in_window()
 def test_a_photo_that_is_back_is_tried_again(window: Driver, photo: Path) -> None:
-    fitting, content = window.session.fitting, photo.read_bytes()
+    fitting = window.session.fitting
+    content = photo.read_bytes()
     photo.unlink()
     window.context.fit(photo)
     window.wait(lambda: bool(fitting.questions))

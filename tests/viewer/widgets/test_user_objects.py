@@ -86,29 +86,26 @@ def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start
         assert np.abs(tile(window) - white).max() > 30
         window.click("Library/**/show block")
         assert editor.scene.instance == red
-        window.choose("block", "###duplicate")
-        assert editor.objects.own == ["block (2)", "block"] and editor.scene.instance == red
-        assert window.session.fitting.shown.sources  # it can be tried again
+        window.choose("block", "###keep version")
+        assert editor.objects.own == ["block"] and editor.scene.instance == red
         blue = paint(window, (0.0, 0.0, 1.0))
-        window.choose("block", "###unedited")
-        assert editor.scene.instance == fitted and editor.objects["block"].unedited is None
+        window.click("Library/**/version 0 of block")
+        assert editor.scene.instance == fitted and editor.objects["block"].instance == blue
+        assert window.session.fitting.shown.sources  # it can be tried again
         window.undo()
-        assert editor.scene.instance == editor.objects["block"].instance == red
-        assert editor.objects["block (2)"].instance == blue
-        made.extend((fitted, red, blue))
+        assert editor.scene.instance == editor.objects["block"].instance == blue
+        made.extend((fitted, blue, red))
         left.append(kill(window))
 
     def second(window: Driver) -> None:
         editor = window.session.editor
-        assert [editor.objects[name].instance for name in ("block", "block (2)")] == made[1:]
+        assert editor.objects.states("block") == made
         window.menu("File/###new_project")
         editor = window.session.editor
-        assert editor.objects.own == ["block (2)", "block"]
-        window.click("Library/**/show block (2)")
-        assert editor.scene.instance == made[2]
-        window.choose("block (2)", "###unedited")
-        assert editor.scene.instance == made[0]
-        window.undo()
+        assert editor.objects.own == ["block"]
+        for number, instance in enumerate(made):
+            window.click(f"Library/**/version {number} of block")
+            assert editor.scene.instance == instance
 
     made, left = list[Instance](), list[Path]()
     drive(first, folder=tmp_path / "config")
@@ -195,3 +192,71 @@ def test_names_with_signs_of_imgui_are_shown_whole(window: Driver, photo: Path) 
     for name in (*tiles, *reversed(tiles)):
         window.click(tiles[name])
         assert editor.state.mix.a.shape == name
+
+
+def test_versions_are_tiles_under_their_object_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def first(window: Driver) -> None:
+        editor = window.session.editor
+        window.fit(photo)
+        made.append(editor.scene.instance)
+        red = paint(window, (1.0, 0.0, 0.0))
+        window.undo()
+        blue = paint(window, (0.0, 0.0, 1.0))  # what undo left behind is a version
+        made.extend((blue, red))
+        assert editor.objects.own == ["block"] and editor.objects.states("block") == made
+        window.click("Library/**/version 2 of block")
+        assert editor.scene.instance == red
+        window.undo()
+        assert editor.scene.instance == blue
+        window.click("Library/**/version 2 of block", 1)
+        window.click("**/Make it B")
+        window.ctx.yield_(3)
+        assert window.exists("Mix/mix pad") and editor.objects[editor.state.mix.b].instance == red
+        window.drag("Mix/mix pad", 100)  # a mix of two versions is none
+        assert editor.objects.states("block") == made
+        window.click("Library/**/version 1 of block")
+        window.click("Library/**/version 2 of block", 1)
+        window.click("**/###remove object")
+        assert editor.objects.states("block") == made[:2]
+        window.undo()
+        assert editor.objects.states("block") == made
+        window.click("Library/**/version 2 of block", 1)
+        window.ctx.item_click("//**/###rename object")
+        window.ctx.item_click("//**/##new name")
+        window.ctx.key_chars_replace_enter("Fire")
+        window.ctx.yield_(3)
+        assert window.session.names.version("block", red) == "Fire"
+
+    def second(window: Driver) -> None:
+        editor = window.session.editor
+        assert editor.objects.own == ["block"] and editor.objects.states("block") == made
+        window.menu("File/###new_project")
+        editor = window.session.editor
+        assert editor.objects.own == ["block"] and editor.objects.states("block") == made
+        assert window.session.names.label("Fire") == "Fire"
+        window.session.rename("block", "Sofa")
+        assert editor.objects.own == ["Sofa"] and editor.objects.states("Sofa") == made
+        window.choose("Sofa", "###remove object")
+        assert editor.objects.own == []
+
+    made = list[Instance]()
+    drive(first, folder=tmp_path / "config")
+    drive(second, folder=tmp_path / "config")
+
+
+@in_window()
+def test_reset_and_another_branch_leave_the_edits_of_before_as_versions(window: Driver, photo: Path) -> None:
+    editor = window.session.editor
+    window.fit(photo)
+    fitted = editor.scene.instance
+    red = paint(window, (1.0, 0.0, 0.0))
+    editor.reset()
+    assert editor.scene.instance == fitted and editor.objects.states("block") == [fitted, red]
+    blue = paint(window, (0.0, 0.0, 1.0))
+    window.undo()
+    window.undo()
+    assert editor.scene.instance == red
+    green = paint(window, (0.0, 1.0, 0.0))
+    assert editor.objects.states("block") == [fitted, green, red, blue]
+    window.click("History/branch 1")
+    assert set(editor.objects.states("block")) == {fitted, green, red, blue}

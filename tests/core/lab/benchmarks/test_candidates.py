@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from core.fitting.fit import FitSettings
-from core.lab.benchmarks.candidates import SHIPPED, Budget, Judgement, candidates, judged_cases, measure_candidates
-from core.lab.benchmarks.charts import write
-from core.lab.benchmarks.csv_files import Results, read_results
-from core.lab.benchmarks.drawing import prepare
+from core.lab.benchmarks.candidates import KEY, SHIPPED, Budget, Judgement, candidates, judged_cases, measure_candidates
+from core.lab.benchmarks.results import frame_of, keys_of
+from core.lab.benchmarks.tables import candidates_table
 from core.lab.datasets.srn import Dataset, index_objects, write_object
 from core.lab.evaluation.protocol import ViewScore
 from core.lab.training.recipes import TrainSettings
@@ -55,15 +54,13 @@ def test_a_trained_candidate_is_judged_with_and_without_its_camera(tmp_path: Pat
     tiny_model().save(tmp_path / "plain.safetensors")
     written = (tmp_path / "plain.safetensors").stat().st_mtime_ns
     rows = measure(tmp_path, {"plain": SETTINGS})
-    assert {row.key for row in rows} == {("plain", True, "stool2", 1), ("plain", False, "stool2", 1)}
+    assert keys_of(frame_of(rows), KEY) == {("plain", True, "stool2", 1), ("plain", False, "stool2", 1)}
     for row in rows:
         assert row.rotation < 180 and row.novel.psnr > 5 and row.seconds > 0
         assert (row.confidence is None) == row.posed == (row.rotation < 1e-3)
-    assert measure(tmp_path, {"plain": SETTINGS}, {row.key for row in rows}) == []
+    assert measure(tmp_path, {"plain": SETTINGS}, keys_of(frame_of(rows), KEY)) == []
     assert (tmp_path / "plain.safetensors").stat().st_mtime_ns == written
-    results = Results({"machine": "a machine", "objects": "1"}, tuple(rows))
-    table = write(tmp_path, "candidates", results)
-    assert read_results(tmp_path / "candidates.csv", Judgement) == results
+    table = candidates_table(frame_of(rows, {"machine": "a machine", "objects": "1"}))
     assert "| plain | unknown | 1 |" in table
 
 
@@ -79,12 +76,11 @@ def test_a_failed_candidate_is_named_and_the_others_continue(tmp_path: Path, bud
     assert [path.name for path in tmp_path.glob("*.safetensors")] == ["empty.safetensors"]
 
 
-def test_the_table_compares_with_the_shipped_model_on_the_same_views(tmp_path: Path):
+def test_the_table_compares_with_the_shipped_model_on_the_same_views():
     def row(candidate: str, name: str, db: float) -> Judgement:
         score = ViewScore(db, 0.9, 0.8, 0.1)
         return Judgement(candidate, True, name, 1, 0.0, score, score, None, 2.0)
 
     rows = row(SHIPPED, "a", 20.0), row(SHIPPED, "b", 30.0), row("wide", "a", 21.5)
-    prepare(tmp_path)
-    table = write(tmp_path, "candidates", Results({"machine": "a machine", "objects": "2"}, rows))
+    table = candidates_table(frame_of(rows, {"machine": "a machine", "objects": "2"}))
     assert "+1.50 (+1.50 to +1.50)" in table.splitlines()[-1]

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from core.lab.benchmarks.csv_files import Results, write_results
 from core.lab.benchmarks.gate import Ratio, busy_processes, compare, measure_ratios, read_baseline
+from core.lab.benchmarks.results import frame_of, write_frame
 from core.models.model import Model
 
 BASELINE = Path(__file__).parents[4] / "assets/charts/gate.csv"
@@ -26,7 +26,7 @@ def test_the_slow_ratio_is_named(slow: int):
 
 
 def test_the_committed_baseline_names_the_measured_ratios(tmp_path: Path, tiny: Model):
-    write_results(tmp_path / "gate.csv", Results({}, USUAL))
+    write_frame(tmp_path / "gate.csv", frame_of(USUAL))
     assert read_baseline(tmp_path / "gate.csv") == USUAL
     with pytest.raises(ValueError, match="no baseline"):
         read_baseline(tmp_path / "none.csv")

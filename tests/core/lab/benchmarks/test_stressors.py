@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -13,10 +15,7 @@ def cutout() -> np.ndarray:
     return image
 
 
-_CAMERA_STRESSORS = ("initial error", "elevation", "frontal", "focal length")
-
-
-@pytest.mark.parametrize("name", [name for name in STRESSORS if name not in _CAMERA_STRESSORS])
+@pytest.mark.parametrize("name", [name for name in STRESSORS if name != "frontal"])
 def test_every_level_gives_another_valid_image(name: str):
     stressor = STRESSORS[name]
     images = [stressor.corrupt(cutout(), level, np.random.default_rng(0)) for level in stressor.levels]
@@ -28,16 +27,12 @@ def test_every_level_gives_another_valid_image(name: str):
 
 
 def test_masks_and_cameras_change_by_the_level():
-    area = cutout()[..., 3].sum()
-    hidden = STRESSORS["occlusion"].corrupt(cutout(), 0.5, np.random.default_rng(0))
-    assert hidden[..., 3].sum() == pytest.approx(area / 2, abs=20)
     for pixels, sides in ((-2.0, (16, 12)), (2.0, (24, 20))):
         mask = STRESSORS["mask"].corrupt(cutout(), pixels, np.random.default_rng(0))[..., 3]
         assert (int(mask.any(1).sum()), int(mask.any(0).sum())) == sides
     camera = tiny_model().camera(0.3, 0.2)
-    far = STRESSORS["focal length"].camera(camera, 1.3)
-    assert far.focal / far.distance == pytest.approx(camera.focal / camera.distance)
-    assert STRESSORS["elevation"].camera(camera, 30.0).elevation == pytest.approx(0.5236, abs=1e-4)
+    behind = STRESSORS["frontal"].camera(camera, 180.0)
+    assert (behind.azimuth, behind.elevation) == (pytest.approx(3 * math.pi / 2), pytest.approx(0.0873, abs=1e-4))
 
 
 @pytest.mark.parametrize("least", [0.2, 0.4, 0.6])

@@ -1,0 +1,65 @@
+"""``evaluate``: the paper's protocol on a dataset."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from statistics import fmean
+
+from tqdm import tqdm
+
+from core.cli.output import say
+from core.cli.progress import wait_for_view_bank
+from core.lab.datasets.splits import evenly_spaced
+from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects
+from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
+from core.lab.evaluation.protocol import evaluate as scored
+from core.lab.evaluation.report import format_table, write_report
+from core.models.library import load_model
+from core.models.model import Model
+from core.runtime.files import is_stream, require_writable
+
+
+def evaluate(chosen: argparse.Namespace) -> None:
+    """Run ``evaluate``: the paper's table on a test set."""
+    protocol = EvaluationProtocol(
+        chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride
+    )
+    model = load_model(chosen.model, chosen.device)
+    entries = index_entries(model, chosen.datasets, chosen.pose_scale)
+    if chosen.report:
+        require_writable(chosen.report)
+    wait_for_view_bank(model)
+    conditions = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
+    entries = evenly_spaced(entries, chosen.objects)
+    scores = list[ObjectScore]()
+    views = _with_objects((entry.read() for entry in entries), protocol)
+    with tqdm(total=len(entries), unit="object", disable=None) as bar:
+        for score in scored(model, views, protocol):
+            scores.append(score)
+            if chosen.report and not is_stream(chosen.report):  # after each, so that a later failure loses nothing
+                write_report(chosen.report, scores, protocol, conditions)
+            bar.set_postfix_str(f"{fmean(score.psnr for score in scores):.2f} dB")
+            bar.update()
+    if not scores:
+        raise ValueError("all objects of the dataset are blank")
+    if chosen.report and is_stream(chosen.report):
+        write_report(chosen.report, scores, protocol, conditions)
+    print(format_table(scores, protocol), flush=True)
+
+
+def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:
+    """Yield objects with visible input views; report the others. ShapeNet has a few all-white ones."""
+    for views in objects:
+        blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
+        if blank:
+            say(f"{views.name} is skipped: view {blank[0]} shows no object")
+        else:
+            yield views
+
+
+def index_entries(model: Model, datasets: Sequence[Path], scale: float = 1.0) -> tuple[ObjectEntry, ...]:
+    """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
+    category, entries = index_objects(datasets, scale)
+    if category and model.category not in ("", category):
+        raise ValueError(f"the dataset shows {category}, but the model {model.category}")
+    return entries

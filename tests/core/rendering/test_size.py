@@ -1,0 +1,126 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch.nn import functional
+
+from core.detail.progressive import render_frame
+from core.export.mesh import extract_mesh
+from core.geometry.camera import Camera, Factors
+from core.geometry.rays import Rays, camera_rays, clip_to_box
+from core.metrics import psnr
+from core.models.codes import MAX_DISTORTION
+from core.models.model import Instance, Model
+from core.rendering import fast
+from core.rendering.reference import render_exact, render_rays
+from core.rendering.size import described, natural_bounds, natural_size, size_of, sized
+from core.streams import run_to_end
+from tests.conftest import random_model
+from tests.core.detail.test_maps import SIZE, striped
+from tests.core.tiny import tiny_model
+
+factors = st.tuples(*[st.floats(0.4, 2.5)] * 3)
+
+
+def through_affine_camera(instance: Instance, camera: Camera, stretch: Factors) -> tuple[torch.Tensor, torch.Tensor]:
+    """The plain definition: colours of the natural object along the world's rays divided by the stretch."""
+    model = instance.model
+    rays = camera_rays(camera, model.extent_tensor)
+    origins, along = rays.origins / torch.tensor(stretch), rays.directions / torch.tensor(stretch)
+    directions = functional.normalize(along, dim=-1)
+    rays = Rays(origins, directions, *clip_to_box(origins, directions, model.extent_tensor))
+    rendered = render_rays(model, rays, 256, *instance.biases)
+    return rendered.colour, rendered.depth / along.norm(dim=-1)
+
+
+@settings(max_examples=15)
+@given(factors, st.floats(-math.pi, math.pi), st.floats(-1.4, 1.4))
+def test_a_picture_is_one_of_the_natural_object_through_an_affine_camera(
+    stretch: Factors, azimuth: float, elevation: float
+):
+    instance = tiny_model()[1].changed(stretch=stretch)
+    camera = instance.model.camera(azimuth, elevation).resized(36, 24)
+    colours, depth = through_affine_camera(instance, camera, instance.codes.proportions or (1.0,) * 3)
+    exact = render_exact(instance, camera)
+    torch.testing.assert_close(exact.colour, colours, atol=1e-4, rtol=0)
+    assert psnr(fast.render(instance, camera, 192).colour, colours) > 42
+    frame = render_frame(instance, camera)
+    solid = exact.opacity.numpy() > 0.99
+    np.testing.assert_allclose(frame.depth[solid], depth.numpy()[solid], atol=0.01)
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.7, 20.0])
+def test_a_scale_changes_no_picture(tiny: Model, factor: float) -> None:
+    camera = tiny.camera(0.5, 0.3)
+    larger = tiny[0].changed(stretch=(factor,) * 3)
+    assert torch.equal(render_exact(larger, camera).colour, render_exact(tiny[0], camera).colour)
+    assert larger.local_camera(camera) is camera
+    assert size_of(larger) == pytest.approx([factor * side for side in natural_size(tiny[0])])
+
+
+def test_the_natural_size_is_that_of_the_surface(tiny: Model) -> None:
+    bounds = natural_bounds(tiny[2])
+    vertices = run_to_end(extract_mesh(tiny[2], 96)).vertices
+    np.testing.assert_allclose(bounds.low, vertices.min(0), atol=0.004)
+    np.testing.assert_allclose(bounds.high, vertices.max(0), atol=0.004)
+    assert max(natural_size(tiny[2])) == pytest.approx(100 * tiny.metres)
+
+
+def test_a_size_is_kept_until_the_natural_one_returns(tiny: Model) -> None:
+    stool = sized(tiny[0], (60.0, 58.0, 92.0))
+    assert size_of(stool) == pytest.approx((60, 58, 92))
+    assert size_of(sized(stool, (30.0, 30.0, 30.0))) == pytest.approx((30, 30, 30))
+    assert size_of(stool.with_texture(tiny[1])) == pytest.approx((60, 58, 92))
+    assert sized(stool, None) == tiny[0] != stool
+    assert sized(tiny[0], natural_size(tiny[0])) == tiny[0]
+    assert described((60.0, 58.24, 1234.5)) == "60 x 58.2 x 1234.5 cm"
+
+
+@pytest.mark.parametrize(
+    "size", [(0.0, 1.0, 1.0), (50.0, -1.0, 50.0), (math.nan,) * 3, (1.0,) * 5, (1e6, 1e6, 1e6), (1e5, 1e5, 1e5)]
+)
+def test_other_sizes_are_refused_in_one_line(tiny: Model, size: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=r"^[^\n]*cm[^\n]*$"):
+        sized(tiny[0], size)
+
+
+def test_a_distortion_is_limited(tiny: Model) -> None:
+    width, depth, height = natural_size(tiny[0])
+    with pytest.raises(ValueError, match="too far from the natural"):
+        sized(tiny[0], (1.1 * MAX_DISTORTION * width, depth, height))
+    assert sized(tiny[0], (0.99 * MAX_DISTORTION * width, depth, height)).codes.stretch is not None
+
+
+def test_a_network_that_paints_the_background_has_no_sizes() -> None:
+    with pytest.raises(ValueError, match="paints the background"):
+        sized(random_model(white_from_network=True)[0], (60.0, 60.0, 60.0))
+
+
+@pytest.mark.parametrize("stretch", [(1.6, 1.0, 1.0), (1.0, 1.0, 1.5), (1.0, 1.5, 0.8)])
+def test_the_photos_camera_sees_its_photo_on_a_stretched_object_too(tiny: Model, stretch: Factors) -> None:
+    camera = tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
+    instance = striped(tiny, camera)
+    shares = [render_frame(one, camera).photo_shares[0] for one in (instance, instance.changed(stretch=stretch))]
+    assert shares[1] > 0.93 * shares[0] > 0.8
+
+
+def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
+    far = tiny.camera(1.1, 0.0, 40.0)  # nearly no perspective: there an image is stretched like the object
+    camera = Camera(1.1, 0.0, 40.0, 20 * far.focal * SIZE / far.height, SIZE, SIZE)
+    instance = striped(tiny, camera)
+    photo = torch.from_numpy(instance.detail.views[0].pixels()[..., :3] / 255).float()
+    stretched = instance.changed(stretch=(1.0, 1.0, 1.4))
+    across, _, up = stretched.codes.proportions
+    axis = (torch.arange(SIZE) + 0.5) / SIZE * 2 - 1
+    place = torch.stack(torch.meshgrid(axis * up, axis * across, indexing="ij")[::-1], -1)
+
+    def seen_as_natural(instance: Instance) -> torch.Tensor:
+        image = torch.from_numpy(render_frame(instance, camera).image / 255).float().movedim(-1, 0)
+        return functional.grid_sample(image[None], place[None], align_corners=False)[0].movedim(0, -1)
+
+    rows = slice(int(0.45 * SIZE), int(0.6 * SIZE))  # around the stripe
+    shown, plain = (psnr(seen_as_natural(one)[rows], photo[rows]) for one in (stretched, stretched.with_detail(None)))
+    assert shown > max(30, plain + 5)

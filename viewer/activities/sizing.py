@@ -1,0 +1,37 @@
+"""The bounds of the object in the view, from which its size in centimetres follows."""
+
+from core.models.model import Instance
+from core.rendering.size import Bounds
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+
+
+class Sizing:
+    """Measures the natural object when its bounds are asked for, but not during a drag."""
+
+    def __init__(self, jobs: Jobs, editor: Editor) -> None:
+        self._jobs, self._editor = jobs, editor
+        self._measured: tuple[Instance, Bounds | None] | None = None  # the last natural object; None: without a surface
+
+    @property
+    def bounds(self) -> Bounds | None:
+        """The object's natural bounds; None until they are measured, and for an object without a surface."""
+        natural = self._editor.scene.instance.natural
+        if self._measured and self._measured[0] == natural:
+            return self._measured[1]
+        if not self._editor.history.gesture and not self._jobs.busy("size"):
+            self._measure(natural)
+        return None
+
+    def _measure(self, natural: Instance) -> None:
+        bounds = self._jobs.backend.bounds
+
+        def keep(found: Bounds) -> None:
+            self._measured = natural, found
+
+        def ended(error: Exception | None) -> None:
+            if error:  # an object without a surface: it can be edited, but has no size
+                self._measured = natural, None
+
+        self._jobs.submit(Job("size", lambda: iter((bounds(natural),)), keep, ended, urgent=True))
