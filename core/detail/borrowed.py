@@ -189,8 +189,8 @@ def _borrowed(
     solid = rendered.opacity > 0.5
     if any(bool(_touches(mask)) or not bool(mask.any()) for mask in (solid, picture.opacity > 0.5)):
         return None
-    shown = _shown(photos, rendered, small)
-    if float(shown[solid].mean()) > _MOSTLY:
+    coverage = _shown(photos, rendered, small)
+    if float(coverage[solid].mean()) > _MOSTLY:
         return None
     texels, parts = surface_texels(fitted, rays, rendered)
     normals = surface_normals(rays.origins, rays.directions, rendered)
@@ -203,7 +203,7 @@ def _borrowed(
     body = 1 - panes - parts.get("wheels", torch.zeros_like(panes))
     edge = smooth_step(distance(solid), *_FADE)
     weight = edge * smooth_step(body, *_BODY) * smooth_step(glass_there, *_PANE)
-    weight = blurred(weight[None], 1.0)[0] * smooth_step(shown, *_SHOWN) * (weight > 0)
+    weight = blurred(weight[None], 1.0)[0] * smooth_step(coverage, *_SHOWN) * (weight > 0)
     plain = (paint_there > 0.35) & (weight > 0.5)
     if not bool(plain.any()):
         return None
@@ -235,8 +235,9 @@ def _warp(solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Pict
     if len(own_rows) != len(picture_rows):
         own_rows, picture_rows = ((rows[0], rows[-1]) for rows in (own_rows, picture_rows))
     rows = np.interp(np.arange(SIDE), own_rows, picture_rows)
-    own, there = (_widths(mask) for mask in (solid, picture.opacity))
-    scale = np.clip(np.interp(rows, np.arange(SIDE), there) / np.maximum(own, 4), *_WIDEN)
+    widths = _widths(solid)
+    picture_widths = _widths(picture.opacity)
+    scale = np.clip(np.interp(rows, np.arange(SIDE), picture_widths) / np.maximum(widths, 4), *_WIDEN)
     across = (np.arange(SIDE) + 0.5) * 2 / SIDE - 1
     down = np.broadcast_to((rows[:, None] + 0.5) * 2 / SIDE - 1, (SIDE, SIDE))
     return torch.from_numpy(np.stack((scale[:, None] * across, down), -1)).float()

@@ -122,12 +122,17 @@ class LibraryPanel(Panel):
 
     def _draw_tiles(self, context: PanelContext, tiles: Sequence[Tile], strip: bool = False) -> None:
         """Draw tiles in rows, or in one row."""
-        em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
-        gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
+        em = hello_imgui.em_size()
+        room = imgui.get_content_region_avail()
+        gap = 0.4 * em
+        least = object_tiles.THUMBNAIL * em
         columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (least + gap)))
         side = room.y - small_height() if strip else (room.x - gap * (columns - 1)) / columns
-        size, start = ImVec2(side, side + small_height()), imgui.get_cursor_screen_pos()
-        low, step, rows = imgui.get_window_pos() - start, size + ImVec2(gap, gap), -(-len(tiles) // columns)
+        size = ImVec2(side, side + small_height())
+        start = imgui.get_cursor_screen_pos()
+        low = imgui.get_window_pos() - start
+        step = size + ImVec2(gap, gap)
+        rows = -(-len(tiles) // columns)
         high = low + imgui.get_window_size()
         for row in _range(low.y, high.y, step.y, rows):
             for column in _range(low.x, high.x, step.x, columns):
@@ -165,7 +170,8 @@ class LibraryPanel(Panel):
 
     def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
         """Draw the button that shows or folds an object's variants, in the corner of its thumbnail."""
-        unfolded, em = name in self._unfolded, hello_imgui.em_size()
+        unfolded = name in self._unfolded
+        em = hello_imgui.em_size()
         label = _OPEN if unfolded else str(count)
         push_small()
         size = imgui.calc_text_size(label) + ImVec2(0.6 * em, 0)

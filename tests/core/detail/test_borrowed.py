@@ -57,8 +57,9 @@ def test_the_end_that_no_photo_shows_is_borrowed(model: Model, instance: Instanc
     behind = model.camera(BEHIND, 0.2).resized(96, 96)
     rendered = render_exact(instance, behind, 64)
     plain = replace(maps, photos=maps.photos[:1], borrowed=0)
-    (shown, shares), (before, shares_before) = (one.added(rendered, behind) for one in (maps, plain))
-    assert (shown.colour - before.colour).abs().amax() > 0.1
+    after, shares = maps.added(rendered, behind)
+    before, shares_before = plain.added(rendered, behind)
+    assert (after.colour - before.colour).abs().amax() > 0.1
     assert torch.allclose(shares.mirrored, shares_before.mirrored, atol=1e-5), "borrowed colours count as the model's"
 
 
@@ -66,8 +67,9 @@ def test_the_photos_own_view_stays(model: Model, instance: Instance) -> None:
     ahead = instance.detail.views[0].camera.resized(96, 96)
     maps = run_to_end(detail_maps(instance))
     rendered = render_exact(instance, ahead, 64)
-    shown, plain = (one.added(rendered, ahead)[0] for one in (maps, replace(maps, photos=maps.photos[:1], borrowed=0)))
-    assert float((shown.colour - plain.colour).abs().mean()) < 0.001
+    with_ends, _ = maps.added(rendered, ahead)
+    plain, _ = replace(maps, photos=maps.photos[:1], borrowed=0).added(rendered, ahead)
+    assert float((with_ends.colour - plain.colour).abs().mean()) < 0.001
 
 
 @pytest.mark.parametrize("side", ["soft", "model"])
