@@ -41,7 +41,6 @@ class Editor:
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
         self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
         self._generator = generator
-        self._dragged = scene.instance  # before the newest drag along a direction
 
     # State
 
@@ -166,14 +165,13 @@ class Editor:
         """Return the object's position along a direction, in standard deviations from the mean."""
         return direction.strength(self.scene.instance)
 
-    def move_along(self, direction: Direction, to: float, gesture: str = "") -> None:
-        """Move the object along a direction to a position in standard deviations from the mean.
+    def move_along(self, direction: Direction, to: float) -> None:
+        """Move the object along a direction to a position in standard deviations, or to the end of its reach."""
+        self.edit(direction.moved(self.scene.instance, to))
 
-        It ends at the direction's reach. All moves of a drag start from the same object, so their errors do not add up.
-        """
-        if not gesture or gesture != self.history.gesture:
-            self._dragged = self.scene.instance
-        self._set_codes(direction.moved(self._dragged, to), self.state.mix, gesture)
+    def edit(self, edited: Instance, gesture: str = "") -> None:
+        """Replace the object by an edited one, except locked codes."""
+        self._set_codes(edited, self.state.mix, gesture)
 
     # Objects A and B
 

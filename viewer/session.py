@@ -18,10 +18,10 @@ from core.models.scene import open_scene, scene_model
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
-from viewer.activities.grabbing import Grabbing
 from viewer.activities.names import Names
 from viewer.activities.painting import Painting
 from viewer.activities.player import Player
+from viewer.activities.reshaping import Reshaping
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.sizing import Sizing
 from viewer.activities.thumbnails import Thumbnails
@@ -103,7 +103,7 @@ class Session:
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting = Painting(jobs, self.editor, self.viewport)
-        self.grabbing = Grabbing(jobs, self.editor, self.viewport)
+        self.reshaping = Reshaping(jobs, self.editor, self.viewport)
         self.sizing = Sizing(jobs, self.editor)
         self.exporting = Exporting(jobs, self.editor, self.names)
 
@@ -127,7 +127,7 @@ class Session:
         """Cancel all jobs of the activities."""
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
-        self.jobs.cancel("paint", "paint colour", "coarse paint", "pull", "size")
+        self.jobs.cancel("paint", "paint colour", "coarse paint", "parts", "reshape", "size")
         self.exporting.cancel()
 
     # Models and their objects

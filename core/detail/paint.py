@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 from torch.nn import functional
 
@@ -111,13 +111,7 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     image = torch.from_numpy(frame.image).movedim(-1, 0) / 255
     paint = torch.ones(3)
     if bool(opaque.any()):
-        camera = camera.resized(*frame.resolution)
-        _, origin = camera.world_to_camera(torch.device("cpu"))
-        pixels = opaque.nonzero().flip(-1) * step + 0.5
-        directions = camera.directions(pixels)
-        depth = torch.from_numpy(frame.depth[::step, ::step].copy())[opaque]
-        points = origin + directions * depth[:, None]
-        points = (points / torch.tensor(instance.codes.proportions or 1.0)).to(instance.model.device)
+        points = frame_points(instance, camera, frame, opaque, step).to(instance.model.device)
         colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
         membership = _membership(instance, points, colours, part)
         amount[opaque] = membership.cpu()
@@ -128,6 +122,17 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     fraction = lit_paint(image, paint[:, None, None], amount * torch.from_numpy(frame.opacity))
     red, green, blue = paint.tolist()
     return CoarsePaint(frame.image.astype(np.float32), fraction.numpy(), (red, green, blue))
+
+
+def frame_points(
+    instance: Instance, camera: Camera, frame: Frame, mask: Bool[Tensor, "rows columns"], step: int
+) -> Float[Tensor, "points 3"]:
+    """Return the surface points in the pixels of a mask over every ``step``-th pixel of a frame, before stretching."""
+    camera = camera.resized(*frame.resolution)
+    _, origin = camera.world_to_camera(torch.device("cpu"))
+    directions = camera.directions(mask.nonzero().flip(-1) * step + 0.5)
+    depth = torch.from_numpy(frame.depth[::step, ::step].copy())[mask]
+    return (origin + directions * depth[:, None]) / torch.tensor(instance.codes.proportions or 1.0)
 
 
 @dataclass(frozen=True, eq=False)

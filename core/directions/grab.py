@@ -1,121 +1,67 @@
-"""Effects of shape directions around a pixel: the change of its appearance, and the motion of the surface.
-
-A few rays around the pixel are differentiated along the first shape directions. A moving image changes by minus its
-gradient times the motion; the motion is the least-squares solution over rays and channels (B. Lucas and T. Kanade, "An
-iterative image registration technique", IJCAI 1981).
-"""
+"""Pulls on a point of the surface: the shape direction that a drag in the image follows, and how far it goes."""
 
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from core.directions.words import AXES
 from core.geometry.camera import Camera
-from core.geometry.rays import rays_at_pixels
 from core.models.model import Instance
-from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
-_SIDE_RAYS = 9  # rays along each side of a square around the pixel
-_HALF_SIDE = 0.05  # half the side of that square, relative to the image's height
-_SAMPLES = 96  # samples of a ray
-_KEPT = 24  # samples of a ray that are differentiated
-_FELT = 0.2  # effect of a direction, relative to the largest at the pixel, from which a drag may choose it
-_SLOWEST = 4.0  # px per standard deviation, where hardly any motion is measured
-_RIDGE = 1e-4  # squared gradient per px far below which there is no motion, as on a plain surface
+_SPEED = 0.1  # of the image's height per standard deviation: more than the surface moves, so that a hand can dose it
+_NEAREST = (0.1, 0.1, 0.4)  # of the box: nearer to its middle, a point counts as this far away; any may be lifted
+_FEET = 0.5  # of the box below its middle: above it, an object grows upwards, as it stands on the ground
 
 
 class Pull(NamedTuple):
-    """Effect of a shape direction around a pixel."""
+    """A shape direction, and the motion of the hand along it."""
 
     direction: int  # index into :attr:`core.models.codes.CodeSpace.basis`
-    effect: float  # root mean square change of colours and opacity (0..1) per standard deviation
     motion: tuple[float, float]  # px per standard deviation, right and down
 
     def amount(self, drag: tuple[float, float]) -> float:
-        """Return the standard deviations that best follow a drag (px right, px down); 0 without motion.
+        """Return the standard deviations that best follow a drag (px right, px down).
 
         Example:
-            >>> Pull(0, 0.3, (0.0, -20.0)).amount((5.0, -10.0))
+            >>> Pull(0, (0.0, -20.0)).amount((5.0, -10.0))
             0.5
         """
-        square = sum(component**2 for component in self.motion)
-        return sum(a * b for a, b in zip(self.motion, drag, strict=True)) / square if square > 1e-6 else 0.0
+        right, down = self.motion
+        return (right * drag[0] + down * drag[1]) / (right**2 + down**2)
 
 
-@torch.no_grad()
-def pulls_at(instance: Instance, camera: Camera, point: tuple[float, float], count: int = 6) -> list[Pull]:
-    """Return the effects of the first shape directions around an image point, the largest first.
-
-    Args:
-        point: px right and down from the image's top left corner.
-        count: number of directions.
-
-    Empty if the square around the point (a tenth of the image's height) shows no object.
-    """
-    model = instance.model
-    codes = instance.codes
-    basis = model.codes.shape_space.basis[:count].to(model.device)
-    step = 2 * _HALF_SIDE * camera.height / (_SIDE_RAYS - 1)
-    along = (torch.arange(_SIDE_RAYS, device=model.device) - (_SIDE_RAYS - 1) / 2) * step
-    down, right = torch.meshgrid(along, along, indexing="ij")
-    pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
-    rays = rays_at_pixels(pixels - model.pixel_offset, instance.local_camera(camera), model.extent_tensor)[None, None]
-    shape = codes.shape.to(model.device)[None]
-    texture = codes.texture.to(model.device)[None]
-    shape_bias, texture_bias = instance.biases
-    dtype = model.field.density_layer.weight.dtype
-    moves = BiasJacobians(
-        model.field.shape_bias_jacobian(shape, basis).to(dtype),
-        model.field.texture_bias_jacobian(texture, torch.zeros(0, texture.shape[1], device=model.device)).to(dtype),
-    )
-    rendered = render_with_jacobian(model, rays, _SAMPLES, _KEPT, shape_bias[None], texture_bias[None], moves)
-    if float(rendered.channels[..., 3].max()) < 0.5:
-        return []
-    changes = rendered.shape[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS))
-    effects = changes.square().mean((0, 1, 2)).sqrt().tolist()
-    motions = image_motion(rendered.channels[0, 0].unflatten(0, (_SIDE_RAYS, _SIDE_RAYS)), changes, step).tolist()
-    pulls = [Pull(index, effect, (x, y)) for index, (effect, (x, y)) in enumerate(zip(effects, motions, strict=True))]
-    return sorted(pulls, key=lambda pull: -pull.effect)
-
-
-def dragged_pull(
-    pulls: Sequence[Pull], words: Sequence[str], camera: Camera, point: tuple[float, float], drag: tuple[float, float]
+def find_pull(
+    instance: Instance,
+    words: Sequence[str],
+    camera: Camera,
+    point: tuple[float, float, float],
+    drag: tuple[float, float],
 ) -> Pull:
-    """Return the pull whose word names the axis of a drag, such as *taller* for one upwards; else the largest.
+    """Return the pull whose word names the axis of a drag, such as *taller* for one upwards at an object's top.
+
+    Sizes grow when the drag moves away from the object's middle. Without words for sizes it is the first direction.
 
     Args:
-        pulls: from :func:`pulls_at`, not empty.
         words: of the shape directions (:func:`core.directions.words.direction_words`).
-        point: px, where the drag began. Sizes grow when it moves away from the object's middle.
+        point: where the surface is pulled, scene units.
         drag: px, right and down.
     """
+    sizes = {AXES[word][0]: (index, AXES[word][1]) for index, word in reversed([*enumerate(words)]) if word in AXES}
+    sizes = sizes or dict.fromkeys(range(3), (0, 1))
     middle, *ends = camera.project(torch.cat((torch.zeros(1, 3), 0.1 * torch.eye(3)))).tolist()
     axes = [(end[0] - middle[0], end[1] - middle[1]) for end in ends]
-    along = max(range(3), key=lambda axis: abs(axes[axis][0] * drag[0] + axes[axis][1] * drag[1]))
-    right, down = axes[along]
-    outside = math.copysign(1.0, right * (point[0] - middle[0]) + down * (point[1] - middle[1]))
-    for pull in pulls:
-        axis, sign = AXES.get(words[pull.direction] if pull.direction < len(words) else "", (None, 0))
-        if axis == along and pull.effect >= _FELT * pulls[0].effect:
-            speed = sign * outside * max(math.hypot(*pull.motion), _SLOWEST) / math.hypot(right, down)
-            return pull._replace(motion=(speed * right, speed * down))
-    return pulls[0]
+    outwards = [coordinate / half for coordinate, half in zip(point, instance.model.extent, strict=True)]
+    outwards[2] += _FEET
 
+    def follows(axis: int) -> float:
+        """Return how far an axis goes along the drag, weighted by the point's distance from the middle along it."""
+        along = axes[axis][0] * drag[0] + axes[axis][1] * drag[1]
+        return max(_NEAREST[axis], abs(outwards[axis])) * abs(along)
 
-def image_motion(
-    image: Float[Tensor, "h w channels"], changes: Float[Tensor, "h w channels numbers"], step: float
-) -> Float[Tensor, "numbers 2"]:
-    """Return the motions (px right, px down) that best explain changes of an image.
-
-    Args:
-        changes: of the image per unit of each number, such as a coordinate of a code.
-        step: px between neighbouring rows and columns.
-    """
-    down, right = torch.gradient(image, spacing=step, dim=(0, 1))
-    slopes = torch.stack((right, down), -1).flatten(0, 2)
-    normal = slopes.T @ slopes + _RIDGE * torch.eye(2, device=slopes.device)
-    return torch.linalg.solve(normal, -slopes.T @ changes.flatten(0, 2)).T
+    axis = max(sizes, key=follows)
+    direction, sign = sizes[axis]
+    right, down = axes[axis]
+    speed = math.copysign(_SPEED * camera.height / max(math.hypot(right, down), 1e-6), sign * outwards[axis])
+    return Pull(direction, (speed * right, speed * down))

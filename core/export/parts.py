@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from core.export.glb import MeshParts
 from core.export.normals import face_normals
 from core.models.model import Model
-from core.models.part_head import PartHead
+from core.models.part_head import ABOVE_SEAT, PartHead
 from core.rendering.folded_field import FoldedField
 from core.runtime.pool import map_pieces
 
@@ -30,8 +30,6 @@ _WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
 reaches the fourth, which a dark bumper does not
 """
 _BUMPER, _BETWEEN_WHEELS = 0.03, 0.4  # without wheels: of a car's length at either end; of its width, amid
-_REACH = {"seat": (-np.inf, 0.05), "legs": (-np.inf, 0.03), "back": (-0.1, np.inf), "arms": (-0.3, np.inf)}
-"""scene units above the seat's top, from and to"""
 
 
 def by_part(
@@ -98,7 +96,7 @@ def _never(
         return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * _BETWEEN_WHEELS)
     if name == "glass":
         return z < _GLASS_BEGINS
-    low, high = _REACH.get(name, (-np.inf, np.inf))
+    low, high = ABOVE_SEAT.get(name, (-np.inf, np.inf))
     return (above < low) | (above > high)
 
 

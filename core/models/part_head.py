@@ -1,11 +1,19 @@
 """Part labels of points: a linear classifier of the features that the density is computed from."""
 
+import math
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
+
+ABOVE_SEAT = {
+    "seat": (-math.inf, 0.05),
+    "legs": (-math.inf, 0.03),
+    "back": (-0.1, math.inf),
+    "arms": (-0.3, math.inf),
+}  # scene units above the seat's top, from and to, where a chair's parts may lie
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,6 +174,7 @@ class Driver:
     def capture_view(self, border: int = 0) -> np.ndarray:
         """What the view shows, but so many px at its top and bottom."""
         low, high = self.context.view
+        self.ctx.mouse_move_to_pos((1.0, 1.0))  # no part of the object lights up
         return self.capture()[int(low.y) + border : int(high.y) - border, int(low.x) : int(high.x)]
 
     def _leave_pixels_out(self) -> None:

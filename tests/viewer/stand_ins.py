@@ -12,11 +12,13 @@ import torch
 
 from core.detail.paint import Paint, Rgb
 from core.detail.progressive import Frame, RenderJob, RenderSettings
+from core.directions.part_map import Box, Handle, PartMap
 from core.export.keyframes import View
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.fitting.photo_views import with_photo_detail
+from core.geometry.camera import Camera
 from core.gl.background import Background
 from core.gl.baked_field import BakedField
 from core.models.field_config import FieldConfig
@@ -228,3 +230,16 @@ class Bakery:
             yield BakedField(
                 texels, np.ones((64,) * 3, np.uint8), instance.model.extent, FieldConfig(), 0.0, len(texels) - 1
             )
+
+
+def two_parts(instance: Instance, camera: Camera, frame: Frame, box: Box) -> PartMap:
+    """The left half of the object is its seat, the right one its back; their handles are in the middle of each."""
+    rows, columns = (frame.opacity > 0.5).nonzero()
+    regions = np.full(frame.opacity.shape, -1)
+    regions[rows, columns] = columns > columns.mean()
+    handles = []
+    for index, part in enumerate(("seat", "back")):
+        rows, columns = (regions == index).nonzero()
+        place = (columns.mean() + 0.5) / regions.shape[1], (rows.mean() + 0.5) / regions.shape[0]
+        handles.append(Handle(part, place, (0.0, 0.0, 0.3)))
+    return PartMap(tuple(handles), regions)

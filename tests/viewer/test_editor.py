@@ -72,7 +72,7 @@ def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:
     before = editor.state
     direction = Direction.principal(model.codes, "shape", 0)
     for number in range(20):
-        editor.move_along(direction, 0.1 * number + 0.05, gesture="shape 0")
+        editor.edit(direction.moved(before.scene.instance, 0.1 * number + 0.05), gesture="shape 0")
     editor.end_gesture()
     editor.undo()
     assert editor.state == before

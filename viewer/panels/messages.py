@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from viewer.context import PanelContext
 from viewer.services.messages import Button, Message, MessageKind
 from viewer.values.printable import as_label
-from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
+from viewer.widgets.controls import MESSAGES, OVERLAY_FLAGS, tooltip
 
 _SUBJECT = 30  # most characters of an object's name on a button
 _WIDTH, _BESIDE, _SMALL = 34, 6, 16  # em: longest line, room beside it, and width of a view too small for messages
@@ -40,7 +40,7 @@ class MessageColumn:
         pressed = any(_has_buttons(row.message) for row in self._rows)
         # Without buttons, the mouse reaches the window below.
         imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
-        if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
+        if imgui.begin(MESSAGES, None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
             if not (_is_menu_open() or context.files.asking):
                 imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
             if pressed:  # no new message moves a button

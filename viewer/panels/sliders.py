@@ -13,7 +13,7 @@ from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, begin_tooltip_beside, button, end_gesture, flow
+from viewer.widgets.controls import action_button, begin_tooltip_beside, button, flow
 from viewer.widgets.size_row import draw_size
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
@@ -79,8 +79,9 @@ class SlidersPanel(Panel):
         low, high = direction.reach(editor.scene.instance)
         moved, to = imgui.slider_float(f"##{key}", value, low, high, "", imgui.SliderFlags_.always_clamp)
         if moved and abs(to - value) > 1e-6:
-            editor.move_along(direction, to, gesture=key)
-        end_gesture(context)
+            context.session.reshaping.move_along(direction, to, gesture=key)
+        if imgui.is_item_deactivated():
+            context.session.reshaping.release()
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             editor.move_along(direction, (low + high) / 2)
         if imgui.is_item_hovered() and not imgui.is_item_active():

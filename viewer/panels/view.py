@@ -66,8 +66,11 @@ class ViewPanel(Panel):
         # Buttons first: a press in the frame that moves the mouse onto one is that button's. They are drawn on top.
         draw.channels_split(2)
         draw.channels_set_current(1)
+        if context.preferences.newcomer and size.y > hello_imgui.em_size(_LOW):
+            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
         _draw_buttons(context, corner, size)
         self._size_box.draw(context, corner, size)
+        self._over.draw_handle(context, corner, size)
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
         imgui.set_next_item_allow_overlap()
@@ -77,8 +80,6 @@ class ViewPanel(Panel):
         if not self._over.draw(context, corner, size):
             self._react(context, size)
         draw.channels_merge()
-        if context.preferences.newcomer and size.y > hello_imgui.em_size(_LOW):
-            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
         if begins:
             self._welcome.draw(context, corner, size)
             context.covered = max(context.covered, self._welcome.covered)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from core.detail.paint import CoarsePaint, Paint, Rgb, coarse_paint, paint, paint_colour
 from core.detail.progressive import Frame, RenderJob, render_progressively
-from core.directions.grab import Pull, pulls_at
+from core.directions.part_map import Box, PartMap, part_map
 from core.directions.words import Words, direction_words
 from core.export.framing import filling_distance
 from core.export.keyframes import View
@@ -50,7 +50,7 @@ class Backend:
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Instance], Iterator[BakedField | None]] = bake
-    pulls: Callable[[Instance, Camera, tuple[float, float]], list[Pull]] = pulls_at
+    part_map: Callable[[Instance, Camera, Frame, Box], PartMap] = part_map
     paint_colour: Callable[[Instance, str], Generator[None, None, Rgb]] = paint_colour
     coarse_paint: Callable[[Instance, Camera, Frame, str], CoarsePaint] = coarse_paint
     paint: Callable[[Instance, Paint], Generator[None, None, Instance]] = paint

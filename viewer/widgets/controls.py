@@ -12,6 +12,7 @@ from viewer.values.duration import duration
 from viewer.values.printable import as_label, printable
 
 T = TypeVar("T")
+MESSAGES = "Messages"  # name of the window of messages, which no tooltip covers
 OVERLAY_FLAGS = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.always_auto_resize
@@ -28,6 +29,7 @@ _LINE = 40  # em, the longest line of a tooltip
 def tooltip(text: str) -> None:
     """Add a tooltip, if there is text, to imgui's last item, hidden while the item is dragged."""
     if text and not imgui.is_item_active() and imgui.begin_item_tooltip():
+        _keep_off_messages()
         imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * imgui.get_main_viewport().work_size.x))
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
@@ -38,7 +40,24 @@ def begin_tooltip_beside() -> bool:
     """Begin a tooltip at the left of the panel, without covering it; if True, call imgui's ``end_tooltip``."""
     place = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
     imgui.set_next_window_pos(place, imgui.Cond_.always, (1, 0))
-    return imgui.begin_tooltip()
+    is_open = imgui.begin_tooltip()
+    if is_open:
+        _keep_off_messages()
+    return is_open
+
+
+def _keep_off_messages() -> None:
+    """Move imgui's current window, a tooltip, above the messages if it would cover them, or beside them."""
+    messages = imgui.internal.find_window_by_name(MESSAGES)
+    if messages is None or not messages.was_active or messages.hidden:
+        return
+    low, size = imgui.get_window_pos(), imgui.get_window_size()
+    top, end = messages.pos, messages.pos + messages.size
+    if low.x >= end.x or low.y >= end.y or low.x + size.x <= top.x or low.y + size.y <= top.y:
+        return
+    gap = hello_imgui.em_size(0.3)
+    above = top.y - size.y - gap
+    imgui.set_window_pos(ImVec2(low.x, above) if above >= 0 else ImVec2(max(0.0, top.x - size.x - gap), low.y))
 
 
 def begin_dialog(title: str) -> tuple[bool, bool]:

@@ -1,4 +1,4 @@
-"""Tools of the mouse over the view: wipe, erase, pick a colour, pull the shape."""
+"""Tools of the mouse over the view: wipe, erase, pick a colour, and the handle of the part under the mouse."""
 
 from typing import Protocol
 
@@ -7,8 +7,8 @@ from imgui_bundle import ImVec2, imgui
 from viewer.context import PanelContext
 from viewer.widgets.comparison import Comparison
 from viewer.widgets.eraser import Eraser
-from viewer.widgets.grab import Grab
 from viewer.widgets.paint import Eyedropper
+from viewer.widgets.part_handle import PartHandle
 
 
 class Tool(Protocol):
@@ -24,16 +24,19 @@ class Tool(Protocol):
 
 
 class OverView:
-    """All tools: those of :attr:`viewer.context.PanelContext.tool`, and the one of the key G."""
+    """The tools of :attr:`viewer.context.PanelContext.tool`, and the handle that is there without one."""
 
     def __init__(self) -> None:
         self._tools: dict[str, Tool] = {"wipe": Comparison(), "erase": Eraser(), "pick": Eyedropper()}
-        self._grab = Grab()
+        self._handle = PartHandle()
+
+    def draw_handle(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
+        """Draw the handle of the part under the mouse; call before the view's own item, which is below it."""
+        self._handle.draw(context, corner, size)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw the current tool over the view, imgui's last item; return whether it takes the mouse."""
-        if self._grab.draw(context, corner, size):
-            return True
+        self._handle.follow_mouse(context, corner, size)
         if imgui.is_key_pressed(imgui.Key.escape):
             context.tool = "turn"
         tool = self._tools.get(context.tool)

@@ -30,26 +30,34 @@ def draw_paint(context: PanelContext) -> None:
     imgui.same_line()
     if _draw_swatch("paint", painting.colour or (0.5, 0.5, 0.5), _SHADE, 2 * _SWATCH * hello_imgui.em_size()):
         imgui.open_popup("shades")
-    if imgui.begin_popup("shades"):
-        _draw_square(context)
-        imgui.end_popup()
-    elif not imgui.is_mouse_down(imgui.MouseButton_.left):
-        painting.release()  # a drag that ended with the square
+    draw_colour_popup(context, "shades")
     imgui.same_line()
     if button(f"{_DROP}###pick colour", _PICK):
         context.tool = "turn" if context.tool == "pick" else "pick"
     imgui.same_line()
     if button(f"{_BACK}###original paint", "Back to the original paint", enabled=not painting.is_original):
         painting.restore()
-    _draw_swatches(context)
+    _draw_swatches(context, imgui.get_content_region_avail().x)
     imgui.end_disabled()
 
 
-def _draw_swatches(context: PanelContext) -> None:
-    """Draw twelve paints that suit the part, and those chosen last; a click paints."""
+def draw_colour_popup(context: PanelContext, name: str, swatches: bool = False) -> None:
+    """Draw the popup of the part's colours if it is open: the square and, if asked, swatches above it."""
+    if imgui.begin_popup(name):
+        if swatches:
+            imgui.text(context.session.painting.part.capitalize())
+            _draw_swatches(context, _SQUARE[0] * hello_imgui.em_size())
+        _draw_square(context)
+        imgui.end_popup()
+    elif not imgui.is_mouse_down(imgui.MouseButton_.left):
+        context.session.painting.release()  # a drag that ended with the square
+
+
+def _draw_swatches(context: PanelContext, room: float) -> None:
+    """Draw twelve paints that suit the part, and those chosen last, in lines of ``room`` px; a click paints."""
     latest = {f"Chosen before, {paint}": paint for paint in context.preferences.paints}
     gap = 0.3 * hello_imgui.em_size()
-    width = (imgui.get_content_region_avail().x - gap * (_ACROSS - 1)) / _ACROSS
+    width = (room - gap * (_ACROSS - 1)) / _ACROSS
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
     for number, (name, paint) in enumerate({**paints_of(context.session.painting.part), **latest}.items()):
         if number % _ACROSS:

@@ -44,6 +44,20 @@ def test_a_menu_and_the_question_for_a_file_are_drawn_over_messages(window: Driv
 
 
 @in_window()
+def test_no_tooltip_covers_a_message(window: Driver) -> None:
+    def tooltip() -> imgui.internal.Window | None:
+        found = window.ctx.window_info("//##Tooltip_00", imgui.test_engine.TestOpFlags_.no_error).window
+        return found if found is not None and found.active and not found.hidden else None
+
+    window.session.messages.notify("wrong " * 60, MessageKind.PROBLEM)
+    window.ctx.yield_(3)
+    window.ctx.mouse_move("//Messages/###dismiss 0")
+    window.wait(lambda: tooltip() is not None)
+    box, messages = tooltip(), window.ctx.window_info("//Messages").window
+    assert box.pos.y + box.size.y <= messages.pos.y
+
+
+@in_window()
 def test_a_second_message_moves_no_button(window: Driver) -> None:
     messages = window.session.messages
     messages.notify("An object is ready", buttons=(Button("Show", lambda: None),))

@@ -21,16 +21,17 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
     direction = Direction.principal(editor.model.codes, "shape", 0)
     low, high = direction.reach(editor.scene.instance)
     window.set("Sliders/**/##shape 1", low + 0.2)
-    window.ctx.yield_(2)
+    window.wait()
     assert editor.strength(direction) == pytest.approx(low + 0.2, abs=1e-3)
     window.set("Sliders/**/##shape 1", 9.0)
-    window.ctx.yield_(2)
+    window.wait()
     assert editor.strength(direction) == pytest.approx(high, abs=1e-3)  # a soft stop
     window.click("Sliders/**/##shape 1", 1)
     assert editor.strength(direction) == pytest.approx((low + high) / 2, abs=1e-3)
     assert editor.scene.instance.codes.texture is before.scene.instance.codes.texture
     past = len(editor.history.past)
     window.drag("Sliders/**/##texture 1", 70)
+    window.wait()
     assert editor.state.scene.instance != before.scene.instance
     assert len(editor.history.past) == past + 1  # a drag is one step
     window.click("Sliders/**/##texture 1", 1)

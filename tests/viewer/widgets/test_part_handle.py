@@ -1,0 +1,105 @@
+"""The part under the mouse in the real window."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from core.models.part_head import PartHead
+from tests.viewer.driver import Drive, Driver, in_window
+from tests.viewer.stand_ins import endless_fit, two_parts
+from viewer.services.backend import Backend
+from viewer.values.direction import Direction
+
+_WORDS = {"shape": ("wider", "", "taller"), "texture": ("redder",)}
+
+
+def _rest_on(window: Driver, across: float) -> None:
+    """Move the mouse beside the middle of the object, by a fraction of the view's shorter side, and below handles."""
+    low, high = window.context.view
+    card = window.session.viewport.settings.covered
+    side = min(high - low)
+    camera = window.session.editor.scene.camera
+    x = (low.x + high.x) / 2 + (0.2 * math.sin(camera.azimuth) + across) * side
+    y = (low.y + high.y - card) / 2 + (0.2 * math.sin(camera.elevation) + 0.08) * side
+    window.ctx.mouse_move_to_pos((x, y))
+
+
+def _rest_until_lit(window: Driver, across: float) -> None:
+    _rest_on(window, across)
+    window.wait(lambda: window.exists("View/handle"))
+
+
+@in_window(part_map=two_parts, direction_words=lambda model: iter((_WORDS,)))
+def test_the_part_under_the_mouse_has_a_handle_that_reshapes_in_one_step(window: Driver) -> None:
+    editor = window.session.editor
+    before = editor.state
+    past = len(editor.history.past)
+    direction = Direction.principal(editor.model.codes, "shape", 2)
+    assert not window.exists("View/handle")
+    _rest_until_lit(window, 0.05)
+    assert window.exists("View/part name")
+    window.drag("View/handle", 0, -60)
+    window.wait()
+    assert editor.strength(direction) > direction.strength(before.scene.instance) + 0.2
+    assert editor.scene.camera == before.scene.camera
+    assert len(editor.history.past) == past + 1
+    window.undo()
+    assert editor.state == before
+
+
+@in_window(part_map=two_parts)
+def test_a_drag_elsewhere_on_a_lit_part_turns_the_object(window: Driver) -> None:
+    editor = window.session.editor
+    before = editor.scene
+    _rest_until_lit(window, 0.05)
+    window.ctx.mouse_drag_with_delta((80, 0))
+    window.ctx.yield_(2)
+    assert editor.scene.instance is before.instance
+    assert editor.scene.camera.azimuth < before.camera.azimuth
+
+
+def test_a_click_on_the_handle_opens_the_colours_of_its_part(drive: Drive, backend: Backend) -> None:
+    model = backend.load_model("chairs")
+    head = PartHead(("seat", "back"), torch.zeros(2, model.field.config.width), torch.zeros(2))
+    headed = replace(model, part_head=head)
+
+    def act(window: Driver) -> None:
+        editor = window.session.editor
+        before = editor.scene.instance
+        for across, part in ((0.05, "back"), (-0.05, "seat")):
+            _rest_until_lit(window, across)
+            window.click("View/handle" if part == "back" else "View/part name")
+            assert window.session.painting.part == part
+            assert editor.scene.instance is before
+            assert window.exists("$FOCUSED/###swatch 1")
+            window.ctx.popup_close_all()
+        _rest_until_lit(window, 0.05)
+        window.click("View/handle")
+        window.click("$FOCUSED/###swatch 3")
+        window.wait()
+        assert torch.equal(editor.code("shape"), before.codes.shape)
+        assert not torch.equal(editor.code("texture"), before.codes.texture)
+
+    drive(act, replace(backend, load_model=lambda name: headed, part_map=two_parts))
+
+
+@in_window(part_map=two_parts, fit=endless_fit)
+def test_no_part_lights_up_during_a_fit_or_with_a_tool(
+    window: Driver, photo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("viewer.widgets.part_handle._REST", 0.0)
+    _rest_until_lit(window, 0.05)
+    window.context.tool = "wipe"
+    window.ctx.yield_(5)
+    assert not window.exists("View/handle")
+    window.context.tool = "turn"
+    window.wait(lambda: window.exists("View/handle"))
+    window.context.drop([str(photo)])
+    window.wait(lambda: window.session.viewport.source == "fit")
+    _rest_on(window, 0.06)
+    window.ctx.yield_(20)
+    assert not window.exists("View/handle")
+    assert window.session.reshaping.parts is None

@@ -1,0 +1,187 @@
+"""The parts of the object in the view, and drags along directions, whose edits the worker makes."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import UInt8
+
+from core.directions.grab import Pull, find_pull
+from core.directions.part_map import Handle, PartMap
+from core.models.model import Instance
+from viewer.activities.viewport import Viewport
+from viewer.editor import Editor
+from viewer.services.jobs import TILES_SHARE, Jobs
+from viewer.services.worker import Job
+from viewer.values.direction import Direction
+from viewer.values.orbit import PanelCrop
+from viewer.values.part_highlight import part_highlight
+from viewer.values.view_request import ViewRequest
+
+_LEAST = 0.008  # of the view's shorter side, after which a drag's direction is known
+
+Place = tuple[float, float]  # right and down, fractions of the view's width and height
+
+
+@dataclass(frozen=True, eq=False)
+class VisibleParts:
+    """The parts of the object on screen."""
+
+    map: PartMap
+    crop: PanelCrop  # camera of the map, and its shown part
+    highlights: dict[str, UInt8[np.ndarray, "height width 4"]]  # RGBA pixels of the whole image, by part
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, top, right and bottom of the shown part of the image, fractions of its width and height."""
+        return shown_box(self.crop)
+
+    def handle_at(self, place: Place) -> Handle | None:
+        """Return the handle of the part at a place of the view; None beside the object."""
+        left, top, right, bottom = self.box
+        return self.map.handle_at((left + place[0] * (right - left), top + place[1] * (bottom - top)))
+
+    def place_of(self, handle: Handle) -> Place:
+        """Return the place of a handle in the view."""
+        left, top, right, bottom = self.box
+        return (handle.place[0] - left) / (right - left), (handle.place[1] - top) / (bottom - top)
+
+
+def shown_box(crop: PanelCrop) -> tuple[float, float, float, float]:
+    """Return left, top, right and bottom of what a crop shows, fractions of the image's width and height."""
+    width, height = crop.camera.width, crop.camera.height
+    return crop.left / width, crop.top / height, (crop.left + crop.width) / width, (crop.top + crop.height) / height
+
+
+class _Drag(NamedTuple):
+    """A drag along a direction."""
+
+    gesture: str
+    base: Instance  # the object when the drag began: all its edits start from this one, so errors do not add up
+    shown: Instance  # the object as edited last
+    to: float = math.nan  # newest position
+
+
+class Reshaping:
+    """Finds the parts in a finished image, once, and moves the object in drags. A drag is one step of undo."""
+
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
+        self._jobs, self._editor, self._viewport = jobs, editor, viewport
+        self._searched: ViewRequest | None = None  # image whose parts are known or being found
+        self._parts: VisibleParts | None = None
+        self._pull: tuple[Pull, Direction, float] | None = None  # of the handle's drag, with the strength at its start
+        self._drag: _Drag | None = None
+        self._released = False  # the drag ends with the worker's last edit
+
+    # Parts
+
+    @property
+    def parts(self) -> VisibleParts | None:
+        """The parts in the image on screen, which are looked for once asked for; None until they are found.
+
+        There are none while the image is unfinished, something is dragged, or a fit is followed.
+        """
+        view = self._viewport
+        request = view.frame_request
+        is_due = view.source == "scene" and not (view.following or view.baked_frame or self._editor.history.gesture)
+        if not is_due or view.full_frame is None or not view.full_frame[0].final or request != view.request:
+            return None
+        if request is not self._searched and request != self._searched:
+            self._find_parts(request)
+        return self._parts
+
+    def _find_parts(self, request: ViewRequest) -> None:
+        assert self._viewport.full_frame is not None
+        frame, crop = self._viewport.full_frame
+        self._searched = request
+        self._parts = None
+        find = self._jobs.backend.part_map
+
+        def stream() -> Iterator[VisibleParts | None]:
+            regions = find(request.instance, crop.camera, frame, shown_box(crop))
+            yield None
+            highlights = {}
+            for part in {handle.part for handle in regions.handles}:
+                highlights[part] = part_highlight(regions.mask(part), frame.opacity)
+                yield None
+            yield VisibleParts(regions, crop, highlights)
+
+        def keep(parts: VisibleParts) -> None:
+            self._parts = parts
+
+        ended = self._jobs.reporting("Cannot find the object's parts")
+        self._jobs.submit(Job("parts", stream, keep, ended, share=TILES_SHARE))
+
+    # Drags
+
+    def drag_handle(self, handle: Handle, drag: Place, words: Sequence[str]) -> None:
+        """Reshape the object as a handle is dragged, from where it was pressed; then call :meth:`release`.
+
+        Args:
+            drag: right and down, fractions of the view's shorter side.
+            words: of the shape directions.
+        """
+        view = self._viewport
+        camera = view.request.crop(view.request.full).camera
+        pixels = drag[0] * view.request.full, drag[1] * view.request.full
+        if self._pull is None:
+            if math.hypot(*drag) < _LEAST or self._is_ending:
+                return
+            instance = self._editor.scene.instance
+            pull = find_pull(instance, words, camera, handle.point, pixels)
+            direction = Direction.principal(instance.model.codes, "shape", pull.direction)
+            self._pull = pull, direction, direction.strength(instance)
+        pull, direction, start = self._pull
+        self.move_along(direction, start + pull.amount(pixels), gesture="reshape")
+
+    @property
+    def pulled(self) -> tuple[Direction, float] | None:
+        """The direction that a handle's drag follows, and how far the object has moved along it; None before a drag."""
+        if self._pull is None:
+            return None
+        _, direction, start = self._pull
+        return direction, self._editor.strength(direction) - start
+
+    def move_along(self, direction: Direction, to: float, gesture: str) -> None:
+        """Move the object along a direction as part of a drag; of several positions the worker takes the newest.
+
+        Afterwards call :meth:`release`. Nothing happens while the worker finishes the drag before.
+        """
+        if self._is_ending:
+            return
+        self._released = False
+        instance = self._editor.scene.instance
+        if self._drag is None or self._drag.gesture != gesture or self._drag.shown is not instance:
+            self._drag = _Drag(gesture, instance, instance)
+        if to == self._drag.to:
+            return
+        self._drag = drag = self._drag._replace(to=to)
+
+        def keep(moved: Instance) -> None:
+            if self._drag and self._drag.base is drag.base and self._editor.scene.instance is self._drag.shown:
+                self._editor.edit(moved, gesture)
+                self._drag = self._drag._replace(shown=self._editor.scene.instance)
+
+        def ended(error: Exception | None) -> None:
+            self._jobs.reporting("Cannot reshape the object")(error)
+            if self._released:
+                self._end()
+
+        self._jobs.submit(Job("reshape", lambda: (direction.moved(drag.base, to),), keep, ended, urgent=True))
+
+    @property
+    def _is_ending(self) -> bool:
+        return self._released and self._drag is not None
+
+    def release(self) -> None:
+        """End the drag once its last edit is made; the next one is another step of undo."""
+        self._pull = None
+        self._released = True
+        if not self._jobs.busy("reshape"):
+            self._end()
+
+    def _end(self) -> None:
+        self._drag = None
+        self._editor.end_gesture()

@@ -1,0 +1,148 @@
+"""The handle of the part under the mouse: a drag reshapes the object, a click opens the part's colours."""
+
+import time
+
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+
+from core.directions.part_map import Handle
+from core.directions.words import OPPOSITES
+from viewer.activities.reshaping import VisibleParts
+from viewer.context import PanelContext
+from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
+from viewer.widgets.controls import tooltip
+from viewer.widgets.paint import draw_colour_popup
+
+_REST = 0.12  # s without motion after which the part under the mouse lights up
+_RADIUS, _GAP = 0.5, 0.35  # em: radius of the handle, and gap to the name above
+_POPUP = "part colours"
+_DROP = icons_fontawesome_4.ICON_FA_TINT
+_RESHAPE, _COLOUR = "Drag: higher, wider or deeper", "Click: its colour"
+_LOCKED = "The shape is locked in Sliders"
+
+
+class PartHandle:
+    """Lights up the part under the resting mouse, and draws its handle with its name."""
+
+    def __init__(self) -> None:
+        self._lit: tuple[VisibleParts, Handle] | None = None
+        self._pressed_at: ImVec2 | None = None  # px on screen; None while the handle is not held
+        self._hovered = False  # the mouse was over the handle in the last frame
+        self._moved = 0.0  # s on the monotonic clock when the mouse moved last
+
+    def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
+        """Draw glow, handle and name over the view, and let the handle be dragged or clicked.
+
+        Call before the view's own item, so that the handle gets the mouse first, with the front channel chosen.
+        """
+        draw_colour_popup(context, _POPUP, swatches=True)
+        self._hovered = False
+        if self._lit is None:
+            return
+        parts, handle = self._lit
+        across, down = parts.place_of(handle)
+        place = corner + ImVec2(across * size.x, down * size.y)
+        if self._pressed_at is None:
+            _draw_glow(context, parts, handle, corner, size)
+        else:
+            place += imgui.get_mouse_pos() - self._pressed_at
+        self._draw_handle(context, handle, place, corner)
+
+    def _draw_handle(self, context: PanelContext, handle: Handle, place: ImVec2, corner: ImVec2) -> None:
+        """Draw handle and name as one button, ``place`` being the handle's middle."""
+        em = hello_imgui.em_size()
+        draw = imgui.get_window_draw_list()
+        label = self._label(context, handle)
+        extent = imgui.calc_text_size(label)
+        pad = ImVec2(0.5 * em, 0.2 * em)
+        low = place - ImVec2(extent.x / 2 + pad.x, (_RADIUS + _GAP) * em + extent.y + 2 * pad.y)
+        low = ImVec2(max(low.x, corner.x), max(low.y, corner.y))
+        high = low + extent + pad * 2
+        reach = ImVec2(1.3 * _RADIUS * em, 1.3 * _RADIUS * em)
+        for name, least, most in (("handle", place - reach, place + reach), ("part name", low, high)):
+            imgui.set_cursor_screen_pos(least)
+            imgui.invisible_button(name, most - least)
+            self._react(context, handle)
+        colour = packed(context.palette.accent if self._hovered else ON_PLATE)
+        draw.add_circle_filled(place, _RADIUS * em, packed(PLATE, PLATE_OPACITY))
+        draw.add_circle_filled(place, 0.62 * _RADIUS * em, colour)
+        draw.add_rect_filled(low, high, packed(PLATE, PLATE_OPACITY), 0.4 * em)
+        draw.add_text(low + pad, packed(ON_PLATE), label)
+
+    def _label(self, context: PanelContext, handle: Handle) -> str:
+        """Return the part's name and, during a drag, the word of its direction."""
+        pulled = context.session.reshaping.pulled
+        name = handle.part.capitalize()
+        if self._pressed_at is None or pulled is None:
+            return f"{name}  {_DROP}" if _takes_paint(context, handle) else name
+        direction, by = pulled
+        words = _words(context)
+        word = words[direction.index] if direction.index < len(words) else ""
+        return f"{name}: {word if by >= 0 else OPPOSITES.get(word, '')}"
+
+    def _react(self, context: PanelContext, handle: Handle) -> None:
+        """React to imgui's last item, a part of the handle."""
+        reshaping = context.session.reshaping
+        mouse = imgui.get_mouse_pos()
+        self._hovered |= imgui.is_item_hovered() or imgui.is_item_active()
+        if imgui.is_item_hovered():
+            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+        is_locked = "shape" in context.session.editor.locked
+        usage = [_LOCKED if is_locked else _RESHAPE]
+        tooltip("\n".join([*usage, _COLOUR] if _takes_paint(context, handle) else usage))
+        if imgui.is_item_activated():
+            self._pressed_at = mouse
+        elif imgui.is_item_active() and self._pressed_at is not None and not is_locked:
+            drag = (mouse - self._pressed_at) / min(context.view[1] - context.view[0])
+            reshaping.drag_handle(handle, (drag.x, drag.y), _words(context))
+        if imgui.is_item_deactivated():
+            was_dragged = reshaping.pulled is not None
+            self._pressed_at = None
+            if was_dragged:
+                reshaping.release()
+                self._lit = None
+            elif _takes_paint(context, handle):
+                context.session.painting.part = handle.part
+                imgui.open_popup(_POPUP)
+
+    def follow_mouse(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
+        """Choose the part to light up in the next frame; call after the view's own item, imgui's last one."""
+        if self._pressed_at is not None:
+            return
+        io = imgui.get_io()
+        lit = self._lit
+        parts = None
+        is_over = imgui.is_item_hovered() or self._hovered
+        if context.tool == "turn" and is_over and not imgui.is_any_mouse_down():
+            parts = context.session.reshaping.parts
+        if parts is None or (lit and lit[0] is not parts):
+            self._lit = None
+        elif any(io.mouse_delta):
+            self._moved = time.monotonic()
+        elif time.monotonic() - self._moved > _REST and not self._hovered:
+            place = io.mouse_pos - corner
+            handle = parts.handle_at((place.x / size.x, place.y / size.y))
+            self._lit = (parts, handle) if handle else None
+        if self._lit != lit:
+            hello_imgui.request_refresh()
+
+
+def _takes_paint(context: PanelContext, handle: Handle) -> bool:
+    painting = context.session.painting
+    is_locked = "texture" in context.session.editor.locked
+    return not is_locked and (handle.part in painting.parts or not painting.parts)
+
+
+def _words(context: PanelContext) -> tuple[str, ...]:
+    """Return the words of the shape directions; none until they are measured."""
+    return (context.session.words or {}).get("shape", ())
+
+
+def _draw_glow(context: PanelContext, parts: VisibleParts, handle: Handle, corner: ImVec2, size: ImVec2) -> None:
+    """Draw the glow over a part, below the view's buttons."""
+    assert context.images
+    draw = imgui.get_window_draw_list()
+    texture = context.images.texture(parts.highlights[handle.part], context.palette)
+    left, top, right, bottom = parts.box
+    draw.channels_set_current(0)
+    draw.add_image(texture, corner, corner + size, (left, top), (right, bottom))
+    draw.channels_set_current(1)
