@@ -49,6 +49,8 @@ class SizeBox:
             return
         projection = _Projection.of(context, corner, size)
         _draw_edges(context, projection, bounds)
+        if "shape" in context.session.editor.locked:
+            return
         for side in projection.sides(_stretched(context, bounds)):
             self._draw_handle(context, side, bounds)
 
