@@ -13,11 +13,15 @@ from core.detail.borrowed import ENDS, FOLDER, SIDE, end_camera, most_similar, p
 from core.detail.maps import detail_maps
 from core.detail.progressive import render_frame
 from core.geometry.pixels import to_bytes
+from core.gl.baking import bake
+from core.gl.offscreen import OffscreenRenderer
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
+from tests.conftest import no_opengl
+from tests.core.baked_reference import render_baked
 
 PICTURES = sorted((FOLDER / "cars").glob("*.webp"))
 FRONT, BEHIND = ENDS
@@ -70,6 +74,22 @@ def test_the_photos_own_view_stays(model: Model, instance: Instance) -> None:
     with_ends, _ = maps.added(rendered, ahead)
     plain, _ = replace(maps, photos=maps.photos[:1], borrowed=0).added(rendered, ahead)
     assert float((with_ends.colour - plain.colour).abs().mean()) < 0.001
+
+
+def test_the_shader_shows_what_is_borrowed(model: Model, instance: Instance) -> None:
+    *_, baked = bake(instance)
+    assert baked is not None and baked.detail is not None and baked.detail.borrowed == 1
+    behind = model.camera(BEHIND, 0.2).resized(96, 96)
+    photos = replace(baked.detail, photos=baked.detail.photos[:1], borrowed=0)
+    try:
+        pictures = OffscreenRenderer((96, 96))
+    except RuntimeError as error:
+        no_opengl(error)
+    with pictures:
+        drawn, before = (pictures.draw(replace(baked, detail=maps), behind) / 255 for maps in (baked.detail, photos))
+    change = np.abs(drawn - before).mean()
+    assert change > 0.005
+    assert np.abs(drawn - render_baked(baked, behind).colour.numpy()).mean() < change / 4
 
 
 @pytest.mark.parametrize("side", ["soft", "model"])
