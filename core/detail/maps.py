@@ -268,7 +268,7 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
 def _painted_maps(
     photos: Sequence[ComparedPhoto], ends: Sequence[BorrowedEnd], textured: Instance
 ) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of all photos and borrowed ends in a texture, and the match of its colours to the photos."""
+    """Return the maps of photos and borrowed ends in a texture, and its match to the photos."""
     maps = []
     colours = []
     paints = []

@@ -50,7 +50,7 @@ class VisibleParts:
 
 
 def shown_box(crop: PanelCrop) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom of what a crop shows, fractions of the image's width and height."""
+    """Return left, top, right and bottom of a crop, as fractions of the image's width and height."""
     width = crop.camera.width
     height = crop.camera.height
     return crop.left / width, crop.top / height, (crop.left + crop.width) / width, (crop.top + crop.height) / height
