@@ -204,15 +204,22 @@ class ObjectLibrary:
     def match(self, others: Iterable[EditableObject]) -> dict[str, str]:
         """Add the objects that are not here yet, and return the names here by the names given.
 
-        Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one.
+        Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one, and a
+        version only a version: those of an object that became one would be listed nowhere.
         """
         before, names = list(self.ever_added), dict[str, str]()
         others = tuple(others)
         for key in (attrgetter("ends"), attrgetter("original")):
             for other in others:
-                equal = [one for one in before if other.name not in names and key(one) == key(other)]
+                equal = [
+                    item
+                    for item in before
+                    if other.name not in names
+                    and bool(item.version_of) == bool(other.version_of)
+                    and key(item) == key(other)
+                ]
                 if equal:
-                    nearest = min(equal, key=lambda one: one.name != other.name)
+                    nearest = min(equal, key=lambda item: item.name != other.name)
                     before.remove(nearest)
                     names[other.name] = nearest.name
         for other in others:
