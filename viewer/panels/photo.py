@@ -47,8 +47,8 @@ and from the first one again"""
 _VIEW_HELP = "For a camera that was not found: turn the object in the view until it looks as in the photo, then click"
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as its outline and lettering, in files too.
 A doubtful camera shows none."""
-_SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, without its lettering;
-mirrored and blurred; or the model's own"""
+_SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, without its lettering,
+and for the other end of a car the lamps and edges of a similar one; mirrored and blurred; or the model's own"""
 _AGREE = 0.5  # least explained fraction (:func:`explained`) of photos that agree
 
 
