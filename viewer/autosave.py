@@ -115,7 +115,7 @@ class Autosave:
         """Save all changes since the last save, for the next run."""
         self.finish()
         self._thread.shutdown()
-        self._session.keep_user_objects()
+        self._session.kept_objects.store()
         self._session.sweep_photos()
         project = self._session.project()
         if project.is_empty:

@@ -111,8 +111,7 @@ class Editor:
         if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
             return None
         partner = self._keeping_locked(self.objects[name].instance)
-        looks_alike = partner.with_detail(None) == self.scene.instance.with_detail(None)
-        return None if looks_alike else partner
+        return None if partner.with_detail(None) == self.scene.instance.with_detail(None) else partner
 
     def _keeping_locked(self, instance: Instance) -> Instance:
         """Return codes with the locked ones of the object on screen, if it is of the same model."""
@@ -141,12 +140,10 @@ class Editor:
         """
         if "shape" in self.locked:
             return
-        before, camera = self.scene.instance, self.scene.camera
+        before = self.scene.instance
         instance = before.changed(stretch=stretch)
-        nearest, farthest = orbit.reach(camera, self.model)
-        distance = camera.distance * before.codes.scale / instance.codes.scale
-        camera = replace(camera, distance=max(nearest, min(farthest, distance)))
-        self._edit(Scene(instance, camera), gesture=gesture)
+        distance = self.scene.camera.distance * before.codes.scale / instance.codes.scale
+        self._edit(Scene(instance, orbit.at_distance(self.scene.camera, distance, self.model)), gesture=gesture)
 
     def set_texture(self, texture: Tensor, gesture: str = "") -> None:
         """Give the object another texture code."""

@@ -1,6 +1,6 @@
 """A run of the program apart from its window: the editor, its activities, and their saved state."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -8,16 +8,17 @@ from pathlib import Path
 import torch
 
 from core.detail.progressive import Frame
-from core.directions.words import Words
 from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
+from viewer.activities.direction_words import DirectionWords
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
+from viewer.activities.kept_objects import KeptObjects
 from viewer.activities.names import Names
 from viewer.activities.painting import Painting
 from viewer.activities.player import Player
@@ -28,7 +29,7 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.jobs import BACKGROUND_SHARE, Jobs
+from viewer.services.jobs import Jobs
 from viewer.services.messages import Button, MessageKind, Messages
 from viewer.services.photo_copies import PhotoCopies
 from viewer.services.photo_thumbnails import PhotoThumbnails
@@ -67,7 +68,8 @@ class Session:
         Raises ``ValueError`` if a model cannot be opened.
         """
         backend = backend or Backend()
-        self.messages, self.models = Messages(), OpenModels(backend.load_model)
+        self.messages = Messages()
+        self.models = OpenModels(backend.load_model)
         self.jobs = Jobs(worker, backend, self.messages, self.models)
         self.photo_thumbnails = PhotoThumbnails(self.jobs)
         self.fit_options = FitOptions()
@@ -78,7 +80,7 @@ class Session:
         self._pictures = read_pictures(folder / PICTURES) if folder else {}  # images of the last session
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
-        self._words: dict[str, Words | None] = {}  # words of principal directions, by fingerprint
+        self.words = DirectionWords(self.jobs)
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         for fingerprint, file in self._user_objects.model_files().items():
@@ -90,15 +92,12 @@ class Session:
         """Create editor and activities in their initial state, with the kept objects."""
         jobs = self.jobs
         self.editor = Editor(self.models, first, self._generator)
-        self._initially_there = frozenset[str]()  # names of kept objects
-        for model in self.models:
-            self._add_user_objects(self._user_objects.open(model))
-        self._add_user_objects(self._user_objects.missing(self.models))
+        self.kept_objects = KeptObjects(self._user_objects, self.models, self.editor.objects, self.messages)
         self._waiting = FitHistory(), tuple[FitRequest, ...]()  # the last fit and requests of models that are missing
         self.originals = tuple[Original, ...]()  # project files of which something could not be read
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
-        self.names = Names(self.editor, self.thumbnails, self._words_of)
+        self.names = Names(self.editor, self.thumbnails, self.words)
         self.player = Player(jobs, self.editor)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
@@ -120,30 +119,29 @@ class Session:
         self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
-        if self._kept != self.editor.objects.changes:
-            self.keep_user_objects()
+        self.kept_objects.tick()
 
     def close(self) -> None:
         """Cancel all jobs of the activities."""
-        for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
-            part.close()
+        for activity in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
+            activity.close()
         self.jobs.cancel("paint", "paint colour", "coarse paint", "parts", "reshape", "size")
         self.exporting.cancel()
 
     # Models and their objects
 
-    def open_model(self, name: str, wanted: str = "", show: Callable[[], None] | None = None) -> None:
+    def open_model(self, name: str, expected: str = "", show: Callable[[], None] | None = None) -> None:
         """Open a model by its shipped name or path in the background, then show its first object.
 
         Args:
-            wanted: fingerprint of the missing model that it should be; empty for any model.
+            expected: fingerprint of the missing model that it should be; empty for any model.
             show: shows something else than the first object.
         """
         load = self.jobs.backend.load_model
 
         def loaded(model: Model) -> None:
-            if wanted and not model.shares_codes_with(wanted):
-                text = f"{Path(name).name} is another model than {self.model_name(wanted)}: choose the one from then"
+            if expected and not model.shares_codes_with(expected):
+                text = f"{Path(name).name} is another model than {self.model_name(expected)}: choose the one from then"
                 self.messages.notify(text, MessageKind.PROBLEM)
                 return
             self.models.add(name, model)
@@ -167,7 +165,7 @@ class Session:
         new = [model for model in self.models if model.fingerprint not in self.editor.objects.families]
         for model in new:
             self.editor.add_model(model)
-            self._add_user_objects(self._user_objects.open(model))
+            self.kept_objects.add_model(model)
         if new:
             self._restore_fits(*self._waiting)
 
@@ -185,23 +183,6 @@ class Session:
             if request not in waiting
         )
         self.fitting.restore(fit.converted(self.models.adopt) if is_there(fit) else FitHistory(), due)
-
-    @property
-    def words(self) -> Words | None:
-        """Words for the principal directions of the shown model, such as *wider*; None until they are measured."""
-        return self._words_of(self.editor.model)
-
-    def _words_of(self, model: Model) -> Words | None:
-        measure = self.jobs.backend.direction_words
-        if model.fingerprint not in self._words:
-            self._words[model.fingerprint] = None
-
-            def keep(words: Words) -> None:
-                self._words[model.fingerprint] = words
-
-            name = f"words {model.fingerprint}"
-            self.jobs.submit(Job(name, lambda: measure(model), keep, share=BACKGROUND_SHARE))
-        return self._words[model.fingerprint]
 
     def rename(self, name: str, to: str) -> None:
         """Rename an added object everywhere."""
@@ -225,16 +206,6 @@ class Session:
         label = self.names.label(names[0])
         self.messages.notify(f"Removed {label}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
 
-    def _add_user_objects(self, stored: Iterable[EditableObject]) -> None:
-        objects = self.editor.objects
-        self._initially_there |= frozenset(objects.match(stored).values())
-        self._kept = objects.changes
-
-    def keep_user_objects(self) -> None:
-        """Store fitted objects with their edits for the next launch, also removed ones; report an error."""
-        self._kept = self.editor.objects.changes
-        self._store(self.editor.objects.ever_added)
-
     def sweep_photos(self) -> None:
         """Delete old copies of photos that are fitted."""
         pending = (*self.fitting.pending, *self._waiting[1])
@@ -243,12 +214,6 @@ class Session:
     def keep_edits(self, project: Project) -> None:
         """Store the edits of a project's objects, on any thread. Raises ``ValueError`` or ``OSError`` on failure."""
         self._user_objects.update(self.models, project.objects)
-
-    def _store(self, objects: tuple[EditableObject, ...]) -> None:
-        try:
-            self._user_objects.sync(self.models, [one for one in objects if one.fitted])
-        except (ValueError, OSError) as error:
-            self.messages.report("Cannot keep what was made", error)
 
     @property
     def pictures(self) -> dict[str, Pixels]:
@@ -268,8 +233,8 @@ class Session:
     @property
     def listed_models(self) -> tuple[Model, ...]:
         """The models whose objects are listed: all, but formerly shipped ones only while on screen."""
-        shown = self.editor.model
-        return tuple(model for model in self.models if model is shown or not self.models.is_former(model))
+        current = self.editor.model
+        return tuple(model for model in self.models if model is current or not self.models.is_former(model))
 
     @property
     def samples(self) -> tuple[Path, ...]:
@@ -307,8 +272,8 @@ class Session:
         Reports an unreadable scene, or one of a model that is not open.
         """
         try:
-            wanted = scene_model(path)
-            scene = open_scene(path, self.models[wanted] if wanted else self.editor.model)
+            fingerprint = scene_model(path)
+            scene = open_scene(path, self.models[fingerprint] if fingerprint else self.editor.model)
             self._add_models()
         except ValueError as error:
             self.messages.report("Cannot open the scene", error)
@@ -318,12 +283,14 @@ class Session:
 
     def project(self) -> Project:
         """Return everything that was made as a project."""
-        history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
+        history = self.editor.history
+        fitting = self.fitting
         used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
+        kept = self.kept_objects.names
         fit = FitHistory() if fitting.running and not fitting.results.checking else fitting.history
         return Project(
             history.without_gesture(),
-            tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
+            tuple(added for added in self.editor.objects.ever_added if added.name in used or added.name not in kept),
             fit if fit.sources else self._waiting[0],
             (*fitting.pending, *self._waiting[1]),
             self.models.names,
@@ -336,12 +303,11 @@ class Session:
     @property
     def tracked_state(self) -> tuple[object, ...]:
         """The inputs of :meth:`project`; while they are identical objects, the project is the same."""
-        objects, fitting = self.editor.objects, self.fitting
+        fitting = self.fitting
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
-        added = objects.ever_added
         named = self.editor.history, self.project_path, self.originals
-        return (*named, *fit, steps, *self.painting.unfinished, *added)
+        return (*named, *fit, steps, *self.painting.unfinished, *self.editor.objects.ever_added)
 
     def restore(self, project: Project) -> None:
         """Take a project's objects, undo history and fits, as :meth:`Editor.restore`; report missing models."""
@@ -356,20 +322,20 @@ class Session:
 
     def _tell_missing(self, project: Project) -> None:
         """Tell which models and which parts of a project are missing, and what becomes of them."""
-        states, objects = (state for state, _ in project.history.steps), project.objects
-        instances = (*(state.scene.instance for state in states), *(each.instance for each in objects))
+        instances = [state.scene.instance for state, _ in project.history.steps]
+        instances += [added.instance for added in project.objects]
         models = dict.fromkeys(instance.fingerprint for instance in instances if instance.is_missing)
-        seen = (Button("OK", lambda: None),)
+        dismiss = (Button("OK", lambda: None),)
         for name in dict.fromkeys(self.model_name(model) for model in models):
             text = f"Not there: {name}. What was made with it waits in Mine; click its grey tile to find the file"
-            self.messages.notify(text, MessageKind.NOTE, buttons=seen)
+            self.messages.notify(text, MessageKind.NOTE, buttons=dismiss)
         for original in project.originals:
             text = f"Parts of {original.name} cannot be read: the rest is open, and the whole file is kept in Mine"
-            self.messages.notify(text, MessageKind.NOTE, buttons=seen, detail="; ".join(original.reasons))
+            self.messages.notify(text, MessageKind.NOTE, buttons=dismiss, detail="; ".join(original.reasons))
 
     def forget_original(self, original: Original) -> None:
         """Remove a project file with unreadable parts from the project."""
-        self.originals = tuple(one for one in self.originals if one is not original)
+        self.originals = tuple(kept for kept in self.originals if kept is not original)
 
     def model_name(self, fingerprint: str) -> str:
         """Return the file name of a model that may be missing."""
@@ -407,7 +373,8 @@ class Session:
 
     def _replace(self, project: Project | None) -> None:
         """Archive everything, and begin anew or with a project; photos that wait go on waiting."""
-        unfinished, waiting = self.fitting.unfinished, self._waiting[1]
+        unfinished = self.fitting.unfinished
+        _, waiting = self._waiting
         self._end()
         if project:
             self.restore(project)
@@ -421,7 +388,7 @@ class Session:
         if not before.is_empty:
             self.archive.emit(before)
         self.close()
-        self._store(self.editor.objects.added)
+        self.kept_objects.close()
         self.project_path = None
         self._begin(self.editor.model, self.viewport.settings)
         self.viewport.begin()

@@ -41,6 +41,7 @@ _SAMPLES = 192
 _GRID = 20  # points along each side of the box at which shapes are compared
 _DENSE = 20.0  # density per scene unit inside an object: transmits a third over a cell of that grid
 _SHOWN = 0.9, 0.4  # share of colours from photos and their mirror images: nothing is borrowed above the first
+_FACED = math.cos(math.radians(55))  # of the angle to an end's camera, within which a photo shows the end
 _MOSTLY = 0.5  # mean of that share on an end, above which nothing is borrowed for the end
 _FADE = 1.0, 5.0  # px from the outline over which borrowed colours begin
 _BODY = 0.3, 0.7  # probability of paint and trim: panes and wheels are the model's
@@ -114,7 +115,8 @@ def borrowed_ends(fitted: Instance, photos: Sequence[PhotoMaps]) -> Generator[No
         return ()
     source = most_similar(fitted, pictures)
     for number, azimuth in enumerate(ENDS):
-        if len(photos) + len(ends) < MAX_PHOTOS:
+        faced = any(math.sin(photo.camera.azimuth) * math.sin(azimuth) > _FACED for photo in photos)
+        if not faced and len(photos) + len(ends) < MAX_PHOTOS:
             camera = end_camera(fitted.model, azimuth)
             rendered = yield from render_steps(fitted, camera.resized(_SIZE, _SIZE), _SAMPLES)
             yield None
@@ -189,8 +191,8 @@ def _borrowed(
     solid = rendered.opacity > 0.5
     if any(bool(_touches(mask)) or not bool(mask.any()) for mask in (solid, picture.opacity > 0.5)):
         return None
-    shown = _shown(photos, rendered, small)
-    if float(shown[solid].mean()) > _MOSTLY:
+    coverage = _shown(photos, rendered, small)
+    if float(coverage[solid].mean()) > _MOSTLY:
         return None
     texels, parts = surface_texels(fitted, rays, rendered)
     normals = surface_normals(rays.origins, rays.directions, rendered)
@@ -199,15 +201,15 @@ def _borrowed(
     colour = functional.grid_sample(picture.colour[None], grid[None], align_corners=False)[0]
     masks = torch.stack((picture.paint, picture.glass))
     paint, glass = functional.grid_sample(masks[None], grid[None], align_corners=False)[0]
-    paint_there, glass_there = functional.adaptive_avg_pool2d(torch.stack((paint, glass))[None], _SIZE)[0]
+    small_paint, small_glass = functional.adaptive_avg_pool2d(torch.stack((paint, glass))[None], _SIZE)[0]
     body = 1 - panes - parts.get("wheels", torch.zeros_like(panes))
     edge = smooth_step(distance(solid), *_FADE)
-    weight = edge * smooth_step(body, *_BODY) * smooth_step(glass_there, *_PANE)
-    weight = blurred(weight[None], 1.0)[0] * smooth_step(shown, *_SHOWN) * (weight > 0)
-    plain = (paint_there > 0.35) & (weight > 0.5)
+    weight = edge * smooth_step(body, *_BODY) * smooth_step(small_glass, *_PANE)
+    weight = blurred(weight[None], 1.0)[0] * smooth_step(coverage, *_SHOWN) * (weight > 0)
+    plain = (small_paint > 0.35) & (weight > 0.5)
     if not bool(plain.any()):
         return None
-    paint = paint / paint_there[plain].median()
+    paint = paint / small_paint[plain].median()
     surface = torch.cat((normals, rendered.depth[..., None]), -1).movedim(-1, 0)
     return BorrowedEnd(camera, colour, paint, weight, plain, continued(surface, solid), texels)
 
@@ -235,8 +237,8 @@ def _warp(solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Pict
     if len(own_rows) != len(picture_rows):
         own_rows, picture_rows = ((rows[0], rows[-1]) for rows in (own_rows, picture_rows))
     rows = np.interp(np.arange(SIDE), own_rows, picture_rows)
-    own, there = (_widths(mask) for mask in (solid, picture.opacity))
-    scale = np.clip(np.interp(rows, np.arange(SIDE), there) / np.maximum(own, 4), *_WIDEN)
+    own, pictured_widths = (_widths(mask) for mask in (solid, picture.opacity))
+    scale = np.clip(np.interp(rows, np.arange(SIDE), pictured_widths) / np.maximum(own, 4), *_WIDEN)
     across = (np.arange(SIDE) + 0.5) * 2 / SIDE - 1
     down = np.broadcast_to((rows[:, None] + 0.5) * 2 / SIDE - 1, (SIDE, SIDE))
     return torch.from_numpy(np.stack((scale[:, None] * across, down), -1)).float()

@@ -58,7 +58,8 @@ _AROUND = 8.0, 0.05, 0.2  # px, and the share of the main paint within it from w
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
 _FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: lettering ahead and behind has no mirror image
-_WHEEL, _PANE = (5.0, 0.15, 0.05), (2.0, 0.6, 0.9)
+_WHEEL = (5.0, 0.15, 0.05)
+_PANE = (2.0, 0.6, 0.9)
 """Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
 _TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
 
@@ -76,15 +77,15 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
     photos = yield from compared_photos(instance)
     ends = yield from _ends(instance, photos)
     key = tuple(photos), ends, instance.codes.texture_key
-    known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
-    if known is None:
+    painted: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
+    if painted is None:
         yield None
         with torch.inference_mode():
-            known = _painted_maps(photos, ends, instance)
-        CACHE.put(CacheKind.DETAIL, key, known, sum(photo.size for photo in known[0]))
+            painted = _painted_maps(photos, ends, instance)
+        CACHE.put(CacheKind.DETAIL, key, painted, sum(photo.size for photo in painted[0]))
     warp = warp_to_fitted(instance)
     stretch = instance.codes.proportions
-    return DetailMaps(known[0], strength, detail.other_side, known[1], warp, stretch, len(ends))
+    return DetailMaps(painted[0], strength, detail.other_side, painted[1], warp, stretch, len(ends))
 
 
 def _ends(instance: Instance, photos: list["ComparedPhoto"]) -> Generator[None, None, tuple[BorrowedEnd, ...]]:
@@ -185,7 +186,8 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
         normals = surface_normals(rays.origins, rays.directions, source)
         mask = resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
         kept = smooth_step(distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
-        photo, render = _object_colours(rgba), surface_colours(source)
+        photo = _object_colours(rgba)
+        render = surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
         surface = continued(surface, source.opacity > 0.5)
         texels, parts = surface_texels(fitted, rays, source)
@@ -266,18 +268,21 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
 def _painted_maps(
     photos: Sequence[ComparedPhoto], ends: Sequence[BorrowedEnd], textured: Instance
 ) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of all photos and borrowed ends in a texture, and the match of its colours to the photos."""
-    maps, colours, shown, weights = [], [], [], []
-    for one in photos:
-        change = one.change(textured)
-        photo = one.repainted(change) if change.any() else one.photo
-        weight, near = enlarged(torch.stack((one.weight, one.near)), photo)
+    """Return the maps of photos and borrowed ends in a texture, and its match to the photos."""
+    maps = []
+    colours = []
+    paints = []
+    weights = []
+    for compared in photos:
+        change = compared.change(textured)
+        photo = compared.repainted(change) if change.any() else compared.photo
+        weight, near = enlarged(torch.stack((compared.weight, compared.near)), photo)
         fine = torch.cat((photo, packed(weight, near)[None]))
-        maps.append(_photo_maps(one, fine, one.render + change, textured.model.device))
-        colours.append((one.render + change).flatten(1))
-        shown.append(resized(photo, one.weight).flatten(1))
-        weights.append(one.weight.flatten())
-    match = colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
+        maps.append(_photo_maps(compared, fine, compared.render + change, textured.model.device))
+        colours.append((compared.render + change).flatten(1))
+        paints.append(resized(photo, compared.weight).flatten(1))
+        weights.append(compared.weight.flatten())
+    match = colour_match(torch.cat(colours, 1), torch.cat(paints, 1), torch.cat(weights))
     return (*maps, *(end.maps(textured, match) for end in ends)), match
 
 
@@ -292,9 +297,9 @@ def _photo_maps(
     direct = mirrored = levels(fine, device)
     if bool(compared.lettering.any()):
         paint = (compared.alike > _EVEN_PAINT) & (compared.weight > _TRUSTED)
-        clean, share = without_lettering(small, compared.lettering, paint)
-        small = torch.lerp(small, clean, share)
-        clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(share[None], fine[:3]))
+        clean, replaced = without_lettering(small, compared.lettering, paint)
+        small = torch.lerp(small, clean, replaced)
+        clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(replaced[None], fine[:3]))
         mirrored = levels(torch.cat((clean, fine[3:])), device)
     soft = blurred(torch.cat(((small - render) * compared.weight, compared.weight[None])), _MIRROR_BLUR)
     soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))

@@ -47,14 +47,14 @@ def surface_texels(
     pixel = source.opacity > SOLID
     folded = FoldedField.of(instance)
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
-    found = list(map_pieces(lambda part: folded.density(part)[1], points.split(_BLOCK)))
-    features = torch.cat(found) if found else torch.zeros(0, instance.model.field.config.width)
+    blocks = list(map_pieces(lambda block: folded.density(block)[1], points.split(_BLOCK)))
+    features = torch.cat(blocks) if blocks else torch.zeros(0, instance.model.field.config.width)
     texels = SurfaceTexels(pixel, features, rays.directions[pixel].to(folded.device))
     parts = dict[str, Tensor]()
     if head := instance.model.part_head:
-        for name, share in zip(head.names, head(features).cpu().T, strict=True):
+        for name, probability in zip(head.names, head(features).cpu().T, strict=True):
             parts[name] = torch.zeros(pixel.shape)
-            parts[name][pixel] = share
+            parts[name][pixel] = probability
     return texels, parts
 
 
@@ -66,7 +66,8 @@ def surface_normals(
     depth = blurred((rendered.depth * opacity)[None], 1.5)[0] / blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
     points = origins + directions * depth[..., None]
     padded = functional.pad(points.movedim(-1, 0)[None], (1,) * 4, mode="replicate")[0]
-    across, down = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2], padded[:, 2:, 1:-1] - padded[:, :-2, 1:-1]
+    across = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2]
+    down = padded[:, 2:, 1:-1] - padded[:, :-2, 1:-1]
     normal = functional.normalize(torch.linalg.cross(across, down, dim=0).movedim(0, -1), dim=-1)
     return torch.where((normal * directions).sum(-1, keepdim=True) > 0, -normal, normal)
 

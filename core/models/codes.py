@@ -56,6 +56,11 @@ class Codes(Latents):
     __hash__ = Latents.__hash__
 
     @property
+    def factors(self) -> Factors:
+        """The stretch along each axis, 1 for none."""
+        return self.stretch or (1.0, 1.0, 1.0)
+
+    @property
     def scale(self) -> float:
         """The part of the stretch that images do not show: its root mean square."""
         return 1.0 if self.stretch is None else math.sqrt(sum(factor**2 for factor in self.stretch) / 3)

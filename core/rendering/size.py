@@ -47,8 +47,8 @@ class Bounds(NamedTuple):
 
 def size_of(instance: Instance) -> Size:
     """Return the size of an object. Raises ``ValueError`` if it has no surface, and for M1 and M2."""
-    stretch = instance.codes.stretch or (1.0, 1.0, 1.0)
-    width, depth, height = (side * factor for side, factor in zip(natural_size(instance), stretch, strict=True))
+    factors = instance.codes.factors
+    width, depth, height = (side * factor for side, factor in zip(natural_size(instance), factors, strict=True))
     return width, depth, height
 
 

@@ -23,18 +23,18 @@ Drive = Callable[..., None]
 
 
 def in_window(
-    of: str = "backend", size: tuple[int, int] = (1280, 800), strict: bool = True, **stand_ins: Any
+    fixture: str = "backend", size: tuple[int, int] = (1280, 800), strict: bool = True, **stand_ins: Any
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a test the real window as its argument ``window``; its others are fixtures.
 
     Args:
-        of: the fixture of the window's backend.
+        fixture: name of the fixture of the window's backend.
         stand_ins: functions of the backend that are replaced.
     """
 
     def decorate(act: Callable[..., None]) -> Callable[..., None]:
         def test(drive: Drive, request: pytest.FixtureRequest, **fixtures: object) -> None:
-            backend = replace(request.getfixturevalue(of), **stand_ins)
+            backend = replace(request.getfixturevalue(fixture), **stand_ins)
             drive(lambda window: act(window, **fixtures), backend, size, strict)
 
         own, arguments = (list(signature(function).parameters.values()) for function in (test, act))

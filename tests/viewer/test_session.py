@@ -83,11 +83,11 @@ def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, edito
 
 def test_scenes_that_cannot_be_opened_change_nothing(session: Session, editor: Editor, tmp_path: Path) -> None:
     session.editor.scene.save(tmp_path / "scene.json")
-    about = json.loads((tmp_path / "scene.json").read_text())
-    (tmp_path / "other.json").write_text(json.dumps(about | {"model": "0" * 16}))
-    (tmp_path / "short.json").write_text(json.dumps(about | {"shape": [1.0]}))
-    (tmp_path / "nan.json").write_text(json.dumps(about | {"shape": [float("nan")] * 8}))
-    (tmp_path / "camera.json").write_text(json.dumps(about | {"camera": about["camera"] | {"distance": -1}}))
+    fields = json.loads((tmp_path / "scene.json").read_text())
+    (tmp_path / "other.json").write_text(json.dumps(fields | {"model": "0" * 16}))
+    (tmp_path / "short.json").write_text(json.dumps(fields | {"shape": [1.0]}))
+    (tmp_path / "nan.json").write_text(json.dumps(fields | {"shape": [float("nan")] * 8}))
+    (tmp_path / "camera.json").write_text(json.dumps(fields | {"camera": fields["camera"] | {"distance": -1}}))
     (tmp_path / "list.json").write_text("[1, 2]")
     (tmp_path / "binary.json").write_bytes(bytes(range(256)))
     before = editor.history
@@ -101,11 +101,12 @@ def test_scenes_that_cannot_be_opened_change_nothing(session: Session, editor: E
 
 def test_photos_are_fitted_with_the_models_of_their_categories_in_turn(worker: Worker, both: Backend, photo: Path):
     session = Session(worker, both, seed=0)
-    editor, (cars, chairs) = session.editor, session.models
+    editor = session.editor
+    cars, chairs = session.models
     session.fitting.start(photo)
     session.fitting.start(blue := blue_block(photo))
     finish(session, lambda: not session.fitting.pending)
-    assert {one.name: one.instance.model for one in editor.objects.added} == {
+    assert {added.name: added.instance.model for added in editor.objects.added} == {
         "block": chairs,
         "block blue": cars,
     }
@@ -118,7 +119,7 @@ def test_photos_are_fitted_with_the_models_of_their_categories_in_turn(worker: W
     editor.show_object("block")
     session.player.add_key()
     assert len(editor.state.timeline.keys) == 2
-    assert [one.text for one in session.messages.all if "model" in one.text] == []
+    assert [message.text for message in session.messages.all if "model" in message.text] == []
     for _ in range(len(editor.history.past)):
         editor.undo()
     assert editor.model is chairs and blue.exists()
@@ -131,25 +132,28 @@ def test_a_person_may_fit_a_photo_as_another_category(worker: Worker, both: Back
     finish(session, lambda: not session.fitting.pending)
     session.fitting.refit(cars)
     finish(session, lambda: not session.fitting.pending)
-    assert [one.instance.model for one in session.editor.objects.added] == [chairs, cars]
-    shown = session.fitting.shown
-    session.segmenting.open(shown.sources, 0, shown.model)
+    assert [added.instance.model for added in session.editor.objects.added] == [chairs, cars]
+    history = session.fitting.shown
+    session.segmenting.open(history.sources, 0, history.model)
     session.segmenting.fit()  # cut out again, it is a car still
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.model is cars
 
 
 def test_a_model_file_joins_the_library(session: Session, editor: Editor, model: Model, tmp_path: Path) -> None:
-    other, before = replace(random_model(7), category="stools"), editor.history
-    session.jobs.backend = replace(session.jobs.backend, load_model=lambda name: other)
+    stools = replace(random_model(7), category="stools")
+    before = editor.history
+    session.jobs.backend = replace(session.jobs.backend, load_model=lambda name: stools)
     session.open_model("stools.safetensors")
     finish(session)
-    assert editor.model is other and editor.scene.instance == other[0]
+    assert editor.model is stools and editor.scene.instance == stools[0]
     assert editor.history.past == (before.now,)
     editor.undo()
     assert editor.model is model
     session.save_project(tmp_path / "a.codenerf")
-    again = Session(session.jobs.worker, replace(session.jobs.backend, load_model=by_name(model, stools=other)), seed=0)
+    again = Session(
+        session.jobs.worker, replace(session.jobs.backend, load_model=by_name(model, stools=stools)), seed=0
+    )
     again.open_project(tmp_path / "a.codenerf")
     assert again.messages.errors == []
     assert again.editor.history == editor.history
@@ -189,8 +193,8 @@ def blue_block(photo: Path) -> Path:
     return path
 
 
-def by_name(model: Model, **others: Model) -> Callable[[str], Model]:
-    return lambda name: others.get(Path(name).stem, model)
+def by_name(model: Model, **models: Model) -> Callable[[str], Model]:
+    return lambda name: models.get(Path(name).stem, model)
 
 
 def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Session, photo: Path) -> None:
@@ -206,8 +210,10 @@ def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Sessi
     assert session.messages.errors == []
 
 
-def edited_stool(session: Session, stools: Model) -> tuple[int, int]:
-    """Edit a stool twice, the second time from before the first; return both steps of undo, and show a chair."""
+def saved_stool(session: Session, stools: Model, path: Path) -> tuple[int, int]:
+    """Edit a stool twice, the second time from before the first, show a chair and save; return both steps of undo."""
+    session.models.open("stools")
+    session.tick()
     editor = session.editor
     editor.show_object(editor.objects.add(EditableObject("stool", stools[1], True)))
     for shift in (1.0, 2.0):
@@ -217,6 +223,8 @@ def edited_stool(session: Session, stools: Model) -> tuple[int, int]:
     editor.redo()
     last = editor.history.current
     editor.show_object("object 3")
+    session.kept_objects.store()
+    session.save_project(path)
     return branch.last, last
 
 
@@ -225,34 +233,29 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
 ) -> None:
     stools = replace(random_model(9), category="stools")
     after = replace(random_model(11), extends=(stools.fingerprint,), category="stools")
-    there: dict[str, Model] = {"chairs": model, "stools": stools}
-    backend = replace(backend, load_model=lambda name: there.get(name, model))
+    files: dict[str, Model] = {"chairs": model, "stools": stools}
+    backend = replace(backend, load_model=lambda name: files.get(name, model))
     session = Session(worker, backend, seed=0, folder=tmp_path)
-    session.models.open("stools")
-    session.tick()
-    first, last = edited_stool(session, stools)
+    steps = saved_stool(session, stools, tmp_path / "a.codenerf")
     made = session.editor.history
-    session.keep_user_objects()
-    session.save_project(tmp_path / "a.codenerf")
-    del there["stools"]
+    del files["stools"]
 
     session = Session(worker, backend, seed=0, folder=tmp_path)
     session.open_project(tmp_path / "a.codenerf")
     editor = session.editor
     assert session.messages.errors == [] and editor.objects.own == ["stool"]
-    assert editor.history == made
-    for number in (first, last):
+    for number in (editor.history.current, *steps):
         editor.go_to(number)
-        assert editor.history == made  # it cannot be shown
+        assert editor.history == made  # neither step can be shown
     kept = editor.objects["stool"]
-    assert kept.instance == made.steps[last].state.scene.instance and kept.original == stools[1]
+    assert kept.instance == made.steps[steps[1]].state.scene.instance and kept.original == stools[1]
     session.keep_edits(session.project())
-    session.keep_user_objects()
+    session.kept_objects.store()
     session.save_project(tmp_path / "b.codenerf")
 
     session.models.add("after", after)
     session.tick()
-    for number in (first, last):
+    for number in steps:
         editor.go_to(number)
         assert editor.scene.instance == Instance(after, made.steps[number].state.scene.instance.codes)
         assert editor.objects["stool"].instance == editor.scene.instance
@@ -260,7 +263,7 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
     editor.reset()
     assert editor.scene.instance == Instance(after, stools.codes[1])
 
-    there["stools"] = stools
+    files["stools"] = stools
     session = Session(worker, backend, seed=0)
     session.models.open("stools")
     session.open_project(tmp_path / "b.codenerf")
@@ -273,15 +276,15 @@ def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
 ) -> None:
     stools = replace(random_model(9), category="stools")
     editor = Editor(open_models(model, stools), model, torch.Generator())
-    one = EditableObject("stool", stools[1], True)
-    editor.show_object(editor.objects.add(one))
+    editor.show_object(editor.objects.add(EditableObject("stool", stools[1], True)))
     editor.set_texture(stools.codes[1].texture + 1.0)
     Project(editor.history, editor.objects.ever_added).save(tmp_path / "a.codenerf", editor.models)
 
     editor = Editor(open_models(model), model, torch.Generator())
     saved = Project.load(tmp_path / "a.codenerf", editor.models)
-    one = EditableObject("stool", saved.objects[0].original, True)
-    here = one.left_as(one.instance.changed(texture=one.instance.codes.texture + 2.0))
+    original = saved.objects[0].original
+    edited = original.changed(texture=original.codes.texture + 2.0)
+    here = EditableObject("stool", original, True).left_as(edited)
     editor.objects.add(here)
     editor.restore(saved)
     assert editor.objects["stool"].instance == saved.objects[0].instance
@@ -301,13 +304,13 @@ def test_without_any_state_that_can_be_shown_work_goes_on_after_them(model: Mode
     saved = Project(editor.history, editor.objects.ever_added)
 
     editor = Editor(open_models(model), model, torch.Generator())
-    shown = editor.scene
+    before = editor.scene
     editor.restore(saved)
-    assert editor.scene == shown and editor.objects.own == []
+    assert editor.scene == before and editor.objects.own == []
     assert editor.history.past == saved.history.states
     editor.undo()
     editor.redo()
-    assert editor.scene == shown
+    assert editor.scene == before
     editor.models.add("stools", stools)
     editor.add_model(stools)
     editor.undo()

@@ -7,7 +7,7 @@ import numpy as np
 
 from core.detail.progressive import Frame, RenderJob, RenderSettings
 from viewer.editor import Editor
-from viewer.services.jobs import FIT_SHARE, Jobs
+from viewer.services.jobs import FIT_WEIGHT, Jobs
 from viewer.services.worker import Job
 from viewer.values.share_settings import RATE, WIDE, ShareSettings, films_of
 
@@ -51,7 +51,7 @@ class FilmPreviews:
                         yield (film.kind, frame, len(views) / RATE) if frame else None
 
         ended = self._jobs.reporting("Cannot render the previews of films")
-        self._jobs.submit(Job(_NAME, stream, self._keep, ended, share=FIT_SHARE))
+        self._jobs.submit(Job(_NAME, stream, self._keep, ended, weight=FIT_WEIGHT))
 
     def _keep(self, rendered: tuple[str, Frame, float]) -> None:
         kind, frame, length = rendered

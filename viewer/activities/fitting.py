@@ -15,7 +15,7 @@ from viewer.activities.fit_stream import Confirmed, Doubt, FitOptions, fit_strea
 from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
-from viewer.services.jobs import FIT_SHARE, Jobs
+from viewer.services.jobs import FIT_WEIGHT, Jobs
 from viewer.services.messages import MessageKind, error_text
 from viewer.services.photo_copies import PhotoCopies
 from viewer.services.worker import Job
@@ -250,10 +250,9 @@ class Fitting:
         """Continue the shown fit from the view's codes and, for the selected photo, its direction."""
         if initial := self.history.resume_point:
             scene = self._editor.scene
-            camera = scene.camera
             cameras = list(initial.cameras)
             index = self.history.photo_index  # its camera keeps its distance: the view's is not the photo's
-            cameras[index] = replace(cameras[index], azimuth=camera.azimuth, elevation=camera.elevation)
+            cameras[index] = replace(cameras[index], azimuth=scene.camera.azimuth, elevation=scene.camera.elevation)
             self.resume(replace(initial, cameras=tuple(cameras), instance=scene.instance))
 
     def stop(self) -> None:
@@ -317,7 +316,7 @@ class Fitting:
             self._viewport.follow()
         settings = self.options.settings(request.resume_from is not None)
         stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self._waiting.confirmed)
-        self._jobs.submit(Job("fit", stream, self._receive, self._ended, share=FIT_SHARE))
+        self._jobs.submit(Job("fit", stream, self._receive, self._ended, weight=FIT_WEIGHT))
 
     def _receive(self, value: Model | Doubt | CutOutPreview | FittedPhoto | FitStep) -> None:
         if isinstance(value, Model):
@@ -346,10 +345,7 @@ class Fitting:
         self._next()
 
     def _ended(self, error: Exception | None) -> None:
-        if error is None:
-            self._finish("Fitted in")
-        else:
-            self._fail(error)
+        self._fail(error) if error else self._finish("Fitted in")
         self._next()
 
     def _fail(self, error: Exception) -> None:

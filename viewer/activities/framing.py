@@ -36,9 +36,8 @@ class Framing:
         panel_camera = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera
 
         def moved(distance: float) -> None:
-            nearest, farthest = orbit.reach(scene.camera, scene.instance.model)
             if editor.scene is scene and self._panel == panel and not editor.history.gesture:
-                camera = replace(scene.camera, distance=max(nearest, min(farthest, distance)))
+                camera = orbit.at_distance(scene.camera, distance, scene.instance.model)
                 self._last = replace(scene, camera=camera)
                 editor.join(self._last)
 

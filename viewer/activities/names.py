@@ -1,12 +1,12 @@
 """Names of objects and of their versions, by what their images and codes show. A person's own name stays."""
 
 import re
-from collections.abc import Callable
 from functools import lru_cache
 
 from core.detail.progressive import Frame
 from core.directions.words import OPPOSITES
-from core.models.model import Instance, Model, Words
+from core.models.model import Instance
+from viewer.activities.direction_words import DirectionWords
 from viewer.activities.thumbnails import Thumbnails
 from viewer.editor import Editor
 from viewer.values.direction import Direction
@@ -22,8 +22,7 @@ _MEASURED = 1000  # thumbnails whose words are kept
 class Names:
     """Tells objects apart by colour and height, and versions of an object by what differs from the fit."""
 
-    def __init__(self, editor: Editor, thumbnails: Thumbnails, words: Callable[[Model], Words | None]) -> None:
-        """Take the words of a model's directions from ``words``; None until they are measured."""
+    def __init__(self, editor: Editor, thumbnails: Thumbnails, words: DirectionWords) -> None:
         self._editor = editor
         self._thumbnails = thumbnails
         self._words = words
@@ -45,7 +44,7 @@ class Names:
         return self._look_of_nameless(name) or words + ("" if is_form else comma + variant)
 
     def _look_of_nameless(self, name: str) -> str:
-        """Return height and colour of a model's object whose name says only what it is; "" for any other."""
+        """Return height and colour of a model's object that is named by its category only, else ""."""
         objects = self._editor.objects
         instance = objects[name].instance
         if objects.is_added(name) or instance.is_missing:
@@ -68,8 +67,7 @@ class Names:
             return "as fitted" if root.fitted else "as opened"
         if instance.is_missing or root.original.is_missing:
             return "edited"
-        words = (self._words(instance.model) or Words()).get("shape", ())
-        shape = _direction_word(instance, root.original, words)
+        shape = _direction_word(instance, root.original, self._words.of_shape(instance.model))
         return ", ".join(filter(None, (self._paint_word(instance, root.original), shape))) or "edited"
 
     def _paint_word(self, instance: Instance, original: Instance) -> str:

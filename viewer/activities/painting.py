@@ -12,7 +12,7 @@ from core.geometry.camera import Camera
 from core.models.model import Instance
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
-from viewer.services.jobs import BACKGROUND_SHARE, Jobs
+from viewer.services.jobs import BACKGROUND_WEIGHT, Jobs
 from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
 from viewer.values.paints import PaintRequest
@@ -22,7 +22,9 @@ class Painting:
     """Paints a part: during a drag over colours the frame on screen, coarsely, and then the object, in one step."""
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
-        self._jobs, self._editor, self._viewport = jobs, editor, viewport
+        self._jobs = jobs
+        self._editor = editor
+        self._viewport = viewport
         self._part = ""  # chosen part
         self._choice: PaintRequest | None = None  # its texture is not found yet
         self._earlier: tuple[PaintRequest, ...] = ()  # of other parts of its object, likewise, painted before it
@@ -83,7 +85,7 @@ class Painting:
             if not isinstance(error, ValueError):  # an object without a surface has no colour
                 self._jobs.reporting("Cannot find the paint")(error)
 
-        self._jobs.submit(Job("paint colour", stream, keep, ended, urgent=True, share=BACKGROUND_SHARE))
+        self._jobs.submit(Job("paint colour", stream, keep, ended, urgent=True, weight=BACKGROUND_WEIGHT))
 
     @property
     def is_original(self) -> bool:
@@ -122,13 +124,16 @@ class Painting:
     def _choose(self, choice: PaintRequest) -> None:
         """Choose a paint; released paints of other parts are found again before it."""
         self._jobs.cancel("paint")
-        instance, part = choice.instance, choice.paint.part
+        instance = choice.instance
+        part = choice.paint.part
         self._earlier = tuple(
             request if request.instance is instance else request._replace(instance=instance)
             for request in self.unfinished
             if request.paint.part != part and self._is_paintable(request.instance, instance)
         )
-        self._choice, self._released, self._shown = choice, False, None
+        self._choice = choice
+        self._released = False
+        self._shown = None
 
     def _is_paintable(self, chosen: Instance, now: Instance) -> bool:
         """Return whether a paint chosen for an object suits it now: it was not undone, and has the same texture."""
@@ -144,7 +149,8 @@ class Painting:
         if self._released or self._choice is None:
             return
         self._released = True
-        choice, requests = self._choice, self.unfinished
+        choice = self._choice
+        requests = self.unfinished
 
         def stream() -> Iterator[list[Instance] | None]:
             painted = [choice.instance]
@@ -165,7 +171,8 @@ class Painting:
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)
-            self._choice, self._earlier = None, ()
+            self._choice = None
+            self._earlier = ()
             if self._editor.scene.instance is choice.instance:
                 self._viewport.repainted = None
 
@@ -173,12 +180,14 @@ class Painting:
 
     def tick(self) -> None:
         """Show the frame on screen in the chosen paint until the object has it; call once a frame."""
-        choice, view = self._choice, self._viewport
+        choice = self._choice
+        view = self._viewport
         if choice is None or not view.full_frame or not view.frame_request or view.source != "scene":
             return
         if self._editor.scene.instance is not choice.instance or view.frame_request.instance is not choice.instance:
             return
-        (frame, crop), part = view.full_frame, choice.paint.part
+        frame, crop = view.full_frame
+        part = choice.paint.part
         if self._coarse is None or self._coarse[:2] != (frame, part):
             self._find_coarse(frame, crop.camera, choice)
         elif self._coarse[2] and self._shown != (self._coarse[2], choice.paint.colour):

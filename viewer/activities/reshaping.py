@@ -13,7 +13,7 @@ from core.directions.part_map import Handle, PartMap
 from core.models.model import Instance
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
-from viewer.services.jobs import TILES_SHARE, Jobs
+from viewer.services.jobs import TILES_WEIGHT, Jobs
 from viewer.services.worker import Job
 from viewer.values.direction import Direction
 from viewer.values.orbit import PanelCrop
@@ -50,8 +50,9 @@ class VisibleParts:
 
 
 def shown_box(crop: PanelCrop) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom of what a crop shows, fractions of the image's width and height."""
-    width, height = crop.camera.width, crop.camera.height
+    """Return left, top, right and bottom of a crop, as fractions of the image's width and height."""
+    width = crop.camera.width
+    height = crop.camera.height
     return crop.left / width, crop.top / height, (crop.left + crop.width) / width, (crop.top + crop.height) / height
 
 
@@ -60,7 +61,7 @@ class _Drag(NamedTuple):
 
     gesture: str
     base: Instance  # the object when the drag began: all its edits start from this one, so errors do not add up
-    shown: Instance  # the object as edited last
+    edited: Instance  # the object as edited last
     to: float = math.nan  # newest position
 
 
@@ -68,7 +69,9 @@ class Reshaping:
     """Finds the parts in a finished image, once, and moves the object in drags. A drag is one step of undo."""
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
-        self._jobs, self._editor, self._viewport = jobs, editor, viewport
+        self._jobs = jobs
+        self._editor = editor
+        self._viewport = viewport
         self._searched: ViewRequest | None = None  # image whose parts are known or being found
         self._parts: VisibleParts | None = None
         self._pull: tuple[Pull, Direction, float] | None = None  # of the handle's drag, with the strength at its start
@@ -108,11 +111,11 @@ class Reshaping:
                 yield None
             yield VisibleParts(regions, crop, highlights)
 
-        def keep(parts: VisibleParts) -> None:
-            self._parts = parts
+        def keep(visible: VisibleParts) -> None:
+            self._parts = visible
 
         ended = self._jobs.reporting("Cannot find the object's parts")
-        self._jobs.submit(Job("parts", stream, keep, ended, share=TILES_SHARE))
+        self._jobs.submit(Job("parts", stream, keep, ended, weight=TILES_WEIGHT))
 
     # Drags
 
@@ -157,16 +160,16 @@ class Reshaping:
             return
         self._released = False
         instance = self._editor.scene.instance
-        if self._drag is None or self._drag.gesture != gesture or self._drag.shown is not instance:
+        if self._drag is None or self._drag.gesture != gesture or self._drag.edited is not instance:
             self._drag = _Drag(gesture, instance, instance)
         if to == self._drag.to:
             return
         self._drag = drag = self._drag._replace(to=to)
 
         def keep(moved: Instance) -> None:
-            if self._drag and self._drag.base is drag.base and self._editor.scene.instance is self._drag.shown:
+            if self._drag and self._drag.base is drag.base and self._editor.scene.instance is self._drag.edited:
                 self._editor.edit(moved, gesture)
-                self._drag = self._drag._replace(shown=self._editor.scene.instance)
+                self._drag = self._drag._replace(edited=self._editor.scene.instance)
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot reshape the object")(error)

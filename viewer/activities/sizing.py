@@ -11,7 +11,8 @@ class Sizing:
     """Measures the natural object when its bounds are asked for, but not during a drag."""
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
-        self._jobs, self._editor = jobs, editor
+        self._jobs = jobs
+        self._editor = editor
         self._measured: tuple[Instance, Bounds | None] | None = None  # the last natural object; None: without a surface
 
     @property
@@ -25,13 +26,13 @@ class Sizing:
         return None
 
     def _measure(self, natural: Instance) -> None:
-        bounds = self._jobs.backend.bounds
+        measure = self._jobs.backend.bounds
 
-        def keep(found: Bounds) -> None:
-            self._measured = natural, found
+        def keep(bounds: Bounds) -> None:
+            self._measured = natural, bounds
 
         def ended(error: Exception | None) -> None:
             if error:  # an object without a surface: it can be edited, but has no size
                 self._measured = natural, None
 
-        self._jobs.submit(Job("size", lambda: iter((bounds(natural),)), keep, ended, urgent=True))
+        self._jobs.submit(Job("size", lambda: (measure(natural),), keep, ended, urgent=True))

@@ -15,7 +15,7 @@ from core.geometry.camera import Camera, Factors
 from core.geometry.pixels import to_bytes
 from core.models.model import Instance
 from core.models.photo_detail import PhotoDetail
-from viewer.services.jobs import TILES_SHARE, Jobs
+from viewer.services.jobs import TILES_WEIGHT, Jobs
 from viewer.services.pictures import Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
@@ -139,7 +139,7 @@ class Thumbnails:
                 self._failed.update(key for key, _ in batch if key not in self._frames)
                 self._jobs.messages.report("Cannot render the thumbnails", error)
 
-        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=TILES_SHARE))
+        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, weight=TILES_WEIGHT))
 
     def close(self) -> None:
         """Stop rendering."""

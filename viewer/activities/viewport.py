@@ -15,7 +15,7 @@ from viewer.activities.frame_budget import FrameBudget
 from viewer.activities.framing import Framing
 from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor
-from viewer.services.jobs import FIT_SHARE, SHARPENING_SHARE, TILES_SHARE, Jobs
+from viewer.services.jobs import FIT_WEIGHT, SHARPENING_WEIGHT, TILES_WEIGHT, Jobs
 from viewer.services.pictures import Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
@@ -34,7 +34,9 @@ class Viewport:
     """
 
     def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
-        self._jobs, self._editor, self.settings = jobs, editor, settings
+        self._jobs = jobs
+        self._editor = editor
+        self.settings = settings
         self.source: Source = "none"  # source of the displayed frames; none until :meth:`begin`
         self.frame: Frame | None = None  # newest frame, cropped to the view
         self.frame_request: ViewRequest | None = None  # inputs of :attr:`frame`
@@ -57,10 +59,10 @@ class Viewport:
     def begin(self, pictures: Mapping[str, Pixels] | None = None) -> None:
         """Begin to render the scene; until then show its stored image in ``pictures``, if any."""
         request = self.request
-        if (found := (pictures or {}).get(_picture(request))) is not None:
-            height, width = found.shape[:2]
+        if (stored := (pictures or {}).get(_picture(request))) is not None:
+            height, width = stored.shape[:2]
             crop = orbit.fit_to_panel(request.camera, width, height, min(width, height))
-            self._show(frame_of(found, stages=2), crop, request)
+            self._show(frame_of(stored, stages=2), crop, request)
         if self.source == "none":
             self.source = "scene"
         self.render()
@@ -82,7 +84,8 @@ class Viewport:
     @property
     def request(self) -> ViewRequest:
         """The inputs of the current image: the scene or the followed fit, and the settings."""
-        scene, live = self._editor.scene, self._live if self.source == "fit" else None
+        scene = self._editor.scene
+        live = self._live if self.source == "fit" else None
         return self._request_live(live) if live else ViewRequest(scene.instance, scene.camera, self.settings)
 
     def _request_live(self, live: View) -> ViewRequest:
@@ -92,7 +95,8 @@ class Viewport:
 
     def change(self, **settings: Any) -> None:
         """Change fields of :class:`~viewer.values.view_request.ViewSettings`; render again if needed."""
-        before, self.settings = self.settings, replace(self.settings, **settings)
+        before = self.settings
+        self.settings = replace(self.settings, **settings)
         as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
         if not as_before or (self.baked_frame and not self.settings.baked):
             self._refresh()
@@ -106,7 +110,8 @@ class Viewport:
     def reset_view(self) -> None:
         """Return to the object's first view, that of its photo or the model's, centred and framed."""
         self.change(pan=(0.0, 0.0))
-        detail, model = self._editor.scene.instance.detail, self._editor.model
+        detail = self._editor.scene.instance.detail
+        model = self._editor.model
         first = orbit.photo_camera(detail.views[0].camera, model) if detail else orbit.home(model)
         self._editor.set_camera(first)
         self.framing.frame(self.settings.panel)
@@ -134,7 +139,8 @@ class Viewport:
 
     def tick(self) -> None:
         """Bake the object and render the sharp image while nothing changes and no fit runs; call once a frame."""
-        now, request = time.monotonic(), self.request
+        now = time.monotonic()
+        request = self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
                 self._bake(request.instance.natural)
@@ -153,7 +159,8 @@ class Viewport:
         return self.settings.baked and self.baked is not None and instance.natural == self._baked_of
 
     def _show_baked(self, request: ViewRequest) -> None:
-        self.baked_frame, self.sharp = request.crop(request.full), False
+        self.baked_frame = request.crop(request.full)
+        self.sharp = False
         self._stretch_baked()
         self._last_orbit = time.monotonic()
 
@@ -170,13 +177,13 @@ class Viewport:
             return
         self._baked_of = instance
 
-        def baked(found: BakedField) -> None:
-            self.baked = self._natural = found
+        def baked(field: BakedField) -> None:
+            self.baked = self._natural = field
             self._stretch_baked()
 
         bake = self._jobs.backend.bake
         ended = self._jobs.reporting("Cannot bake the object")
-        self._jobs.submit(Job("bake", lambda: bake(instance), baked, ended, share=TILES_SHARE))
+        self._jobs.submit(Job("bake", lambda: bake(instance), baked, ended, weight=TILES_WEIGHT))
 
     # Frames of a fit
 
@@ -231,7 +238,7 @@ class Viewport:
                 self._show(frame, crop, request)
 
         ended = self._jobs.reporting("Cannot show the search")
-        frames = Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent, TILES_SHARE)
+        frames = Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent, TILES_WEIGHT)
         self._jobs.submit(frames)
 
     def _show_chosen(self) -> None:
@@ -270,14 +277,17 @@ class Viewport:
                 self._last_render = time.monotonic()
 
         ended = self._jobs.reporting("Cannot render the object")
-        share = FIT_SHARE if urgent else SHARPENING_SHARE
-        self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
+        weight = FIT_WEIGHT if urgent else SHARPENING_WEIGHT
+        self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, weight))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
         if request != self.frame_request:  # else a sharper image of the same
             self.repainted = None
-        self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
-        self.frame_request, self.baked_frame = request, None
+        self.full_frame = (frame, crop)
+        self.frame = crop.cropped(frame)
+        self.sharp = False
+        self.frame_request = request
+        self.baked_frame = None
 
 
 def _picture(request: ViewRequest) -> str:

@@ -21,7 +21,7 @@ class Entry(NamedTuple):
     """A result of the search."""
 
     words: str  # name
-    about: str  # description
+    description: str
     run: Callable[[], object]
 
 
@@ -30,51 +30,53 @@ class Help:
 
     def __init__(self) -> None:
         self._search = ""
-        self._found: list[Entry] = []
+        self._results: list[Entry] = []
 
     def draw(self, context: PanelContext) -> None:
         """Draw the search above its results or, by default, the table, while the help is open."""
         if not context.help_open:
             return
-        shown, context.help_open = begin_dialog("Help")
-        if shown:
+        is_drawn, context.help_open = begin_dialog("Help")
+        if is_drawn:
             self._draw_search(context)
             room = imgui.get_main_viewport().work_size.x - hello_imgui.em_size(_WHAT + 3)
             if imgui.begin_table("help", 2):
                 imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(_WHAT))
                 does = min(hello_imgui.em_size(_DOES), room)
                 imgui.table_setup_column("does", imgui.TableColumnFlags_.width_fixed, does)
-                self._draw_found(context) if self._search else _draw_table(context)
+                self._draw_results(context) if self._search else _draw_table(context)
                 imgui.end_table()
         imgui.end()
 
     def _draw_search(self, context: PanelContext) -> None:
         if imgui.is_window_appearing():
-            self._search, self._found = "", []
+            self._search = ""
+            self._results = []
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(-1)
         if imgui.get_io().want_text_input and imgui.is_key_pressed(imgui.Key.f1, False):
             context.help_open = False
-        hint, before = "Type what you look for; Enter does the first", self._search
+        hint = "Type what you look for; Enter does the first"
+        before = self._search
         enter = imgui.InputTextFlags_.enter_returns_true
         entered, self._search = imgui.input_text_with_hint("##search", hint, before, enter)
         if self._search != before:
-            self._found = find(context, self._search)
-        if entered and self._found:
-            self._run(context, self._found[0])
+            self._results = find(context, self._search)
+        if entered and self._results:
+            self._run(context, self._results[0])
 
-    def _draw_found(self, context: PanelContext) -> None:
-        if not self._found:
+    def _draw_results(self, context: PanelContext) -> None:
+        if not self._results:
             imgui.table_next_column()
             imgui.table_next_column()
             imgui.text_wrapped("Nothing is called that. Try another word, such as paint, photo or undo")
-        for number, entry in enumerate(self._found[:_MOST]):
+        for number, entry in enumerate(self._results[:_MOST]):
             imgui.table_next_row()
             imgui.table_next_column()
             if imgui.selectable(f"{entry.words}###found {number}", number == 0)[0]:
                 self._run(context, entry)
             imgui.table_next_column()
-            imgui.text_wrapped(entry.about)
+            imgui.text_wrapped(entry.description)
 
     @staticmethod
     def _run(context: PanelContext, entry: Entry) -> None:
@@ -91,8 +93,8 @@ def entries(context: PanelContext) -> Iterator[Entry]:
     for place, rows in TABLE.items():
         for row in rows:
             if isinstance(row, Gesture):
-                there = place if place in context.panels else ""
-                yield Entry(row.words, f"{place}: {row.tooltip}", partial(setattr, context, "focus", there))
+                panel = place if place in context.panels else ""
+                yield Entry(row.words, f"{place}: {row.tooltip}", partial(setattr, context, "focus", panel))
     for title in context.panels:
         yield Entry(title, "panel", partial(setattr, context, "focus", title))
     for mode in MODES:
@@ -108,13 +110,14 @@ def entries(context: PanelContext) -> Iterator[Entry]:
 
 def find(context: PanelContext, search: str) -> list[Entry]:
     """Return the entries that contain the text of a search, the likeliest first; none for no text."""
-    wanted, found = search.strip().lower(), list[tuple[int, Entry]]()
-    for entry in entries(context) if wanted else ():
+    text = search.strip().lower()
+    ranked = list[tuple[int, Entry]]()
+    for entry in entries(context) if text else ():
         words = entry.words.lower()
-        if wanted in f"{words} {entry.about.lower()}":
-            rank = 0 if words == wanted else 1 if words.startswith(wanted) else 2 if wanted in words else 3
-            found.append((rank, entry))
-    return [entry for _, entry in sorted(found, key=lambda one: one[0])]
+        if text in f"{words} {entry.description.lower()}":
+            rank = 0 if words == text else 1 if words.startswith(text) else 2 if text in words else 3
+            ranked.append((rank, entry))
+    return [entry for _, entry in sorted(ranked, key=lambda result: result[0])]
 
 
 def _draw_table(context: PanelContext) -> None:

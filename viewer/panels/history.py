@@ -35,24 +35,30 @@ class HistoryStrip:
     """
 
     def __init__(self) -> None:
-        self._shown = -1  # index of the step that was last scrolled to
+        self._scrolled_to = -1  # index of the step that was last scrolled to
         self._history: History | None = None  # history of the values below, kept while it is the same
         self._groups: tuple[tuple[Edit, ...], ...] = ()
         self._branches: tuple[Branch, ...] = ()
 
     def draw(self, context: PanelContext) -> None:
         """Draw the strip, scrolled to the current edit, once there are two edits."""
-        history, label = context.session.editor.history, context.session.names.label
+        history = context.session.editor.history
+        label = context.session.names.label
         if history is not self._history:
-            self._history, self._groups, self._branches = history, history.edits(label), history.branches(label)
-        em, (low, high) = hello_imgui.em_size(), context.view
+            self._history = history
+            self._groups = history.edits(label)
+            self._branches = history.branches(label)
+        em = hello_imgui.em_size()
+        low, high = context.view
         context.covered = 0.0
         if sum(map(len, self._groups)) + len(self._branches) < 2:
             return
         tiles = self._tiles(history.current)
-        side, gap = _SIDE * em, 0.3 * em
+        side = _SIDE * em
+        gap = 0.3 * em
         needed = sum(side * (_FOLDED if tile.branch else 1) + gap for tile in tiles) + 2 * gap
-        width, height = min(high.x - low.x - 2 * _EDGE * em, needed), side + 3 * gap
+        width = min(high.x - low.x - 2 * _EDGE * em, needed)
+        height = side + 3 * gap
         context.covered = height + _EDGE * em
         imgui.set_next_window_pos(ImVec2(low.x + _EDGE * em, high.y - _EDGE * em - height))
         imgui.set_next_window_size((width, height))
@@ -72,12 +78,13 @@ class HistoryStrip:
 
     def _tiles(self, now: int) -> list[_Tile]:
         """Return the tiles of the current path, each followed by the branches that begin at its steps."""
-        shown = list[Edit]()
+        edits = list[Edit]()
         for group in self._groups:
             every = tuple(chain.from_iterable(edit.steps for edit in group))
-            shown += group if now in every else (group[-1]._replace(steps=every),)
-        tiles, undone = list[_Tile](), False
-        for number, edit in enumerate(shown, 1):
+            edits += group if now in every else (group[-1]._replace(steps=every),)
+        tiles = list[_Tile]()
+        undone = False
+        for number, edit in enumerate(edits, 1):
             tiles.append(_Tile(f"state {number}", edit.steps, edit.words, undone))
             undone |= now in edit.steps
             for count, branch in enumerate(self._branches, 1):
@@ -87,50 +94,53 @@ class HistoryStrip:
 
     def _draw_tile(self, context: PanelContext, tile: _Tile, corner: ImVec2, height: float) -> ImVec2:
         """Draw a tile, a click on which goes to the last of its steps; return the place right of it."""
-        history, now = context.session.editor.history, context.session.editor.history.current
+        history = context.session.editor.history
+        now = history.current
         side = height * (_FOLDED if tile.branch else 1)
-        low, shown = corner + ImVec2(0, height - side), now in tile.steps
-        state = history.now if shown else history.steps[tile.steps[-1]].state
+        low = corner + ImVec2(0, height - side)
+        is_current = now in tile.steps
+        state = history.now if is_current else history.steps[tile.steps[-1]].state
         imgui.set_cursor_screen_pos(low)
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
         elif not context.session.editor.can_show(state):
             missing_tiles.draw_state(context, state, tile.words, tile.name, side)
         else:
-            if object_tiles.tile_button(tile.name, (side, side)) and not shown:
+            if object_tiles.tile_button(tile.name, (side, side)) and not is_current:
                 context.session.editor.go_to(tile.steps[-1])
-            tooltip(_about(tile, shown))
-            frame = _thumbnail(context, state, shown and bool(history.gesture))
+            tooltip(_tooltip(tile, is_current))
+            frame = _thumbnail(context, state, is_current and bool(history.gesture))
             object_tiles.paint_frame(context, frame, low, side)
-        if shown and self._shown != now:
+        if is_current and self._scrolled_to != now:
             imgui.set_scroll_here_x()
-            self._shown = now
-        _draw_marks(context, tile, shown, low, side)
+            self._scrolled_to = now
+        _draw_marks(context, tile, is_current, low, side)
         return corner + ImVec2(side, 0)
 
 
-def _draw_marks(context: PanelContext, tile: _Tile, shown: bool, low: ImVec2, side: float) -> None:
-    """Draw the shade of an undone tile, the fork of a branch, and the border of the shown one."""
+def _draw_marks(context: PanelContext, tile: _Tile, is_current: bool, low: ImVec2, side: float) -> None:
+    """Draw the shade of an undone tile, the fork of a branch, and the border of the current one."""
     if tile.undone:
         object_tiles.shade(low, side, context.palette.panel, object_tiles.DIMMED)
     if tile.branch:
         push_small()
         object_tiles.mark(low, _FORK, context.palette.warm)
         imgui.pop_font()
-    if shown:
+    if is_current:
         object_tiles.outline(low, side, context.palette.accent)
 
 
-def _about(tile: _Tile, shown: bool) -> str:
+def _tooltip(tile: _Tile, is_current: bool) -> str:
     """Return the tooltip of a tile."""
     if tile.branch:
         return f"Another branch\nClick to go to: {tile.words}"
     way = "forward" if tile.undone else "back"
-    return tile.words[:1].upper() + tile.words[1:] if shown else f"Click to go {way} to: {tile.words}"
+    return tile.words[:1].upper() + tile.words[1:] if is_current else f"Click to go {way} to: {tile.words}"
 
 
 def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | None:
     """Return a state's thumbnail from its camera; None during a drag, which changes the state in every frame."""
-    scene, now = state.scene, state is context.session.editor.state
+    scene = state.scene
+    now = state is context.session.editor.state
     camera = scene.camera.resized(SIZE, SIZE)
     return None if moving else context.session.thumbnails.get(scene.instance, camera, soon=now)

@@ -122,12 +122,17 @@ class LibraryPanel(Panel):
 
     def _draw_tiles(self, context: PanelContext, tiles: Sequence[Tile], strip: bool = False) -> None:
         """Draw tiles in rows, or in one row."""
-        em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
-        gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
+        em = hello_imgui.em_size()
+        room = imgui.get_content_region_avail()
+        gap = 0.4 * em
+        least = object_tiles.THUMBNAIL * em
         columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (least + gap)))
         side = room.y - small_height() if strip else (room.x - gap * (columns - 1)) / columns
-        size, start = ImVec2(side, side + small_height()), imgui.get_cursor_screen_pos()
-        low, step, rows = imgui.get_window_pos() - start, size + ImVec2(gap, gap), -(-len(tiles) // columns)
+        size = ImVec2(side, side + small_height())
+        start = imgui.get_cursor_screen_pos()
+        low = imgui.get_window_pos() - start
+        step = size + ImVec2(gap, gap)
+        rows = -(-len(tiles) // columns)
         high = low + imgui.get_window_size()
         for row in _range(low.y, high.y, step.y, rows):
             for column in _range(low.x, high.x, step.x, columns):
@@ -165,7 +170,8 @@ class LibraryPanel(Panel):
 
     def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
         """Draw the button that shows or folds an object's variants, in the corner of its thumbnail."""
-        unfolded, em = name in self._unfolded, hello_imgui.em_size()
+        unfolded = name in self._unfolded
+        em = hello_imgui.em_size()
         label = _OPEN if unfolded else str(count)
         push_small()
         size = imgui.calc_text_size(label) + ImVec2(0.6 * em, 0)
@@ -214,7 +220,7 @@ def _rows(context: PanelContext, tiles: Iterable[Tile]) -> Iterator[tuple[list[T
 
 
 class _Face(NamedTuple):
-    """What an object's or a version's tile shows."""
+    """Contents of a tile: an object's or a version's."""
 
     button: str  # id
     instance: Instance
@@ -271,7 +277,7 @@ def _name(context: PanelContext, tile: str | Version) -> str:
 
 
 def _draw_user_menu(context: PanelContext, tile: str | Version, menu: user_objects.UserObjectMenu) -> None:
-    """Draw what an added object's menu, or a version's, has beside that of any object."""
+    """Draw the further menu entries of an added object or a version."""
     objects = context.session.editor.objects
     if isinstance(tile, str):
         if objects.is_added(tile):

@@ -116,12 +116,12 @@ def _draw(context: PanelContext, message: Message, number: int, room: float) -> 
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _line_width(room))
     imgui.text_unformatted(textwrap.shorten(message.text, 400))
     imgui.pop_text_wrap_pos()
-    for place, one in enumerate(message.buttons):
+    for place, action in enumerate(message.buttons):
         if place:
             imgui.same_line()
-        if imgui.small_button(f"{_label(one)}###{one.label.lower()} {number}"):
+        if imgui.small_button(f"{_label(action)}###{action.label.lower()} {number}"):
             context.session.messages.dismiss(message)
-            one.press()
+            action.press()
     if _has_buttons(message):
         imgui.same_line()
         if imgui.small_button(f"{icons_fontawesome_4.ICON_FA_TIMES}###dismiss {number}"):

@@ -27,20 +27,23 @@ class MixPanel(Panel):
     def draw(self, context: PanelContext) -> None:
         """Draw B above the pad."""
         _draw_b(context)
-        room, em = imgui.get_content_region_avail(), hello_imgui.em_size()
+        room = imgui.get_content_region_avail()
+        em = hello_imgui.em_size()
         self._draw_pad(context, min(room.x, max(_LEAST * em, min(_MOST * em, room.y - _BELOW * em))))
         caption(context, "Drag the dot: to the right B's shape, upwards B's texture")
 
     def _draw_pad(self, context: PanelContext, side: float) -> None:
         """Draw the pad. The dot stays half a preview inside, so that it can be grabbed in a corner."""
-        editor, corner, cell = context.session.editor, imgui.get_cursor_screen_pos(), side / STEPS
+        editor = context.session.editor
+        corner = imgui.get_cursor_screen_pos()
+        cell = side / STEPS
         if imgui.get_io().nav_visible:
             over = self._draw_cells(context, corner, cell)
         else:
             imgui.invisible_button("mix pad", (side, side))
             under = imgui.get_mouse_pos() - corner
             if imgui.is_item_active():
-                across, up = (_within((at - cell / 2) / (side - cell)) for at in (under.x, side - under.y))
+                across, up = (_within((px - cell / 2) / (side - cell)) for px in (under.x, side - under.y))
                 editor.mix_both(across, up, gesture="mix pad")
             end_gesture(context)
             over = (int(under.x / cell), int((side - under.y) / cell)) if imgui.is_item_hovered() else None
@@ -62,7 +65,8 @@ class MixPanel(Panel):
     def _paint_previews(self, context: PanelContext, corner: ImVec2, side: float, over: tuple[int, int] | None) -> None:
         """Draw the previews of the mixes; the one at ``over`` (column and row) is outlined."""
         self._follow(context)
-        cell, last = side / STEPS, STEPS - 1
+        cell = side / STEPS
+        last = STEPS - 1
         object_tiles.shade(corner, side, context.palette.raised)
         for (column, row), instance in self._previews.items():
             place = corner + ImVec2(column, last - row) * cell
@@ -78,12 +82,15 @@ class MixPanel(Panel):
         editor = context.session.editor
         ends = editor.mix_ends
         if ends != self._ends and not editor.history.gesture:
-            self._ends, self._previews = ends, mixes(*ends)
+            self._ends = ends
+            self._previews = mixes(*ends)
 
 
 def _draw_b(context: PanelContext) -> None:
-    name, em = context.session.editor.state.mix.b, hello_imgui.em_size()
-    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    name = context.session.editor.state.mix.b
+    em = hello_imgui.em_size()
+    corner = imgui.get_cursor_screen_pos()
+    room = imgui.get_content_region_avail().x
     side = min(object_tiles.THUMBNAIL * em, 0.4 * room)
     imgui.invisible_button("slot B", (side, side))
     label = context.session.names.label(name)
@@ -101,8 +108,11 @@ def _draw_b(context: PanelContext) -> None:
 
 
 def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
-    draw, mix, accent = imgui.get_window_draw_list(), context.session.editor.state.mix, context.palette.accent
-    inset, em = side / STEPS / 2, hello_imgui.em_size()
+    draw = imgui.get_window_draw_list()
+    mix = context.session.editor.state.mix
+    accent = context.palette.accent
+    inset = side / STEPS / 2
+    em = hello_imgui.em_size()
     place = corner + ImVec2(inset, inset) + ImVec2(mix.shape, 1 - mix.texture) * (side - 2 * inset)
     line = packed(accent, 0.5)
     draw.add_line((place.x, corner.y), (place.x, corner.y + side), line)

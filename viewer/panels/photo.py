@@ -48,7 +48,7 @@ _VIEW_HELP = "For a camera that was not found: turn the object in the view until
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as its outline and lettering, in files too.
 A doubtful camera shows none."""
 _SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, without its lettering,
-and for the other end of a car the lamps and edges of a similar one; mirrored and blurred; or the model's own"""
+and a similar car's lamps at an end without photo; mirrored and blurred; or the model's own"""
 _AGREE = 0.5  # least explained fraction (:func:`explained`) of photos that agree
 
 

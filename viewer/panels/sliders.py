@@ -17,7 +17,8 @@ from viewer.widgets.controls import action_button, begin_tooltip_beside, button,
 from viewer.widgets.size_row import draw_size
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
-_DICE, _RESET = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_UNDO
+_DICE = icons_fontawesome_4.ICON_FA_RANDOM
+_RESET = icons_fontawesome_4.ICON_FA_UNDO
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _PREVIEWS = (0.0, 0.5, 1.0)  # places along a slider
 _INFLUENCE = 96  # px, side of the compared renders
@@ -51,7 +52,7 @@ class SlidersPanel(Panel):
                 flow(f"{_LOCKS[0]}  {kind.capitalize()}")
             _draw_lock(context, kind)
         draw_size(context)
-        words = context.session.words
+        words = context.session.words.of_model(editor.model)
         if words is None:
             caption(context, "Measuring what the directions change …")
             return
@@ -68,10 +69,12 @@ class SlidersPanel(Panel):
 
     def _draw_slider(self, context: PanelContext, kind: CodeKind, index: int, ends: tuple[str, str]) -> None:
         """Draw a slider below the words of its ends."""
-        editor, key = context.session.editor, f"{kind} {index + 1}"
+        editor = context.session.editor
+        key = f"{kind} {index + 1}"
         direction = Direction.principal(editor.model.codes, kind, index)
         value = editor.strength(direction)
-        corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        corner = imgui.get_cursor_screen_pos()
+        room = imgui.get_content_region_avail()
         paint_caption(context, ends[0], corner, room.x / 2, 0.0, quiet=False)
         paint_caption(context, ends[1], corner + ImVec2(room.x / 2, 0), room.x / 2, 1.0, quiet=False)
         imgui.dummy((room.x, small_height()))
@@ -101,14 +104,16 @@ class SlidersPanel(Panel):
         if low is None or high is None:
             return ""
         if self.influence is None or self._compared != (low, high):
-            self._compared, self.influence = (low, high), CodeInfluence.between(low, high)
+            self._compared = (low, high)
+            self.influence = CodeInfluence.between(low, high)
         context.overlay = self.influence.image
         moves = "moves" if self.influence.leak > 0 else "stays, exactly"
         return f"\nThe glow over the object shows where. Its outline {moves}."
 
     def _draw_strip(self, context: PanelContext, direction: Direction) -> None:
         """Draw the object at a few positions of a slider."""
-        side, model = object_tiles.THUMBNAIL * hello_imgui.em_size(), context.session.editor.model
+        side = object_tiles.THUMBNAIL * hello_imgui.em_size()
+        model = context.session.editor.model
         corner = imgui.get_cursor_screen_pos()
         assert self._basis is not None
         low, high = direction.reach(self._basis)

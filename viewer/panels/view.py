@@ -12,6 +12,7 @@ from viewer.values.view_modes import USUAL_MODES, in_mode
 from viewer.widgets.controls import action_button, button, end_gesture, tooltip
 from viewer.widgets.over_view import OverView
 from viewer.widgets.size_box import SizeBox
+from viewer.widgets.text import paint_on_plate
 from viewer.widgets.welcome import Welcome
 
 _KEY_TURN = 0.12  # rad per key press
@@ -38,29 +39,26 @@ class ViewPanel(Panel):
     bare = True
 
     def __init__(self) -> None:
-        self._welcome, self._over, self._size_box = Welcome(), OverView(), SizeBox()
+        self._welcome = Welcome()
+        self._over = OverView()
+        self._size_box = SizeBox()
         self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
         self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
 
     def draw(self, context: PanelContext) -> None:
         """Draw the image, react to mouse and keys, and draw buttons, hint, welcome card and badge."""
-        corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        corner = imgui.get_cursor_screen_pos()
+        room = imgui.get_content_region_avail()
         size = ImVec2(max(room.x, 32), max(room.y, 32))
-        scale = imgui.get_io().display_framebuffer_scale
-        pixels = max(1, round(size.x * scale.x)), max(1, round(size.y * scale.y))
         context.view = corner, corner + size
-        viewport = context.session.viewport
-        begins, history = self._welcome.is_due(context), context.session.editor.history
-        if not history.gesture and not (begins and history.past):  # the object must not move during a drag
-            low = self._welcome.covered if begins else context.covered if context.covered > size.y / _FREE else 0.0
-            self._covered = round(low * scale.y)
-        covered = min(self._covered, pixels[1] // _COVERED)
-        viewport.change(panel=pixels, covered=covered, opengl=context.fast_opengl)
-        if viewport.frame is None:
+        begins = self._welcome.is_due(context)
+        pixels = self._resize(context, size, begins)
+        frame = context.session.viewport.frame
+        if frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
-        texture = self._texture(context, pixels)
         draw = imgui.get_window_draw_list()
+        texture = self._texture(context, pixels)
         draw.add_image_rounded(texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4))
         _draw_overlay(context, corner, size)
         # Buttons first: a press in the frame that moves the mouse onto one is that button's. They are drawn on top.
@@ -84,7 +82,19 @@ class ViewPanel(Panel):
             self._welcome.draw(context, corner, size)
             context.covered = max(context.covered, self._welcome.covered)
         if not begins or context.session.editor.history.past:
-            _draw_badge(context, viewport.frame, corner + ImVec2(0, size.y - context.covered))
+            _draw_badge(context, frame, corner + ImVec2(0, size.y - context.covered))
+
+    def _resize(self, context: PanelContext, size: ImVec2, begins: bool) -> tuple[int, int]:
+        """Render for a view of ``size``, in part covered by the welcome card or the history; return its pixels."""
+        scale = imgui.get_io().display_framebuffer_scale
+        pixels = max(1, round(size.x * scale.x)), max(1, round(size.y * scale.y))
+        history = context.session.editor.history
+        if not history.gesture and not (begins and history.past):  # the object must not move during a drag
+            low = self._welcome.covered if begins else context.covered if context.covered > size.y / _FREE else 0.0
+            self._covered = round(low * scale.y)
+        covered = min(self._covered, pixels[1] // _COVERED)
+        context.session.viewport.change(panel=pixels, covered=covered, opengl=context.fast_opengl)
+        return pixels
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
         """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""
@@ -98,17 +108,18 @@ class ViewPanel(Panel):
     def _in_mode(self, viewport: Viewport) -> Frame:
         """Return the newest frame in the view's mode and the paint being chosen; cached."""
         assert viewport.full_frame is not None
-        (frame, crop), mode = viewport.full_frame, viewport.settings.mode
+        frame, crop = viewport.full_frame
+        mode = viewport.settings.mode
         frame = viewport.repainted or frame
         if self._cached is None or self._cached[:2] != (frame, mode):
             self._cached = frame, mode, crop.cropped(in_mode(frame, crop.camera, mode))
         return self._cached[2]
 
     def _react(self, context: PanelContext, size: ImVec2) -> None:
-        editor, io = context.session.editor, imgui.get_io()
+        editor = context.session.editor
+        io = imgui.get_io()
         if imgui.is_item_active() and not imgui.is_item_activated() and any(io.mouse_delta):
-            share = (_FINE if io.key_shift else 1.0) / min(size.x, size.y)
-            across, down = io.mouse_delta.x * share, io.mouse_delta.y * share
+            across, down = io.mouse_delta * ((_FINE if io.key_shift else 1.0) / min(size.x, size.y))
             if imgui.is_mouse_down(imgui.MouseButton_.left):
                 editor.set_camera(orbit.dragged(context.session.viewport.camera, across, down), gesture="orbit")
                 context.set_preference(newcomer=False)
@@ -125,15 +136,17 @@ class ViewPanel(Panel):
 
     def _zoom(self, context: PanelContext, steps: float) -> None:
         """Zoom about the point under the mouse."""
-        (low, high), viewport = context.view, context.session.viewport
+        low, high = context.view
+        viewport = context.session.viewport
         nearer = orbit.zoomed(viewport.camera, steps, context.session.editor.model)
-        at = (imgui.get_mouse_pos() - (low + high) * 0.5) / min(high - low)
-        away = at - ImVec2(*viewport.settings.offset)
+        place = (imgui.get_mouse_pos() - (low + high) * 0.5) / min(high - low)
+        away = place - ImVec2(*viewport.settings.offset)
         viewport.pan_by(*(away * (1 - viewport.camera.distance / nearer.distance)))
         self._nudge(context, nearer, "zoom")
 
     def _keys(self, context: PanelContext) -> None:
-        camera, step = context.session.viewport.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
+        camera = context.session.viewport.camera
+        step = _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
             return
         turns = {"left_arrow": (-step, 0), "right_arrow": (step, 0), "up_arrow": (0, step), "down_arrow": (0, -step)}
@@ -153,17 +166,21 @@ class ViewPanel(Panel):
 
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
     """Draw the overlay that a panel has set over the object, and remove it."""
-    image, context.overlay = context.overlay, None
+    image = context.overlay
+    context.overlay = None
     if image is not None and context.images and context.session.viewport.source == "scene":
-        side, pan = min(size.x, size.y), context.session.viewport.settings.offset
+        side = min(size.x, size.y)
+        pan = context.session.viewport.settings.offset
         low = corner + (size - ImVec2(side, side)) * 0.5 + ImVec2(*pan) * side
-        texture, draw = context.images.texture(image, context.palette), imgui.get_window_draw_list()
+        texture = context.images.texture(image, context.palette)
+        draw = imgui.get_window_draw_list()
         draw.add_image(texture, low, low + ImVec2(side, side))
 
 
 def _badge(context: PanelContext, frame: Frame) -> str:
     """Name the work after which the image will be final; empty if it is."""
-    session, viewport = context.session, context.session.viewport
+    session = context.session
+    viewport = session.viewport
     if viewport.source == "fit":
         return "Fitting …"
     if session.jobs.busy("paint"):
@@ -177,7 +194,9 @@ def _badge(context: PanelContext, frame: Frame) -> str:
 
 def _draw_badge(context: PanelContext, frame: Frame, low: ImVec2) -> None:
     """Draw a badge above the corner ``low`` (lower left) while the image is not the final one."""
-    (width, height), words, em = frame.resolution, _badge(context, frame), hello_imgui.em_size()
+    width, height = frame.resolution
+    words = _badge(context, frame)
+    em = hello_imgui.em_size()
     if not words:
         return
     size = imgui.calc_text_size(words) + ImVec2(2.1, 0.5) * em
@@ -192,11 +211,11 @@ def _draw_badge(context: PanelContext, frame: Frame, low: ImVec2) -> None:
 
 
 def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    em, gap = hello_imgui.em_size(), 0.3 * hello_imgui.em_size()
+    em = hello_imgui.em_size()
     imgui.set_cursor_screen_pos(corner + ImVec2(0.7 * em, 0.7 * em))
     for number, (action, icon) in enumerate(_BUTTONS.items()):
         if number:
-            imgui.same_line(0, gap)
+            imgui.same_line(0, 0.3 * em)
         labelled = action == "share" and size.x > _NARROW * em
         action_button(context, action, f"{icon}  Share" if labelled else icon)
     words = context.session.viewport.settings.mode.capitalize()
@@ -216,6 +235,4 @@ def _note(centre: ImVec2, text: str) -> None:
     em = hello_imgui.em_size()
     room = max(8 * em, imgui.get_content_region_avail().x - 4 * em)
     half = imgui.calc_text_size(text, wrap_width=room) * 0.5
-    draw, pad = imgui.get_window_draw_list(), ImVec2(em, 0.5 * em)
-    draw.add_rect_filled(centre - half - pad, centre + half + pad, packed(PLATE, PLATE_OPACITY), 0.5 * em)
-    draw.add_text(imgui.get_font(), imgui.get_font_size(), centre - half, packed(ON_PLATE), text, wrap_width=room)
+    paint_on_plate(centre - half, text, ImVec2(1.0, 0.5) * em, room)

@@ -9,11 +9,12 @@ from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
-FIT_SHARE, TILES_SHARE, SHARPENING_SHARE, BACKGROUND_SHARE = 0.1, 0.01, 0.003, 0.001
-"""Shares of the worker's time, where an export has 1.0: fits and previews, tiles, the view's last pixels, unseen work.
-
-With a tenth of the share above it, each delays that by a tenth and does not stand still.
-"""
+# Weights of jobs, where an export has 1.0. With a tenth of the weight of the job above, a job slows that one by a tenth
+# and never starves.
+FIT_WEIGHT = 0.1  # fits and previews
+TILES_WEIGHT = 0.01
+SHARPENING_WEIGHT = 0.003  # the view's last pixels
+BACKGROUND_WEIGHT = 0.001  # work that is not seen
 
 
 @dataclass(eq=False)

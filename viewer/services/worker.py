@@ -26,13 +26,13 @@ class Job(Generic[T]):
     value: Callable[[T], None]  # called with every other value
     end: Callable[[Exception | None], None] = lambda error: None  # called once with the error, unless cancelled
     urgent: bool = False  # runs before all other jobs until its first value; a newer job of its name waits for that
-    share: float = 1.0  # share of the worker's time, relative to other jobs
+    weight: float = 1.0  # of the worker's time, relative to other jobs
 
 
 @dataclass(eq=False)
 class _Running:
     job: Job
-    spent: float  # worker's time, s, divided by the job's share; the least is stepped next
+    spent: float  # worker's time, s, divided by the job's weight; the least is stepped next
     stream: Iterator | None = None  # None until the first step
     posted: bool = False  # a callback was posted
     over: bool = False  # not to be stepped again
@@ -128,14 +128,14 @@ class Worker:
         while (entry := self._pick()) is not None:
             began = self._clock()
             self._step_in_modes(entry)
-            entry.spent += (self._clock() - began) / entry.job.share
+            entry.spent += (self._clock() - began) / entry.job.weight
         for left in self._running:
             _close(left.stream)
 
     def _pick(self) -> _Running | None:
         """Wait for work and return the job to step next; None when closing.
 
-        An urgent job without a value comes first, then the job with the least time by its share.
+        An urgent job without a value comes first, then the job with the least time by its weight.
         """
         while not self._closing:
             with self._changed:

@@ -78,12 +78,13 @@ class State:
 
     def change_from(self, before: State, label: Label = readable) -> str:
         """Describe the edit since an earlier state in a few words."""
-        mix, was = self.mix, before.mix
-        if mix.a != was.a:
+        mix = self.mix
+        if mix.a != before.mix.a:
             return mix.a.words(label)
-        if (mix.shape, mix.texture) != (was.shape, was.texture):
+        if (mix.shape, mix.texture) != (before.mix.shape, before.mix.texture):
             return f"{label(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        now, then = self.scene.instance.codes, before.scene.instance.codes
+        now = self.scene.instance.codes
+        then = before.scene.instance.codes
         kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
         return " and ".join(kinds) or self._aside_from(before, label)
 
@@ -98,8 +99,7 @@ class State:
 
     def is_edit_of(self, before: State) -> bool:
         """Return whether the codes differ from an earlier state's."""
-        instance, then = self.scene.instance, before.scene.instance
-        return instance is not then and instance != then
+        return self.scene.instance is not before.scene.instance and self.scene.instance != before.scene.instance
 
     def carrying(self, before: State, after: State) -> State:
         """Return the state after a change of timeline and removed objects from ``before`` to ``after``."""
@@ -124,7 +124,7 @@ class Edit(NamedTuple):
 
     steps: tuple[int, ...]  # indices of its steps, in order
     words: str  # description
-    of: Pair  # object A
+    pair: Pair  # object A
 
     @property
     def last(self) -> int:
@@ -164,8 +164,8 @@ class History:
     def check(self) -> None:
         """Raise ``ValueError`` unless the steps are one tree and the current step is on the path to the tip."""
         numbers = range(len(self.steps))
-        whole = len(self._children.get(-1, ())) == 1 and len(self._descending) == len(numbers)
-        if not whole or self.tip not in numbers or self.tip in self._children or self.current not in self._path:
+        is_tree = len(self._children.get(-1, ())) == 1 and len(self._descending) == len(numbers)
+        if not is_tree or self.tip not in numbers or self.tip in self._children or self.current not in self._path:
             raise ValueError("the undo history is no tree")
 
     # The current path
@@ -213,20 +213,18 @@ class History:
         if after.tip == self.tip:
             return {}
         ids = {id(state) for state in after.states}
-        left = (state for state in self.states if id(state) not in ids and state.version_of)
+        left = [state for state in self.states if id(state) not in ids and state.version_of]
         return {state.version_of: state.scene.instance for state in left}
 
     def edits(self, label: Label = readable) -> tuple[tuple[Edit, ...], ...]:
         """Return the edits of the current path, the oldest first, grouped by object A."""
-        path, states = self._path, self.states
-        begins = [0, *(at for at in range(1, len(path)) if states[at].is_edit_of(states[at - 1]))]
-        ends = [*begins[1:], len(path)]
-        words = (states[at].change_from(states[at - 1], label) if at else "at first" for at in begins)
-        edits = [
-            Edit(path[begin:end], text, states[end - 1].mix.a)
-            for begin, end, text in zip(begins, ends, words, strict=True)
-        ]
-        return tuple(tuple(group) for _, group in groupby(edits, lambda edit: edit.of))
+        states = self.states
+        begins = [0, *(index for index in range(1, len(states)) if states[index].is_edit_of(states[index - 1]))]
+        ends = [*begins[1:], len(states)]
+        words = (states[index].change_from(states[index - 1], label) if index else "at first" for index in begins)
+        spans = zip(begins, ends, words, strict=True)
+        edits = [Edit(self._path[begin:end], text, states[end - 1].mix.a) for begin, end, text in spans]
+        return tuple(tuple(group) for _, group in groupby(edits, lambda edit: edit.pair))
 
     # Branches
 
@@ -253,7 +251,8 @@ class History:
 
     def _branch(self, end: int, label: Label) -> Branch | None:
         """Return the branch to an end; None if only the camera differs from the path."""
-        path, chain = set(self._path), [end]
+        path = set(self._path)
+        chain = [end]
         while self.steps[chain[-1]].parent not in path:
             chain.append(self.steps[chain[-1]].parent)
         start = self.steps[chain[-1]].parent
@@ -294,20 +293,21 @@ class History:
 
     def _added(self, state: State) -> History:
         """Return the history with a new step: an edit begins a branch, another change is inserted in the path."""
-        number, later = len(self.steps), self._later
+        number = len(self.steps)
         history = replace(self, steps=(*self.steps, Step(state, self.current)), current=number)
-        if later and not state.is_edit_of(self.now):
-            history = history._moved(later[:1], number)._carried(later, self.now, state)
+        if self._later and not state.is_edit_of(self.now):
+            history = history._moved(self._later[:1], number)._carried(self._later, self.now, state)
         else:
             history = replace(history, tip=number)
         return history._shortened()
 
     def _continued(self, state: State) -> History:
         """Return the history with the drag's newest state; once it is an edit, later states are another branch."""
-        history, later, parent = self.joined(state), self._later, self.steps[self.current].parent
+        history = self.joined(state)
+        parent = self.steps[self.current].parent
         if not history._is_edit(self.current):
-            return history._carried(later, self.now, state)
-        history = history._moved(later[:1], parent)._carried(later, self.now, self.steps[parent].state)
+            return history._carried(self._later, self.now, state)
+        history = history._moved(self._later[:1], parent)._carried(self._later, self.now, self.steps[parent].state)
         return replace(history, tip=self.current)
 
     @property
@@ -383,15 +383,15 @@ class History:
     @property
     def nearest(self) -> tuple[int, ...]:
         """Indices of all steps: the current one, those before it, those after it, then those of other branches."""
-        others = set(range(len(self.steps))) - set(self._path)
-        return (*reversed(self._path[: self._place + 1]), *self._later, *sorted(others, reverse=True))
+        aside = set(range(len(self.steps))) - set(self._path)
+        return (*reversed(self._path[: self._place + 1]), *self._later, *sorted(aside, reverse=True))
 
     def after(self, earlier: History) -> History:
         """Return the history with all states of another one before its own."""
         count = len(earlier.steps)
         own = (Step(state, earlier.tip if parent < 0 else parent + count) for state, parent in self.steps)
-        steps = (*earlier.steps, *own)
-        return replace(self, steps=steps, current=self.current + count, tip=self.tip + count)._shortened()
+        history = replace(self, steps=(*earlier.steps, *own), current=self.current + count, tip=self.tip + count)
+        return history._shortened()
 
     def renamed(self, names: Mapping[str, str]) -> History:
         """Return the history with objects renamed in every state, from keys to values of ``names``."""

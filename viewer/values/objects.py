@@ -68,14 +68,15 @@ class ObjectLibrary:
 
     def add_model(self, model: Model) -> None:
         """Add the objects that a model was trained on, or its mean object if there are none."""
-        book, names = model.codes, dict[str, str]()
+        book = model.codes
+        names = dict[str, str]()
         objects = [(book.objects[index].name, model[index]) for index in book.valid] or [("mean", model.mean)]
-        for wanted, instance in objects:
-            names[unique_name(wanted, names)] = name = unique_name(wanted, self)
+        for trained, instance in objects:
+            names[unique_name(trained, names)] = name = unique_name(trained, self)
             self._trained[name] = EditableObject(name, instance)
         groups = families(list(names), torch.stack([instance.codes.shape for _, instance in objects]))
         self.families[model.fingerprint] = {
-            names[head]: tuple(names[one] for one in variants) for head, variants in groups.items()
+            names[head]: tuple(names[variant] for variant in variants) for head, variants in groups.items()
         }
         self._names[model.fingerprint] = names
         self.changes += 1
@@ -155,7 +156,7 @@ class ObjectLibrary:
     @property
     def added(self) -> tuple[EditableObject, ...]:
         """Added objects (fitted or opened) that were not removed, the oldest first."""
-        return tuple(one for name, one in self._added.items() if name not in self.removed)
+        return tuple(added for name, added in self._added.items() if name not in self.removed)
 
     @property
     def ever_added(self) -> tuple[EditableObject, ...]:
@@ -176,10 +177,11 @@ class ObjectLibrary:
 
     def convert(self, change: Callable[[Instance], Instance]) -> None:
         """Change the codes of added objects, also those before their edits."""
-        for name, one in self._added.items():
-            instance = change(one.instance)
-            if instance is not one.instance:
-                self._added[name] = replace(one, instance=instance, unedited=one.unedited and change(one.unedited))
+        for name, added in self._added.items():
+            instance = change(added.instance)
+            if instance is not added.instance:
+                unedited = added.unedited and change(added.unedited)
+                self._added[name] = replace(added, instance=instance, unedited=unedited)
         self.changes += 1
 
     def leave(self, name: str, instance: Instance) -> None:
@@ -201,37 +203,39 @@ class ObjectLibrary:
         self.changes += 1
         return to
 
-    def match(self, others: Iterable[EditableObject]) -> dict[str, str]:
+    def match(self, incoming: Iterable[EditableObject]) -> dict[str, str]:
         """Add the objects that are not here yet, and return the names here by the names given.
 
         Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one, and a
         version only a version: those of an object that became one would be listed nowhere.
         """
-        before, names = list(self.ever_added), dict[str, str]()
-        others = tuple(others)
+        before = list(self.ever_added)
+        names = dict[str, str]()
+        incoming = tuple(incoming)
         for key in (attrgetter("ends"), attrgetter("original")):
-            for other in others:
+            for item in incoming:
                 equal = [
-                    item
-                    for item in before
-                    if other.name not in names
-                    and bool(item.version_of) == bool(other.version_of)
-                    and key(item) == key(other)
+                    added
+                    for added in before
+                    if item.name not in names
+                    and bool(added.version_of) == bool(item.version_of)
+                    and key(added) == key(item)
                 ]
                 if equal:
-                    nearest = min(equal, key=lambda item: item.name != other.name)
+                    nearest = min(equal, key=lambda added: added.name != item.name)
                     before.remove(nearest)
-                    names[other.name] = nearest.name
-        for other in others:
-            if other.name not in names:
-                names[other.name] = self.add(other.renamed(names))
+                    names[item.name] = nearest.name
+        for item in incoming:
+            if item.name not in names:
+                names[item.name] = self.add(item.renamed(names))
         return names
 
 
-def unique_name(wanted: str, taken: Container[str]) -> str:
-    """Return the wanted name, printable, with a number if it is taken."""
-    name, count = (wanted := printable(wanted)), 1
+def unique_name(name: str, taken: Container[str]) -> str:
+    """Return a name, printable, with a number if it is taken."""
+    name = stem = printable(name)
+    count = 1
     while name in taken:
         count += 1
-        name = f"{wanted} ({count})"
+        name = f"{stem} ({count})"
     return name

@@ -47,8 +47,13 @@ def reach(camera: Camera, model: Model) -> tuple[float, float]:
 
 def zoomed(camera: Camera, steps: float, model: Model) -> Camera:
     """Return the camera nearer by wheel clicks, farther for negative ``steps``, within :func:`reach`."""
+    return at_distance(camera, camera.distance * _ZOOM_STEP**-steps, model)
+
+
+def at_distance(camera: Camera, distance: float, model: Model) -> Camera:
+    """Return the camera at a distance in scene units, or as near to it as :func:`reach` allows."""
     nearest, farthest = reach(camera, model)
-    return replace(camera, distance=max(nearest, min(farthest, camera.distance * _ZOOM_STEP**-steps)))
+    return replace(camera, distance=max(nearest, min(farthest, distance)))
 
 
 def seen_from(camera: Camera, view: str) -> Camera:

@@ -7,7 +7,8 @@ from scipy import ndimage
 from torch.nn import functional
 
 _GLOW = np.array((84, 163, 224), np.float32)  # sRGB
-_OUTER, _INNER = np.array((10, 14, 20), np.float32), np.array((255, 255, 255), np.float32)
+_OUTER = np.array((10, 14, 20), np.float32)
+_INNER = np.array((255, 255, 255), np.float32)
 """sRGB of the lines around a part and inside of it: on any object one of them contrasts"""
 _OPACITY, _LINE_OPACITY = 0.34, 0.8  # of the glow, and of the lines at its edge
 _SOFT = 0.8  # px over which edges are smoothed: first of the mask, then of the glow

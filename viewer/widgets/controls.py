@@ -51,8 +51,10 @@ def _keep_off_messages() -> None:
     messages = imgui.internal.find_window_by_name(MESSAGES)
     if messages is None or not messages.was_active or messages.hidden:
         return
-    low, size = imgui.get_window_pos(), imgui.get_window_size()
-    top, end = messages.pos, messages.pos + messages.size
+    low = imgui.get_window_pos()
+    size = imgui.get_window_size()
+    top = messages.pos
+    end = messages.pos + messages.size
     if low.x >= end.x or low.y >= end.y or low.x + size.x <= top.x or low.y + size.y <= top.y:
         return
     gap = hello_imgui.em_size(0.3)

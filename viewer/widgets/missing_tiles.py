@@ -41,7 +41,8 @@ def draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2) 
 
 def draw_state(context: PanelContext, state: State, words: str, name: str, side: float) -> None:
     """Draw a state of the history that cannot be shown, described in words; a click asks for the model's file."""
-    session, corner = context.session, imgui.get_cursor_screen_pos()
+    session = context.session
+    corner = imgui.get_cursor_screen_pos()
     model = state.scene.instance.fingerprint
     if not state.scene.instance.is_missing:
         object_tiles.tile_button(name, (side, side))

@@ -34,7 +34,8 @@ def paint_instance(context: PanelContext, instance: Instance, corner: ImVec2, si
 
 def paint_frame(context: PanelContext, image: Frame | np.ndarray | None, corner: ImVec2, side: float) -> None:
     """Draw a frame or RGB pixels in a square of ``side`` px with round corners, empty for None."""
-    draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
+    draw = imgui.get_window_draw_list()
+    opposite = corner + ImVec2(side, side)
     if image is None or context.images is None:
         shade(corner, side, context.palette.raised)
         return
@@ -62,13 +63,15 @@ def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) 
 
 def outline(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:
     """Draw the border of a square, ``inset`` px inside."""
-    low, high = corner + ImVec2(inset, inset), corner + ImVec2(side - inset, side - inset)
+    low = corner + ImVec2(inset, inset)
+    high = corner + ImVec2(side - inset, side - inset)
     imgui.get_window_draw_list().add_rect(low, high, packed(colour), rounding(), thickness=2.0)
 
 
 def mark(corner: ImVec2, label: str, colour: Colour) -> None:
     """Draw a letter or an icon on a small coloured square."""
-    draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
+    draw = imgui.get_window_draw_list()
+    em = hello_imgui.em_size()
     draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
     place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
     draw.add_text(place, packed(on(colour)), label)
@@ -83,12 +86,17 @@ def dropped(context: PanelContext) -> str:
         return ""
     payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
     imgui.end_drag_drop_target()
-    session, name = context.session, context.dragged
+    session = context.session
+    name = context.dragged
     if payload and not session.editor.is_mixable(name):
         show = Button("Show", lambda: session.editor.show_object(name), name)
         instance = session.editor.scene.instance
-        about = {"buttons": (show,), "relevant": lambda: session.editor.scene.instance is instance}
-        session.messages.notify(unmixable(context, name), MessageKind.NOTE, **about)
+        session.messages.notify(
+            unmixable(context, name),
+            MessageKind.NOTE,
+            buttons=(show,),
+            relevant=lambda: session.editor.scene.instance is instance,
+        )
         return ""
     return name if payload else ""
 

@@ -10,9 +10,11 @@ from viewer.screen.theme import packed
 from viewer.values.paints import as_paint, paints_of, rgb, square_colour
 from viewer.widgets.controls import button, choose, tooltip
 
-_DROP, _BACK = icons_fontawesome_4.ICON_FA_EYE_DROPPER, icons_fontawesome_4.ICON_FA_UNDO
+_DROP = icons_fontawesome_4.ICON_FA_EYE_DROPPER
+_BACK = icons_fontawesome_4.ICON_FA_UNDO
 _SWATCH, _ACROSS = 1.45, 6  # em, height of a swatch; swatches in a line
-_SQUARE, _CELLS = (12.0, 7.0), (41, 24)  # em, size of the square of colours; its cells
+_SQUARE = (12.0, 7.0)  # em, size of the square of colours
+_CELLS = (41, 24)  # of the square of colours
 _SHADE = "Any other colour: drag in the square"
 _PICK = "Take a colour from the photo or the view: click there"
 
@@ -25,8 +27,8 @@ def draw_paint(context: PanelContext) -> None:
     imgui.begin_disabled("texture" in context.session.editor.locked)
     if len(painting.parts) > 1:
         imgui.same_line()
-        parts = {part: part.capitalize() for part in painting.parts}
-        painting.part = choose("paint part", painting.part, parts, "The part that is painted", 6)
+        labels = {part: part.capitalize() for part in painting.parts}
+        painting.part = choose("paint part", painting.part, labels, "The part that is painted", 6)
     imgui.same_line()
     if _draw_swatch("paint", painting.colour or (0.5, 0.5, 0.5), _SHADE, 2 * _SWATCH * hello_imgui.em_size()):
         imgui.open_popup("shades")
@@ -78,8 +80,11 @@ def _draw_swatch(name: str, colour: Rgb, text: str, width: float) -> bool:
 
 def _draw_square(context: PanelContext) -> None:
     """Draw the square of colours: the view follows a drag over it."""
-    (width, height), (columns, rows), em = _SQUARE, _CELLS, hello_imgui.em_size()
-    corner, size = imgui.get_cursor_screen_pos(), ImVec2(width, height) * em
+    width, height = _SQUARE
+    columns, rows = _CELLS
+    em = hello_imgui.em_size()
+    corner = imgui.get_cursor_screen_pos()
+    size = ImVec2(width, height) * em
     imgui.invisible_button("square", size)
     cell = ImVec2(size.x / columns, size.y / rows)
     draw = imgui.get_window_draw_list()
@@ -88,9 +93,10 @@ def _draw_square(context: PanelContext) -> None:
             low = corner + ImVec2(column * cell.x, row * cell.y)
             colour = square_colour((column + 0.5) / columns, (row + 0.5) / rows)
             draw.add_rect_filled(low, low + cell, packed(colour))
-    painting, place = context.session.painting, imgui.get_mouse_pos() - corner
+    painting = context.session.painting
+    place = imgui.get_mouse_pos() - corner
     if imgui.is_item_active():
-        across, down = (max(0.0, min(1.0, at / side)) for at, side in zip(place, size, strict=True))
+        across, down = (max(0.0, min(1.0, px / side)) for px, side in zip(place, size, strict=True))
         painting.paint(square_colour(across, down))
         draw.add_circle(corner + ImVec2(across * size.x, down * size.y), 0.4 * em, packed((1, 1, 1)), thickness=2.0)
     elif imgui.is_item_deactivated() and painting.colour:
@@ -99,7 +105,8 @@ def _draw_square(context: PanelContext) -> None:
 
 def _paint(context: PanelContext, colour: Rgb) -> None:
     """Give the part a colour, and remember it among those chosen last unless it is a swatch."""
-    painting, paint = context.session.painting, as_paint(colour)
+    painting = context.session.painting
+    paint = as_paint(colour)
     painting.paint(colour)
     painting.release()
     if paint not in paints_of(painting.part).values():
@@ -125,12 +132,15 @@ def pick(
     """
     if context.tool != "pick" or not imgui.is_item_hovered():
         return
-    share, (height, width) = imgui.get_mouse_pos() - corner, pixels.shape[:2]
-    column, row = int(share.x / size.x * width), int(share.y / size.y * height)
+    offset = imgui.get_mouse_pos() - corner
+    height, width = pixels.shape[:2]
+    column = int(offset.x / size.x * width)
+    row = int(offset.y / size.y * height)
     colour = pixels[max(0, min(height - 1, row)), max(0, min(width - 1, column)), :3] / 255.0
     em = hello_imgui.em_size()
     low = imgui.get_mouse_pos() + ImVec2(0.8 * em, -1.8 * em)
-    draw, chosen = imgui.get_foreground_draw_list(), (float(colour[0]), float(colour[1]), float(colour[2]))
+    draw = imgui.get_foreground_draw_list()
+    chosen = (float(colour[0]), float(colour[1]), float(colour[2]))
     draw.add_rect_filled(low, low + ImVec2(em, em), packed(chosen), 0.2 * em)
     draw.add_rect(low, low + ImVec2(em, em), packed(context.palette.text), 0.2 * em)
     if imgui.is_item_clicked(imgui.MouseButton_.left):

@@ -11,6 +11,7 @@ from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
 from viewer.widgets.controls import tooltip
 from viewer.widgets.paint import draw_colour_popup
+from viewer.widgets.text import paint_on_plate
 
 _REST = 0.12  # s without motion after which the part under the mouse lights up
 _RADIUS, _GAP = 0.5, 0.35  # em: radius of the handle, and gap to the name above
@@ -38,11 +39,11 @@ class PartHandle:
         self._hovered = False
         if self._lit is None:
             return
-        parts, handle = self._lit
-        across, down = parts.place_of(handle)
+        visible, handle = self._lit
+        across, down = visible.place_of(handle)
         place = corner + ImVec2(across * size.x, down * size.y)
         if self._pressed_at is None:
-            _draw_glow(context, parts, handle, corner, size)
+            _draw_glow(context, visible, handle, corner, size)
         else:
             place += imgui.get_mouse_pos() - self._pressed_at
         self._draw_handle(context, handle, place, corner)
@@ -65,8 +66,7 @@ class PartHandle:
         colour = packed(context.palette.accent if self._hovered else ON_PLATE)
         draw.add_circle_filled(place, _RADIUS * em, packed(PLATE, PLATE_OPACITY))
         draw.add_circle_filled(place, 0.62 * _RADIUS * em, colour)
-        draw.add_rect_filled(low, high, packed(PLATE, PLATE_OPACITY), 0.4 * em)
-        draw.add_text(low + pad, packed(ON_PLATE), label)
+        paint_on_plate(low + pad, label, pad)
 
     def _label(self, context: PanelContext, handle: Handle) -> str:
         """Return the part's name and, during a drag, the word of its direction."""
@@ -112,18 +112,18 @@ class PartHandle:
             self._pressed_at = None  # released while the view was not drawn, as after Ctrl+N
         io = imgui.get_io()
         lit = self._lit
-        parts = None
+        visible = None
         is_over = imgui.is_item_hovered() or self._hovered
         if context.tool == "turn" and is_over and not imgui.is_any_mouse_down():
-            parts = context.session.reshaping.parts
-        if parts is None or (lit and lit[0] is not parts):
+            visible = context.session.reshaping.parts
+        if visible is None or (lit and lit[0] is not visible):
             self._lit = None
         elif any(io.mouse_delta):
             self._moved = time.monotonic()
         elif time.monotonic() - self._moved > _REST and not self._hovered:
             place = io.mouse_pos - corner
-            handle = parts.handle_at((place.x / size.x, place.y / size.y))
-            self._lit = (parts, handle) if handle else None
+            handle = visible.handle_at((place.x / size.x, place.y / size.y))
+            self._lit = (visible, handle) if handle else None
         if self._lit != lit:
             hello_imgui.request_refresh()
 
@@ -135,16 +135,15 @@ def _takes_paint(context: PanelContext, handle: Handle) -> bool:
 
 
 def _words(context: PanelContext) -> tuple[str, ...]:
-    """Return the words of the shape directions; none until they are measured."""
-    return (context.session.words or {}).get("shape", ())
+    return context.session.words.of_shape(context.session.editor.model)
 
 
-def _draw_glow(context: PanelContext, parts: VisibleParts, handle: Handle, corner: ImVec2, size: ImVec2) -> None:
+def _draw_glow(context: PanelContext, visible: VisibleParts, handle: Handle, corner: ImVec2, size: ImVec2) -> None:
     """Draw the glow over a part, below the view's buttons."""
     assert context.images
     draw = imgui.get_window_draw_list()
-    texture = context.images.texture(parts.highlights[handle.part], context.palette)
-    left, top, right, bottom = parts.box
+    texture = context.images.texture(visible.highlights[handle.part], context.palette)
+    left, top, right, bottom = visible.box
     draw.channels_set_current(0)
     draw.add_image(texture, corner, corner + size, (left, top), (right, bottom))
     draw.channels_set_current(1)

@@ -9,9 +9,10 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from core.geometry.camera import Camera, Factors
 from core.rendering.size import Bounds, with_side
 from viewer.context import PanelContext
-from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
+from viewer.screen.theme import ON_PLATE, packed
 from viewer.widgets.controls import end_gesture
 from viewer.widgets.size_row import SIDES
+from viewer.widgets.text import paint_on_plate
 
 _CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 _EDGES = [(a, b) for a in range(8) for b in range(a) if sum(map(abs, map(int.__sub__, _CORNERS[a], _CORNERS[b]))) == 1]
@@ -39,27 +40,26 @@ class SizeBox:
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Draw the box over the view, and its handles if it is the current tool."""
-        shown, context.shows_size = context.shows_size, False
+        is_hinted = context.shows_size
+        context.shows_size = False
         bounds = context.session.sizing.bounds
         if context.session.viewport.source != "scene" or bounds is None:
             return
-        if context.tool != "size":
-            if shown:
-                _draw_edges(context, _Projection.of(context, corner, size), bounds)
-            return
+        is_tool = context.tool == "size"
         projection = _Projection.of(context, corner, size)
-        _draw_edges(context, projection, bounds)
-        if "shape" in context.session.editor.locked:
-            return
-        for side in projection.sides(_stretched(context, bounds)):
+        if is_tool or is_hinted:
+            _draw_edges(context, projection, bounds)
+        is_free = "shape" not in context.session.editor.locked
+        for side in projection.sides(_stretched(context, bounds)) if is_tool and is_free else ():
             self._draw_handle(context, side, bounds)
 
     def _draw_handle(self, context: PanelContext, side: _Side, bounds: Bounds) -> None:
-        editor, radius = context.session.editor, hello_imgui.em_size(_RADIUS)
+        editor = context.session.editor
+        radius = hello_imgui.em_size(_RADIUS)
         mouse = imgui.get_mouse_pos()
         imgui.set_cursor_screen_pos(side.middle - ImVec2(1.5 * radius, 1.5 * radius))
         imgui.invisible_button(f"##size {side.axis} {side.outwards}", (3 * radius, 3 * radius))
-        stretch = editor.scene.instance.codes.stretch or (1.0, 1.0, 1.0)
+        stretch = editor.scene.instance.codes.factors
         if imgui.is_item_activated():
             self._held = side, mouse, stretch
         if imgui.is_item_active() and self._held and any(imgui.get_io().mouse_delta):
@@ -72,9 +72,10 @@ class SizeBox:
         draw.add_circle_filled(side.middle, radius * (1.3 if active else 1.0), packed(context.palette.accent))
         draw.add_circle(side.middle, radius * (1.3 if active else 1.0), packed(ON_PLATE), thickness=1.5)
         natural = bounds.size(editor.model.metres)
-        length = natural[side.axis] * (editor.scene.instance.codes.stretch or (1.0, 1.0, 1.0))[side.axis]
+        length = natural[side.axis] * editor.scene.instance.codes.factors[side.axis]
         words = f"{SIDES[side.axis]} {length:.3g} cm" if active else f"{length:.3g} cm"
-        _draw_label(side.middle + ImVec2(2 * radius, 0), words)
+        low = side.middle + ImVec2(2 * radius, -imgui.get_text_line_height() / 2)
+        paint_on_plate(low, words, ImVec2(0.3, 0.1) * hello_imgui.em_size())
 
 
 def _growth(side: _Side, bounds: Bounds, drag: ImVec2, context: PanelContext) -> float:
@@ -132,14 +133,7 @@ def _draw_edges(context: PanelContext, projection: _Projection, bounds: Bounds) 
     ends = _stretched(context, bounds)
     points = [tuple(ends[number][axis] for axis, number in enumerate(corner)) for corner in _CORNERS]
     places = projection.on_screen(*points)
-    draw, colour = imgui.get_window_draw_list(), packed(context.palette.accent, 0.8)
+    draw = imgui.get_window_draw_list()
+    colour = packed(context.palette.accent, 0.8)
     for first, second in _EDGES:
         draw.add_line(places[first], places[second], colour, 1.5)
-
-
-def _draw_label(place: ImVec2, text: str) -> None:
-    em, extent = hello_imgui.em_size(), imgui.calc_text_size(text)
-    pad, low = ImVec2(0.3 * em, 0.1 * em), place - ImVec2(0, extent.y / 2)
-    draw = imgui.get_window_draw_list()
-    draw.add_rect_filled(low - pad, low + extent + pad, packed(PLATE, PLATE_OPACITY), 0.3 * em)
-    draw.add_text(low, packed(ON_PLATE), text)

@@ -1,9 +1,9 @@
 """Text in two styles beside the usual one: headings, and small, quiet captions."""
 
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.context import PanelContext
-from viewer.screen.theme import HEADING, SMALL, packed
+from viewer.screen.theme import HEADING, ON_PLATE, PLATE, PLATE_OPACITY, SMALL, packed
 
 
 def heading(context: PanelContext, words: str) -> None:
@@ -45,6 +45,20 @@ def paint_caption(
     colour = context.palette.quiet if quiet else context.palette.text
     imgui.get_window_draw_list().add_text(place, packed(colour), words)
     imgui.pop_font()
+
+
+def paint_on_plate(low: ImVec2, text: str, pad: ImVec2, width: float = 0.0) -> None:
+    """Draw text on a dark plate over the view, without an imgui item.
+
+    Args:
+        low: upper left corner of the text on screen.
+        pad: px of the plate around the text.
+        width: px at which lines are wrapped; 0 wraps none.
+    """
+    draw = imgui.get_window_draw_list()
+    extent = imgui.calc_text_size(text, wrap_width=width or -1.0)
+    draw.add_rect_filled(low - pad, low + extent + pad, packed(PLATE, PLATE_OPACITY), 0.4 * hello_imgui.em_size())
+    draw.add_text(imgui.get_font(), imgui.get_font_size(), low, packed(ON_PLATE), text, wrap_width=width)
 
 
 def small_height() -> float:

@@ -17,25 +17,27 @@ _UNKNOWN: Colour = (0.6, 0.63, 0.66)
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
     """Draw a fitted object's dot in the colour of its confidence, and a dot on an object not shown yet."""
-    found, em, draw = context.session.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
+    added = context.session.editor.objects[name]
+    em = hello_imgui.em_size()
+    draw = imgui.get_window_draw_list()
     if name in context.session.fitting.results.unseen:
         centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
         draw.add_circle_filled(centre, 0.42 * em, packed(context.palette.accent))
-    if found.fitted:
+    if added.fitted:
         centre = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * em
         draw.add_circle_filled(centre, 0.42 * em, packed((0.07, 0.08, 0.09)))
-        draw.add_circle_filled(centre, 0.3 * em, packed(colour_of(found)))
+        draw.add_circle_filled(centre, 0.3 * em, packed(colour_of(added)))
 
 
-def colour_of(found: EditableObject) -> Colour:
+def colour_of(added: EditableObject) -> Colour:
     """Return the colour of an object's confidence: green sure, yellow likely, orange doubtful, grey unknown."""
-    return _UNKNOWN if found.confidence is None else COLOURS[in_words(found.confidence)]
+    return _UNKNOWN if added.confidence is None else COLOURS[in_words(added.confidence)]
 
 
-def about(found: EditableObject) -> str:
+def about(added: EditableObject) -> str:
     """Return a line for the tooltip of a fitted object; "" for any other."""
-    sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
-    return f"\nFitted to a photo{sure}" if found.fitted else ""
+    sure = "" if added.confidence is None else f", the camera right with a probability of {added.confidence:.0%}"
+    return f"\nFitted to a photo{sure}" if added.fitted else ""
 
 
 class UserObjectMenu:

@@ -9,7 +9,8 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 from viewer.widgets.text import caption
 
-_CLOCK, _QUESTION = icons_fontawesome_4.ICON_FA_CLOCK, icons_fontawesome_4.ICON_FA_QUESTION
+_CLOCK = icons_fontawesome_4.ICON_FA_CLOCK
+_QUESTION = icons_fontawesome_4.ICON_FA_QUESTION
 _WARNING = icons_fontawesome_4.ICON_FA_EXCLAMATION
 _ROW = 3.2  # em, side of a tile in a row
 _LINES = 2  # of tiles above a photo, so that forty waiting photos leave it in sight
@@ -34,8 +35,11 @@ def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2)
 
     A click shows the fit or the question.
     """
-    side, fitting, source = size.x, context.session.fitting, waits.history.sources[0]
-    name, sources = f"waits {source.name}", waits.history.sources
+    side = size.x
+    fitting = context.session.fitting
+    sources = waits.history.sources
+    source = sources[0]
+    name = f"waits {source.name}"
     running = fitting.running and sources is fitting.history.sources
     asked = any(question.request is waits for question in fitting.questions)
     imgui.push_id(id(sources) & 0x7FFFFFFF)  # the same photo may wait twice
@@ -80,7 +84,8 @@ def _draw_menu(context: PanelContext, waits: FitRequest, name: str, running: boo
 
 
 def _draw_bar(context: PanelContext, progress: float, corner: ImVec2, side: float) -> None:
-    low, height = corner.y + side, 0.35 * hello_imgui.em_size()
+    low = corner.y + side
+    height = 0.35 * hello_imgui.em_size()
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled((corner.x, low - height), (corner.x + side, low), packed(context.palette.raised))
     filled = corner.x + progress * side

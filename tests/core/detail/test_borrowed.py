@@ -13,11 +13,15 @@ from core.detail.borrowed import ENDS, FOLDER, SIDE, borrowed_ends, end_camera, 
 from core.detail.maps import compared_photos, detail_maps
 from core.detail.progressive import render_frame
 from core.geometry.pixels import to_bytes
+from core.gl.baking import bake
+from core.gl.offscreen import OffscreenRenderer
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
+from tests.conftest import no_opengl
+from tests.core.baked_reference import render_baked
 
 PICTURES = sorted((FOLDER / "cars").glob("*.webp"))
 FRONT, BEHIND = ENDS
@@ -57,8 +61,9 @@ def test_the_end_that_no_photo_shows_is_borrowed(model: Model, instance: Instanc
     behind = model.camera(BEHIND, 0.2).resized(96, 96)
     rendered = render_exact(instance, behind, 64)
     plain = replace(maps, photos=maps.photos[:1], borrowed=0)
-    (shown, shares), (before, shares_before) = (one.added(rendered, behind) for one in (maps, plain))
-    assert (shown.colour - before.colour).abs().amax() > 0.1
+    after, shares = maps.added(rendered, behind)
+    before, shares_before = plain.added(rendered, behind)
+    assert (after.colour - before.colour).abs().amax() > 0.1
     assert torch.allclose(shares.mirrored, shares_before.mirrored, atol=1e-5), "borrowed colours count as the model's"
 
 
@@ -74,8 +79,25 @@ def test_the_photos_own_view_stays(model: Model, instance: Instance) -> None:
     ahead = instance.detail.views[0].camera.resized(96, 96)
     maps = run_to_end(detail_maps(instance))
     rendered = render_exact(instance, ahead, 64)
-    shown, plain = (one.added(rendered, ahead)[0] for one in (maps, replace(maps, photos=maps.photos[:1], borrowed=0)))
-    assert float((shown.colour - plain.colour).abs().mean()) < 0.001
+    with_ends, _ = maps.added(rendered, ahead)
+    plain, _ = replace(maps, photos=maps.photos[:1], borrowed=0).added(rendered, ahead)
+    assert float((with_ends.colour - plain.colour).abs().mean()) < 0.001
+
+
+def test_the_shader_shows_what_is_borrowed(model: Model, instance: Instance) -> None:
+    *_, baked = bake(instance)
+    assert baked is not None and baked.detail is not None and baked.detail.borrowed == 1
+    behind = model.camera(BEHIND, 0.2).resized(96, 96)
+    photos = replace(baked.detail, photos=baked.detail.photos[:1], borrowed=0)
+    try:
+        pictures = OffscreenRenderer((96, 96))
+    except RuntimeError as error:
+        no_opengl(error)
+    with pictures:
+        drawn, before = (pictures.draw(replace(baked, detail=maps), behind) / 255 for maps in (baked.detail, photos))
+    change = np.abs(drawn - before).mean()
+    assert change > 0.005
+    assert np.abs(drawn - render_baked(baked, behind).colour.numpy()).mean() < change / 4
 
 
 @pytest.mark.parametrize("side", ["soft", "model"])

@@ -32,21 +32,21 @@ def _with_head(model: Model, *names: str) -> Instance:
 
 def _chair() -> np.ndarray:
     """A back above a seat above two legs, as probabilities of seat, back, legs and arms in 64 rows of 96 columns."""
-    parts = np.zeros((4, 64, 96), np.float32)
-    parts[1, 4:30, 30:60] = 1.0
-    parts[0, 30:40, 20:70] = 1.0
-    parts[2, 40:60, 20:26] = parts[2, 40:60, 64:70] = 1.0
-    parts[2, 10:13, 40:43] = 1.0  # a mistake of the head in the middle of the back
-    parts[1, 10:13, 40:43] = 0.0
-    return parts
+    probabilities = np.zeros((4, 64, 96), np.float32)
+    probabilities[1, 4:30, 30:60] = 1.0
+    probabilities[0, 30:40, 20:70] = 1.0
+    probabilities[2, 40:60, 20:26] = probabilities[2, 40:60, 64:70] = 1.0
+    probabilities[2, 10:13, 40:43] = 1.0  # a mistake of the head in the middle of the back
+    probabilities[1, 10:13, 40:43] = 0.0
+    return probabilities
 
 
 def test_every_part_lies_where_it_is_and_has_a_handle_at_its_free_end(
     tiny: Model, camera: Camera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    parts = _chair()
-    opacity = parts.sum(0)
-    monkeypatch.setattr(module, "_probabilities", lambda instance, points: parts[:, opacity > 0].T)
+    probabilities = _chair()
+    opacity = probabilities.sum(0)
+    monkeypatch.setattr(module, "_probabilities", lambda instance, points: probabilities[:, opacity > 0].T)
     instance = _with_head(tiny, "seat", "back", "legs", "arms")
     part_regions = part_map(instance, camera, _frame(opacity))
     assert sorted(handle.part for handle in part_regions.handles) == ["back", "legs", "legs", "seat"]

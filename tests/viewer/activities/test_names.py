@@ -8,6 +8,7 @@ from core.detail.progressive import Frame
 from core.models.codes import Entry
 from core.models.model import Instance, Model, Words
 from tests.conftest import open_models, random_model
+from viewer.activities.direction_words import DirectionWords
 from viewer.activities.names import Names
 from viewer.activities.thumbnails import Thumbnails
 from viewer.editor import Editor
@@ -25,9 +26,19 @@ class Painted(Thumbnails):
     def of_object(self, instance: Instance, size: int = 8, samples: int = 8) -> Frame | None:
         if instance not in self.frames:
             image = np.full((size, size, 3), self.colours.get(instance, (128, 128, 128)), np.uint8)
-            whole = np.ones((size, size), np.float32)
-            self.frames[instance] = Frame(image, whole, whole, 0, 1, samples, 0.0)
+            opaque = np.ones((size, size), np.float32)
+            self.frames[instance] = Frame(image, opaque, opaque, 0, 1, samples, 0.0)
         return self.frames[instance]
+
+
+class Worded(DirectionWords):
+    """The same words for every model."""
+
+    def __init__(self) -> None:
+        pass
+
+    def of_model(self, model: Model) -> Words:
+        return Words(shape=("wider", "taller"), texture=())
 
 
 @pytest.fixture
@@ -41,7 +52,7 @@ def chairs() -> Model:
 @pytest.fixture
 def names(chairs: Model) -> Names:
     editor = Editor(open_models(chairs), chairs, torch.Generator())
-    return Names(editor, Painted(), lambda model: Words(shape=("wider", "taller"), texture=()))
+    return Names(editor, Painted(), Worded())
 
 
 def test_objects_named_by_their_kind_alone_get_their_colour_and_height(names: Names, chairs: Model) -> None:

@@ -25,16 +25,18 @@ def painted(session: Session) -> Session:
 def test_a_drag_over_colours_shows_at_once_and_is_one_step_that_ends_with_the_last(
     painted: Session, editor: Editor
 ) -> None:
-    painting, view, past, before = painted.painting, painted.viewport, len(editor.history.past), editor.scene.instance
-    images = []
-    for share in (0.3, 0.6, 0.9):
-        painting.paint((share, 0.0, 0.0))
-        deliver(painted, lambda: view.repainted is not None and all(view.repainted.image is not one for one in images))
-        assert view.repainted is not None
-        images.append(view.repainted.image)
-        assert painting.colour == (share, 0.0, 0.0)
+    painting = painted.painting
+    view = painted.viewport
+    past = len(editor.history.past)
+    before = editor.scene.instance
+    frames = []
+    for red in (0.3, 0.6, 0.9):
+        painting.paint((red, 0.0, 0.0))
+        deliver(painted, lambda: view.repainted not in (None, *frames))
+        frames.append(view.repainted)
+        assert painting.colour == (red, 0.0, 0.0)
     assert editor.scene.instance is before  # until the colour is released
-    assert images[0].mean() < images[1].mean() < images[2].mean()
+    assert frames[0].image.mean() < frames[1].image.mean() < frames[2].image.mean()
     painting.release()
     assert view.repainted is not None  # until the object has the paint
     finish(painted, lambda: view.repainted is None)
@@ -48,7 +50,7 @@ def test_a_drag_over_colours_shows_at_once_and_is_one_step_that_ends_with_the_la
 
 
 def test_a_paint_that_fails_leaves_nothing_on_screen(painted: Session, editor: Editor) -> None:
-    def fails(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
+    def fails(instance: Instance, chosen: Paint) -> Generator[None, None, Instance]:
         yield None
         raise ValueError("no surface")
 
@@ -93,8 +95,9 @@ def test_a_colour_that_comes_after_an_undo_changes_nothing(painted: Session, edi
 
 
 def test_the_original_comes_back(painted: Session, editor: Editor) -> None:
-    painting, one = painted.painting, fitted(editor.model)
-    editor.add_and_show(one, editor.scene.camera)
+    painting = painted.painting
+    added = fitted(editor.model)
+    editor.add_and_show(added, editor.scene.camera)
     assert painting.is_original
     painting.paint((0.5, 0.5, 0.0))
     painting.release()
@@ -102,7 +105,7 @@ def test_the_original_comes_back(painted: Session, editor: Editor) -> None:
     assert not painting.is_original
     painting.restore()
     assert painting.is_original
-    assert editor.scene.instance == one.instance
+    assert editor.scene.instance == added.instance
 
 
 def test_the_colour_is_told_once_it_is_known(painted: Session, editor: Editor) -> None:
@@ -133,20 +136,21 @@ def test_two_parts_painted_in_a_row_are_both_painted(
 ) -> None:
     monkeypatch.setattr(Painting, "parts", ("seat", "legs"))
 
-    def paint(instance: Instance, wanted: Paint) -> Generator[None, None, Instance]:
+    def paint(instance: Instance, chosen: Paint) -> Generator[None, None, Instance]:
         yield None
         texture = instance.codes.texture.clone()
-        texture[0 if wanted.part == "seat" else 1] = wanted.colour[0]
+        texture[0 if chosen.part == "seat" else 1] = chosen.colour[0]
         return instance.changed(texture=texture)
 
     painted.jobs.backend = replace(painted.jobs.backend, paint=paint)
-    painting, past = painted.painting, len(editor.history.past)
+    painting = painted.painting
+    past = len(editor.history.past)
     painting.part = "seat"
     painting.paint((0.1, 0.0, 0.0))
     painting.release()
     painting.part = "legs"
-    for share in (0.3, 0.6):
-        painting.paint((share, 0.0, 0.0))
+    for red in (0.3, 0.6):
+        painting.paint((red, 0.0, 0.0))
     assert [request.paint.part for request in painting.unfinished] == ["seat"]  # saved if the program ends now
     painting.release()
     finish(painted)

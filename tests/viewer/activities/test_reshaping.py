@@ -42,9 +42,9 @@ def test_the_parts_of_a_finished_image_are_found_once(session: Session, editor: 
     assert searched == []  # nobody has asked
     assert reshaping.parts is None
     finish(session)
-    parts = reshaping.parts
-    assert parts is not None and parts is reshaping.parts
-    assert set(parts.highlights) == {"seat", "back"}
+    visible = reshaping.parts
+    assert visible is not None and visible is reshaping.parts
+    assert set(visible.highlights) == {"seat", "back"}
     finish(session)
     assert len(searched) == 1
     editor.set_camera(orbit.turned(editor.scene.camera, 0.3, 0.0), gesture="orbit")
@@ -64,15 +64,15 @@ def test_a_place_of_the_view_is_one_of_the_image(session: Session, searched: lis
     finish(session)
     assert session.reshaping.parts is None
     finish(session)
-    parts = session.reshaping.parts
-    assert parts is not None
-    for handle in parts.map.handles:
-        across, down = parts.place_of(handle)
-        width = parts.crop.camera.width / parts.crop.width  # of the image, relative to the view
+    visible = session.reshaping.parts
+    assert visible is not None
+    for handle in visible.map.handles:
+        across, down = visible.place_of(handle)
+        width = visible.crop.camera.width / visible.crop.width  # of the image, relative to the view
         assert across == pytest.approx(0.5 + 0.25 * 512 / 640 + (handle.place[0] - 0.5) * width, abs=0.02)
         assert down == pytest.approx(handle.place[1], abs=0.02)
-        assert parts.handle_at((across, down)) is handle
-    assert parts.handle_at((0.05, 0.5)) is None
+        assert visible.handle_at((across, down)) is handle
+    assert visible.handle_at((0.05, 0.5)) is None
 
 
 def test_nothing_has_parts_while_a_fit_is_followed(session: Session, searched: list[Camera]) -> None:

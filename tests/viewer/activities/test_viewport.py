@@ -43,7 +43,8 @@ def bakery(session: Session) -> Bakery:
 
 
 def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(session: Session, bakery: Bakery) -> None:
-    viewport, editor = session.viewport, session.editor
+    viewport = session.viewport
+    editor = session.editor
     editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
     assert viewport.baked_frame is None
     viewport.change(opengl=True)
@@ -65,7 +66,8 @@ def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(ses
 
 
 def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(session: Session, bakery: Bakery) -> None:
-    viewport, editor = session.viewport, session.editor
+    viewport = session.viewport
+    editor = session.editor
     viewport.change(opengl=True)
     finish(session, lambda: viewport.baked is not None)
     for _ in range(2):
@@ -93,7 +95,9 @@ def test_an_object_that_cannot_be_baked_is_reported_once(session: Session) -> No
 
 
 def test_a_timeline_of_a_baked_object_is_turned_by_opengl(session: Session, bakery: Bakery) -> None:
-    viewport, editor, player = session.viewport, session.editor, session.player
+    viewport = session.viewport
+    editor = session.editor
+    player = session.player
     viewport.change(opengl=True)
     finish(session, lambda: viewport.is_baked(editor.scene.instance) and viewport.sharp)
     player.add_key()

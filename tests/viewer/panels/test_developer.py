@@ -46,7 +46,7 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
     drive(act, replace(backend, fit=fit))
 
 
-@in_window(of="real_backend")
+@in_window(fixture="real_backend")
 def test_numbers_describe_the_frame_on_screen(window: Driver) -> None:
     session = window.session
     window.show("Developer")

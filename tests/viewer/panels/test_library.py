@@ -69,15 +69,15 @@ def test_what_was_fitted_is_mine(window: Driver, photo: Path) -> None:
     window.wait(lambda: not window.session.fitting.running)
     window.wait()
     assert window.session.editor.objects.own == ["block"]
-    other = photo.with_name("block two.png")
-    other.write_bytes(photo.read_bytes())
-    window.fit(other)
+    second = photo.with_name("block two.png")
+    second.write_bytes(photo.read_bytes())
+    window.fit(second)
     fitting = window.session.fitting
-    assert fitting.history.photo.source.path == other
+    assert fitting.history.photo.source.path == second
     window.click("Library/**/show block")  # the photo panel follows
     assert fitting.history.photo.source.path == photo
     window.click("Library/**/show block two")
-    assert fitting.history.photo.source.path == other
+    assert fitting.history.photo.source.path == second
     window.click("Library/**/show object 3")
     window.click("Library/**/show block")
     assert window.session.editor.state.mix.a == ("block", "block")
@@ -102,17 +102,18 @@ def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive,
         window.click("**/###stop fit")
         window.wait(lambda: fitting.history.name == "block three" and len(fitting.history.steps) > 3)
         assert not window.exists("Library/**/waits block.png")
-        shown = window.capture()
+        screen = window.capture()
         tile = window.ctx.item_info("//Library/**/waits block three.png").rect_full
-        photographed = shown[int(tile.min.y) : int(tile.max.y), int(tile.min.x) : int(tile.max.x)]
+        photographed = screen[int(tile.min.y) : int(tile.max.y), int(tile.min.x) : int(tile.max.x)]
         assert (photographed[..., 0] > 2 * photographed[..., 1]).any()  # the red block
 
     drive(act, replace(backend, fit=endless_fit))
 
 
-@in_window(of="both")
+@in_window(fixture="both")
 def test_chairs_and_cars_are_one_library(window: Driver) -> None:
-    session, editor = window.session, window.session.editor
+    session = window.session
+    editor = window.session.editor
     cars, chairs = session.models
     window.click("Library/**/show car 2")
     assert editor.model is cars and editor.state.mix.b.startswith("car")
@@ -141,7 +142,8 @@ def test_chairs_and_cars_are_one_library(window: Driver) -> None:
 
 @in_window()
 def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(window: Driver) -> None:
-    editor, key = window.session.editor, imgui.Key
+    editor = window.session.editor
+    key = imgui.Key
     window.click("Library/**/show object 2")
     window.press(key.down_arrow)
     window.press(key.right_arrow)

@@ -46,14 +46,15 @@ def test_a_menu_and_the_question_for_a_file_are_drawn_over_messages(window: Driv
 @in_window()
 def test_no_tooltip_covers_a_message(window: Driver) -> None:
     def tooltip() -> imgui.internal.Window | None:
-        found = window.ctx.window_info("//##Tooltip_00", imgui.test_engine.TestOpFlags_.no_error).window
-        return found if found is not None and found.active and not found.hidden else None
+        box = window.ctx.window_info("//##Tooltip_00", imgui.test_engine.TestOpFlags_.no_error).window
+        return box if box is not None and box.active and not box.hidden else None
 
     window.session.messages.notify("wrong " * 60, MessageKind.PROBLEM)
     window.ctx.yield_(3)
     window.ctx.mouse_move("//Messages/###dismiss 0")
     window.wait(lambda: tooltip() is not None)
-    box, messages = tooltip(), window.ctx.window_info("//Messages").window
+    box = tooltip()
+    messages = window.ctx.window_info("//Messages").window
     assert box.pos.y + box.size.y <= messages.pos.y
 
 
@@ -88,7 +89,9 @@ def test_esc_closes_what_is_on_top(window: Driver) -> None:
 
 @in_window()
 def test_results_are_told_apart_and_no_button_moves_under_the_mouse(window: Driver) -> None:
-    messages, pressed, relevant = window.session.messages, list[str](), {"red": True, "blue": True}
+    messages = window.session.messages
+    pressed = list[str]()
+    relevant = {"red": True, "blue": True}
     for name in relevant:
         show = Button("Show", partial(pressed.append, name), name)
         messages.notify(f"Fitted: {name}", buttons=(show,), relevant=partial(relevant.__getitem__, name))

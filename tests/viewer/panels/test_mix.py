@@ -3,6 +3,7 @@ from imgui_bundle import ImVec2, imgui
 
 from core.models.model import Model
 from tests.viewer.driver import Driver, in_window
+from viewer.values.history import Mix
 
 
 @in_window()
@@ -19,11 +20,16 @@ def test_b_is_chosen_in_the_library_or_dropped(window: Driver, model: Model) -> 
 
 @in_window()
 def test_the_keyboard_reaches_every_mix(window: Driver) -> None:
-    key, mix = imgui.Key, lambda: window.session.editor.state.mix
+    key = imgui.Key
+
+    def mix() -> Mix:
+        return window.session.editor.state.mix
+
     window.click("Mix/slot B")
     for pressed in (*[key.down_arrow] * 5, key.space):
         window.press(pressed)  # from B down to the pad's second row from below
-    shape, texture = mix().shape, mix().texture
+    shape = mix().shape
+    texture = mix().texture
     assert texture == 0.25
     window.press(key.right_arrow)
     window.press(key.space)

@@ -200,7 +200,7 @@ def test_the_panel_shows_the_fit_of_the_object_in_the_view(
     drive(act, replace(backend, fit=endless_fit))
 
 
-@in_window(of="both", cut_out=doubted)
+@in_window(fixture="both", cut_out=doubted)
 def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path) -> None:
     fitting = window.session.fitting
     editor = window.session.editor

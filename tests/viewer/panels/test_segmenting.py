@@ -41,10 +41,10 @@ class _Canvas:
         high = self.box.max
         return imgui.ImVec2(low.x + x * (high.x - low.x), low.y + y * (high.y - low.y))
 
-    def draw(self, *shares: tuple[float, float]) -> None:
+    def draw(self, *places: tuple[float, float]) -> None:
         """A stroke through these places, or a box between the first and the last."""
         ctx = self.window.ctx
-        first, *later = (self.place(*share) for share in shares)
+        first, *later = (self.place(*place) for place in places)
         ctx.mouse_move_to_pos(first)
         ctx.mouse_down()
         for place in later:

@@ -46,7 +46,8 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
 
 @in_window()
 def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
-    editor, sizing = window.session.editor, window.session.sizing
+    editor = window.session.editor
+    sizing = window.session.sizing
     window.show("Sliders")
     window.wait(lambda: sizing.bounds is not None)
     before = editor.state
@@ -118,19 +119,19 @@ def test_a_random_object_keeps_what_is_locked(window: Driver) -> None:
     assert len(editor.history.past) == 2
 
 
-@in_window(of="real_backend")
+@in_window(fixture="real_backend")
 def test_the_slider_under_the_mouse_shows_what_it_changes(window: Driver, tmp_path: Path) -> None:
     editor = window.session.editor
     panel = next(panel for panel in window.app.panels if isinstance(panel, SlidersPanel))
     window.show("Sliders")
     window.wait()
-    found: dict[str, CodeInfluence] = {}
+    influences: dict[str, CodeInfluence] = {}
     for kind in CODE_KINDS:
         window.ctx.mouse_move(f"//Sliders/**/##{kind} 1")
-        window.wait(lambda: panel.influence not in (None, *found.values()))
+        window.wait(lambda: panel.influence not in (None, *influences.values()))
         assert panel.influence is not None
-        found[kind] = panel.influence
-    assert found["texture"].leak == 0.0
-    assert found["texture"].image.std() > 0
-    assert found["shape"].leak > 0
+        influences[kind] = panel.influence
+    assert influences["texture"].leak == 0.0
+    assert influences["texture"].image.std() > 0
+    assert influences["shape"].leak > 0
     assert not editor.history.past

@@ -101,21 +101,22 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(window
 def test_the_image_on_screen_is_the_newest_frame_over_the_background(window: Driver, tmp_path: Path) -> None:
     window.drag("View/orbit", 60)
     window.wait(lambda: window.session.viewport.sharp)  # a finer frame comes once the hand has rested
-    shown = window.capture_view()
+    screen = window.capture_view()
     frame = window.session.viewport.frame
-    rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
-    columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
+    rows = ((np.arange(screen.shape[0]) + 0.5) * frame.image.shape[0] / screen.shape[0]).astype(int)
+    columns = ((np.arange(screen.shape[1]) + 0.5) * frame.image.shape[1] / screen.shape[1]).astype(int)
     expected = frame.image[rows][:, columns].astype(float)
     covered = frame.opacity[rows][:, columns] > 0.5
     covered[:80], covered[-210:] = False, False  # buttons, badge, and the card of the start
     assert covered.sum() > 1000
-    alike = np.abs(shown - expected).max(-1) <= 2
+    alike = np.abs(screen - expected).max(-1) <= 2
     assert alike[covered].mean() > 0.98  # but for the mouse, and edges between pixels
 
 
 @in_window()
 def test_the_other_buttons_pan_the_object(window: Driver) -> None:
-    session, before = window.session, window.session.editor.scene
+    session = window.session
+    before = window.session.editor.scene
 
     def middle() -> float:
         frame = session.viewport.frame
@@ -137,15 +138,15 @@ def test_the_other_buttons_pan_the_object(window: Driver) -> None:
         assert session.viewport.settings.pan == (0.0, 0.0)
 
 
-@in_window(of="real_backend")
+@in_window(fixture="real_backend")
 def test_depth_normals_opacity_and_samples_are_shown(window: Driver, tmp_path: Path) -> None:
     session = window.session
-    shown = []
+    images = []
     for mode in MODES:
         session.viewport.change(mode=mode)
         window.ctx.yield_(2)
-        shown.append(window.capture_view(border=60))
-    assert all(np.abs(one - other).mean() > 1 for one, other in combinations(shown, 2))
+        images.append(window.capture_view(border=60))
+    assert all(np.abs(first - second).mean() > 1 for first, second in combinations(images, 2))
     window.click("View/###mode")
     window.click("**/Depth")
     for mode in ("normals", "colour", "depth"):
@@ -168,10 +169,10 @@ def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
         for step in (turn, see_the_side, Driver.undo, Driver.undo, Driver.redo, Driver.redo):
             step(window)
             images.append(image())
-        first, second, third = images[:3]
-        assert min(np.abs(one - other).mean() for one, other in combinations((first, second, third), 2)) > 0.5
-        for shown, expected in zip(images[3:], (second, first, second, third), strict=True):
-            np.testing.assert_allclose(shown, expected, atol=1)
+        assert min(np.abs(a - b).mean() for a, b in combinations(images[:3], 2)) > 0.5
+        first, second, third, *later = images
+        for image_later, expected in zip(later, (second, first, second, third), strict=True):
+            np.testing.assert_allclose(image_later, expected, atol=1)
 
     def turn(window: Driver) -> None:
         window.drag("View/orbit", 150)
@@ -186,7 +187,8 @@ def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(
     stools = replace(tiny_model(), category="chairs")
 
     def act(window: Driver) -> None:
-        context, viewport = window.context, window.session.viewport
+        context = window.context
+        viewport = window.session.viewport
         viewport.change(detail=32, samples=32)  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
         context.fast_opengl = True
@@ -214,7 +216,8 @@ def test_the_shadow_stays_while_the_object_turns(drive: Drive, real_backend: Bac
     stools = replace(tiny_model(), category="chairs")
 
     def act(window: Driver) -> None:
-        context, viewport = window.context, window.session.viewport
+        context = window.context
+        viewport = window.session.viewport
 
         def seen() -> np.ndarray:
             low, high = context.view
@@ -227,7 +230,8 @@ def test_the_shadow_stays_while_the_object_turns(drive: Drive, real_backend: Bac
         window.drag("View/orbit", 30)
         context.fast_opengl = True
         window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
-        with_shadow, (frame, crop) = seen(), viewport.full_frame
+        with_shadow = seen()
+        frame, crop = viewport.full_frame
         viewport.full_frame = replace(frame, shadow=None), crop
         viewport.frame = viewport.full_frame[0]
         plain = seen()
@@ -247,20 +251,22 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Dri
     framing = replace(backend, load_model=lambda name: stools, distance=filling_distance, fit=detailed_fit)
 
     def act(window: Driver) -> None:
-        editor, viewport = window.session.editor, window.session.viewport
+        editor = window.session.editor
+        viewport = window.session.viewport
 
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
             crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 192)
-            shown = render_frame(editor.scene.instance, crop.camera).opacity > 0.2
-            ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
+            opaque = render_frame(editor.scene.instance, crop.camera).opacity > 0.2
+            ends = (np.flatnonzero(opaque.any(axis))[[0, -1]] / opaque.shape[1 - axis] for axis in (0, 1))
             return max(np.abs(2 * both - 1).max() for both in ends)
 
         assert filled() == pytest.approx(0.75, abs=0.06)
-        crop, (_, height) = viewport.request.crop(64), viewport.settings.panel
-        shown = crop.cropped(render_frame(editor.scene.instance, crop.camera)).opacity > 0.2
+        crop = viewport.request.crop(64)
+        _, height = viewport.settings.panel
+        opaque = crop.cropped(render_frame(editor.scene.instance, crop.camera)).opacity > 0.2
         assert viewport.settings.covered > 50  # by the card with the samples
-        assert not shown[round(len(shown) * (1 - viewport.settings.covered / height)) :].any()
+        assert not opaque[round(len(opaque) * (1 - viewport.settings.covered / height)) :].any()
         window.click(f"Library/**/show {[*next(iter(editor.objects.families.values()))][2]}")
         assert filled() == pytest.approx(0.75, abs=0.06)
         assert len(editor.history.past) == 1
@@ -275,9 +281,10 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Dri
     drive(act, framing, size=(900, 600))
 
 
-@in_window(fit=endless_fit, distance=lambda *about: 1.1)
+@in_window(fit=endless_fit, distance=lambda *_: 1.1)
 def test_the_object_stands_still_under_a_hand_and_a_first_fit_has_its_own_camera(window: Driver, photo: Path) -> None:
-    viewport, editor = window.session.viewport, window.session.editor
+    viewport = window.session.viewport
+    editor = window.session.editor
     covered = viewport.settings.covered
     assert covered > 50
     window.drag("View/orbit", 60)  # the card is small now

@@ -49,19 +49,19 @@ def test_no_change_is_no_step(states: list[State]) -> None:
 def test_any_state_can_be_gone_to_and_none_is_lost(states: list[State]) -> None:
     history = History.of(*states).undone()
     for index, state in enumerate(states):
-        there = history.at(index)
-        assert (there.now, len(there.past), there.states) == (state, index, tuple(states))
+        moved = history.at(index)
+        assert (moved.now, len(moved.past), moved.states) == (state, index, tuple(states))
 
 
 def test_edits_are_grouped_by_object_and_what_changes_no_code_is_none(states: list[State], model: Model) -> None:
     first = states[0]
     moved = replace(first, scene=replace(first.scene, camera=model.camera(1.0, 0.5)))
     other_b = replace(moved, mix=replace(moved.mix, b="c"))
-    shown = State(replace(first.scene, instance=model[1]), Mix(Pair("b", "b"), "c"))
-    mixed = State(replace(first.scene, instance=model[2]), replace(shown.mix, shape=0.5))
+    second = State(replace(first.scene, instance=model[1]), Mix(Pair("b", "b"), "c"))
+    mixed = State(replace(first.scene, instance=model[2]), replace(second.mix, shape=0.5))
     back = State(first.scene, first.mix)
     history = History.of(first)
-    for state in (moved, other_b, shown, mixed, back):
+    for state in (moved, other_b, second, mixed, back):
         history = history.changed(state)
     assert [[(edit.last, edit.words) for edit in group] for group in history.edits()] == [
         [(2, "at first")],
@@ -95,7 +95,7 @@ def test_an_edit_from_an_earlier_state_is_a_branch_beside_the_later_ones(edited:
     assert (branch.start, branch.last, branch.words) == (0, 2, "shape and texture")
     back = history.at(branch.last)
     assert back.states == (edited(0), edited(1), edited(2)) and back.now == edited(2)
-    assert [one.last for one in back.branches()] == [3]
+    assert [branch.last for branch in back.branches()] == [3]
     assert back.undone().undone().redone().now == edited(1)  # redo stays on the path
 
 
@@ -106,7 +106,7 @@ def test_a_drag_that_begins_as_no_edit_is_a_branch_once_it_is_one(edited: Callab
     assert history.future == (replace(edited(1), removed=frozenset({"a"})),)
     history = history.changed(replace(edited(2), removed=frozenset({"a"})), "key")
     assert history.steps[1].state == edited(1)
-    assert history.future == () and [one.last for one in history.branches()] == [1]
+    assert history.future == () and [branch.last for branch in history.branches()] == [1]
     assert history.undone().now == edited(0)
 
 
@@ -116,23 +116,24 @@ def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_keyframe_is(
     turned = History.of(edited(0), _turned(edited(0), model, 0.5)).undone().changed(edited(1))
     assert turned.branches() == () and len(turned.steps) == 3
     other_b = replace(edited(0), mix=replace(edited(0).mix, b="c"))
-    removed, keys = replace(edited(0), removed=frozenset({"a"})), replace(edited(0), timeline=Timeline(length=9.0))
+    removed = replace(edited(0), removed=frozenset({"a"}))
+    keys = replace(edited(0), timeline=Timeline(length=9.0))
     for changed, words in ((other_b, "c as B"), (removed, "removed objects"), (keys, "keyframes")):
         history = History.of(edited(0), changed).undone().changed(edited(1))
-        assert [(one.last, one.words) for one in history.branches()] == [(1, words)]
+        assert [(branch.last, branch.words) for branch in history.branches()] == [(1, words)]
 
 
 def test_later_states_take_over_what_is_removed_or_in_the_timeline(edited: Callable[[int], State]) -> None:
     timelines = [Timeline(length=seconds) for seconds in (2.0, 3.0, 5.0)]
-    one, two = (replace(edited(number), timeline=timelines[0]) for number in (0, 1))
-    three = replace(edited(2), timeline=timelines[1], removed=frozenset({"b"}))
-    history = History.of(one, two, three).at(0)
-    history = history.changed(replace(one, timeline=timelines[2])).changed(
-        replace(one, timeline=timelines[2], removed=frozenset({"a"}))
+    first, second = (replace(edited(number), timeline=timelines[0]) for number in (0, 1))
+    third = replace(edited(2), timeline=timelines[1], removed=frozenset({"b"}))
+    history = History.of(first, second, third).at(0)
+    history = history.changed(replace(first, timeline=timelines[2])).changed(
+        replace(first, timeline=timelines[2], removed=frozenset({"a"}))
     )
     assert [state.timeline for state in history.future] == [timelines[2], timelines[1]]
     assert [state.removed for state in history.future] == [{"a"}, {"a", "b"}]
-    assert history.undone().undone().now == one
+    assert history.undone().undone().now == first
 
 
 def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
@@ -149,9 +150,9 @@ def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
         replace(history, steps=(*steps[:2], steps[2]._replace(parent=-1))),
         replace(history, steps=(*steps[:2], steps[2]._replace(parent=9))),
     )
-    for number, one in enumerate(harmed):
+    for number, history in enumerate(harmed):
         with pytest.raises(ValueError, match="no tree"):
-            one.check()
+            history.check()
             raise AssertionError(number)
 
 
@@ -168,7 +169,8 @@ _MODEL = random_model()
 def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, int]]) -> None:
     history = History.of(_state(_MODEL, 0, 0))
     for kind, number in operations:
-        before, history = history, _operated(history, kind, number)
+        before = history
+        history = _operated(history, kind, number)
         history.check()
         assert history.states[len(history.past)] is history.now
         if kind == "edit" and history is not before:
@@ -178,16 +180,16 @@ def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, 
             assert history.undone().redone().states == history.states
         if history.future:
             assert history.redone().undone().now is history.now
-        if not history.gesture:  # each state of a drag takes the place of the one before
+        if not history.gesture:  # each state of a drag takes the place of the first before
             assert {id(state.scene) for state, _ in before.steps} <= {id(state.scene) for state, _ in history.steps}
         if kind == "move":
             assert _edits(history) == _edits(before)
             assert history.future == before.future
-        shown = {number for group in history.edits() for edit in group for number in edit.steps}
-        hidden = set(range(len(history.steps))) - shown
+        on_path = {number for group in history.edits() for edit in group for number in edit.steps}
+        hidden = set(range(len(history.steps))) - on_path
         for branch in history.branches():
-            there = history.at(branch.last)
-            hidden -= {number for group in there.edits() for edit in group for number in edit.steps}
+            branched = history.at(branch.last)
+            hidden -= {number for group in branched.edits() for edit in group for number in edit.steps}
         assert all(_is_turned(history, number) for number in hidden)
 
 
@@ -198,7 +200,8 @@ def test_beyond_the_limit_only_the_oldest_ends_beside_the_path_are_dropped(opera
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "DEPTH", 6)
         for kind, number in operations:
-            before, history = history, _operated(history, kind, number)
+            before = history
+            history = _operated(history, kind, number)
             history.check()
             assert len(history.steps) <= 7
             if before.states[0] is not history.states[0]:
@@ -251,10 +254,10 @@ def _operated(history: History, kind: str, number: int) -> History:
 
 
 def _edits(history: History) -> list[str]:
-    return [edit.words for group in history.edits() for edit in group] + [one.words for one in history.branches()]
+    return [edit.words for group in history.edits() for edit in group] + [branch.words for branch in history.branches()]
 
 
 def _is_turned(history: History, number: int) -> bool:
-    """Whether a step differs from one before it by moves of the camera alone."""
+    """Whether a step differs from first before it by moves of the camera alone."""
     state, parent = history.steps[number]
     return parent >= 0 and state.is_move_of(history.steps[parent].state)

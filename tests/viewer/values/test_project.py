@@ -412,7 +412,8 @@ def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backen
 
 
 def test_a_project_and_a_scene_with_a_size_open(worker: Worker, backend: Backend) -> None:
-    folder, model = Path("tests/files/2de427aa"), load_model("tests/files/1bad02d/model.safetensors")
+    folder = Path("tests/files/2de427aa")
+    model = load_model("tests/files/1bad02d/model.safetensors")
     session = Session(worker, replace(backend, load_model=lambda name: model))
     session.open_project(folder / "project.codenerf")
     editor = session.editor

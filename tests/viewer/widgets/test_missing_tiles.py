@@ -76,7 +76,8 @@ def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
     moved = stools.rename(tmp_path / "elsewhere.safetensors")
 
     def act(window: Driver) -> None:
-        session, editor = window.session, window.session.editor
+        session = window.session
+        editor = window.session.editor
         assert session.messages.errors == []
         assert any("stools.safetensors" in message.text for message in session.messages.shown)
         assert editor.state.mix.a.shape == "object 3"
@@ -102,7 +103,7 @@ def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
 
     drive(act, own, folder=tmp_path / "config")
     again = Project.load(tmp_path / "b.codenerf", loaded(own, moved))
-    assert [one.instance for one in again.objects] == [one.instance for one in made.objects]
+    assert [added.instance for added in again.objects] == [added.instance for added in made.objects]
     assert again.history.states == made.history.states
 
 
@@ -116,7 +117,8 @@ def loaded(backend: Backend, path: Path) -> OpenModels:
 def test_it_is_back_at_the_next_launch_once_its_file_is(
     drive: Drive, own: Backend, made: Project, stools: Path
 ) -> None:
-    folder, aside = stools.parent / "config", stools.rename(stools.with_name("aside"))
+    folder = stools.parent / "config"
+    aside = stools.rename(stools.with_name("aside"))
 
     def without(window: Driver) -> None:
         assert window.session.editor.is_missing("Red stool")
@@ -167,7 +169,8 @@ def test_a_state_and_a_keyframe_of_a_missing_model_are_grey_and_found_by_a_click
     def act(window: Driver) -> None:
         window.context.drop([str(stools.with_name("a.codenerf"))])
         window.wait()
-        session, editor = window.session, window.session.editor
+        session = window.session
+        editor = window.session.editor
         window.show("Timeline")
         session.player.play()
         window.wait(lambda: session.player.seconds > 1.1)
@@ -186,8 +189,10 @@ def test_a_state_and_a_keyframe_of_a_missing_model_are_grey_and_found_by_a_click
 def test_a_branch_of_a_missing_model_is_grey_and_found_by_a_click(
     drive: Drive, own: Backend, worker: Worker, stools: Path
 ) -> None:
-    session, path = Session(worker, own, 0), stools.with_name("a.codenerf")
-    editor, model = session.editor, session.models.open(str(stools))
+    session = Session(worker, own, 0)
+    path = stools.with_name("a.codenerf")
+    editor = session.editor
+    model = session.models.open(str(stools))
     session.tick()
     editor.show_object("object 2")
     editor.show_object(editor.objects.add(EditableObject("Red stool", model[1], True, 0.8)))
@@ -233,12 +238,12 @@ def test_a_file_with_unreadable_parts_is_a_tile_from_which_it_is_saved(
 ) -> None:
     path = stools.with_name("a.codenerf")
     with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist()}
-    about = json.loads(parts["project.json"])
-    about["project"]["history"]["steps"][1]["state"]["scene"] = "lost"
-    parts["project.json"] = json.dumps(about).encode()
+        contents = {name: file.read(name) for name in file.namelist()}
+    fields = json.loads(contents["project.json"])
+    fields["project"]["history"]["steps"][1]["state"]["scene"] = "lost"
+    contents["project.json"] = json.dumps(fields).encode()
     with zipfile.ZipFile(path, "w") as file:
-        for name, content in parts.items():
+        for name, content in contents.items():
             file.writestr(name, content)
 
     def act(window: Driver) -> None:

@@ -36,7 +36,7 @@ def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(
     drive(act, replace(both, cut_out=throne))
 
 
-@in_window(of="both", guess_category=lambda cut: {})
+@in_window(fixture="both", guess_category=lambda cut: {})
 def test_a_pointed_out_object_is_asked_for_its_category(window: Driver, photo: Path) -> None:
     fitting = window.session.fitting
     window.click("Library/**/show car 1")
@@ -48,7 +48,7 @@ def test_a_pointed_out_object_is_asked_for_its_category(window: Driver, photo: P
     assert window.session.editor.model.category == "chairs"
 
 
-@in_window(of="both", guess_category=lambda cut: UNDETECTED)
+@in_window(fixture="both", guess_category=lambda cut: UNDETECTED)
 def test_none_of_these_is_the_first_answer_where_nothing_looks_like_a_category(window: Driver, photo: Path) -> None:
     fitting = window.session.fitting
     window.context.drop([str(photo)])

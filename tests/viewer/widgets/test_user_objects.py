@@ -37,8 +37,9 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
         window.fit(photo)
         assert editor.objects.own[:2] == ["block (2)", "block"]
         window.ctx.mouse_move("//View/orbit")
-        whole, box = window.capture(), window.ctx.item_info("//Library/**/show block").rect_full
-        tile = whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
+        screen = window.capture()
+        box = window.ctx.item_info("//Library/**/show block").rect_full
+        tile = screen[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
         assert (np.abs(tile / 255 - colour).max(-1) < 0.05).sum() > 10
         window.click("Library/**/show block", 1)
         window.ctx.item_click("//**/###rename object")
@@ -56,7 +57,7 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
     def second(window: Driver) -> None:
         window.menu("File/###new_project")
         editor = window.session.editor
-        assert [one.name for one in editor.objects.added] == ["Red chair"]
+        assert [added.name for added in editor.objects.added] == ["Red chair"]
         window.click("Library/**/show Red chair")
         assert editor.scene.instance == editor.objects["Red chair"].instance
 
@@ -107,7 +108,8 @@ def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start
             window.click(f"Library/**/version {number} of block")
             assert editor.scene.instance == instance
 
-    made, left = list[Instance](), list[Path]()
+    made = list[Instance]()
+    left = list[Path]()
     drive(first, folder=tmp_path / "config")
     for folder in (tmp_path / "config", left[0]):
         drive(second, folder=folder)
@@ -137,7 +139,7 @@ def test_a_removed_object_comes_back_by_undo_by_its_message_and_after_a_kill(
         window.drag("View/orbit", 30)
         window.click(f"Messages/###undo {len(window.session.messages.shown) - 1}")
         assert objects.own == ["block"]
-        assert not [one for one in window.session.messages.shown if "Removed" in one.text]
+        assert not [message for message in window.session.messages.shown if "Removed" in message.text]
         window.choose("block", "###remove object")
         left.append(kill(window))
 
@@ -194,38 +196,49 @@ def test_names_with_signs_of_imgui_are_shown_whole(window: Driver, photo: Path) 
         assert editor.state.mix.a.shape == name
 
 
-def test_versions_are_tiles_under_their_object_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
+def fit_and_paint(window: Driver, photo: Path) -> list[Instance]:
+    """Fit a photo, paint the object red, and blue after undo; return the versions as fitted, blue and red."""
+    editor = window.session.editor
+    window.fit(photo)
+    fitted = editor.scene.instance
+    red = paint(window, (1.0, 0.0, 0.0))
+    window.undo()
+    versions = [fitted, paint(window, (0.0, 0.0, 1.0)), red]  # what undo left behind is a version
+    assert editor.objects.own == ["block"] and editor.objects.states("block") == versions
+    return versions
+
+
+@in_window()
+def test_versions_are_tiles_under_their_object(window: Driver, photo: Path) -> None:
+    editor = window.session.editor
+    versions = fit_and_paint(window, photo)
+    window.click("Library/**/version 2 of block")
+    assert editor.scene.instance == versions[2]
+    window.undo()
+    assert editor.scene.instance == versions[1]
+    window.click("Library/**/version 2 of block", 1)
+    window.click("**/Make it B")
+    window.ctx.yield_(3)
+    assert window.exists("Mix/mix pad") and editor.objects[editor.state.mix.b].instance == versions[2]
+    window.drag("Mix/mix pad", 100)  # a mix of two versions is none
+    assert editor.objects.states("block") == versions
+    window.click("Library/**/version 1 of block")
+    window.click("Library/**/version 2 of block", 1)
+    window.click("**/###remove object")
+    assert editor.objects.states("block") == versions[:2]
+    window.undo()
+    assert editor.objects.states("block") == versions
+
+
+def test_versions_and_their_names_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
     def first(window: Driver) -> None:
-        editor = window.session.editor
-        window.fit(photo)
-        made.append(editor.scene.instance)
-        red = paint(window, (1.0, 0.0, 0.0))
-        window.undo()
-        blue = paint(window, (0.0, 0.0, 1.0))  # what undo left behind is a version
-        made.extend((blue, red))
-        assert editor.objects.own == ["block"] and editor.objects.states("block") == made
-        window.click("Library/**/version 2 of block")
-        assert editor.scene.instance == red
-        window.undo()
-        assert editor.scene.instance == blue
-        window.click("Library/**/version 2 of block", 1)
-        window.click("**/Make it B")
-        window.ctx.yield_(3)
-        assert window.exists("Mix/mix pad") and editor.objects[editor.state.mix.b].instance == red
-        window.drag("Mix/mix pad", 100)  # a mix of two versions is none
-        assert editor.objects.states("block") == made
-        window.click("Library/**/version 1 of block")
-        window.click("Library/**/version 2 of block", 1)
-        window.click("**/###remove object")
-        assert editor.objects.states("block") == made[:2]
-        window.undo()
-        assert editor.objects.states("block") == made
+        made.extend(fit_and_paint(window, photo))
         window.click("Library/**/version 2 of block", 1)
         window.ctx.item_click("//**/###rename object")
         window.ctx.item_click("//**/##new name")
         window.ctx.key_chars_replace_enter("Fire")
         window.ctx.yield_(3)
-        assert window.session.names.version("block", red) == "Fire"
+        assert window.session.names.version("block", made[2]) == "Fire"
 
     def second(window: Driver) -> None:
         editor = window.session.editor

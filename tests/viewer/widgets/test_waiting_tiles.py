@@ -53,7 +53,8 @@ def test_photos_dropped_beside_an_object_with_photo_detail_are_all_fitted(
     fit = LearningFit()
 
     def act(window: Driver) -> None:
-        session, objects = window.session, window.session.editor.objects
+        session = window.session
+        objects = window.session.editor.objects
         for number in range(times):
             fit.may_end.clear()
             for path in blocks(photo, "abcd"):
@@ -85,7 +86,8 @@ def test_a_failed_fit_keeps_photo_and_cut_out_to_try_again(
     drive: Drive, both: Backend, photo: Path, fault: dict[str, object]
 ) -> None:
     def act(window: Driver) -> None:
-        session, fitting = window.session, window.session.fitting
+        session = window.session
+        fitting = window.session.fitting
         working = session.jobs.backend
         session.jobs.backend = replace(working, **fault)  # type: ignore[arg-type]
         window.context.drop([str(photo)])
@@ -112,7 +114,8 @@ def test_a_failed_fit_keeps_photo_and_cut_out_to_try_again(
 
 @in_window()
 def test_a_photo_that_cannot_be_read_is_tried_again_or_removed(window: Driver, photo: Path) -> None:
-    fitting, content = window.session.fitting, photo.read_bytes()
+    fitting = window.session.fitting
+    content = photo.read_bytes()
     photo.unlink()
     for answer in ("try again", "remove waiting"):
         window.context.drop([str(photo)])
@@ -127,7 +130,8 @@ def test_a_photo_that_cannot_be_read_is_tried_again_or_removed(window: Driver, p
 
 @in_window()
 def test_a_hand_made_cut_out_is_fitted_without_the_file(window: Driver, photo: Path) -> None:
-    segmenting, fitting = window.session.segmenting, window.session.fitting
+    segmenting = window.session.segmenting
+    fitting = window.session.fitting
     segmenting.open((PhotoSource(photo),), 0)
     window.wait(lambda: segmenting.settled)
     segmenting.set_hints(Hints(box=(0.2, 0.1, 0.8, 0.9)))
@@ -233,7 +237,8 @@ def test_old_copies_of_photos_are_deleted_but_not_those_that_wait(tmp_path: Path
 
 @in_window("both")
 def test_a_chosen_object_takes_the_place_of_a_question_until_its_tile_is_clicked(window: Driver, photo: Path) -> None:
-    session, fitting = window.session, window.session.fitting
+    session = window.session
+    fitting = window.session.fitting
     session.jobs.backend = replace(session.jobs.backend, fit=failing_fit)
     window.context.drop([str(photo)])
     window.wait(lambda: bool(fitting.questions))
@@ -255,7 +260,8 @@ def test_photos_that_wait_are_kept_when_a_project_is_opened_or_begun(
     drive: Drive, both: Backend, photo: Path, tmp_path: Path
 ) -> None:
     def act(window: Driver) -> None:
-        session, project = window.session, tmp_path / "a.codenerf"
+        session = window.session
+        project = tmp_path / "a.codenerf"
         working = session.jobs.backend
         window.click("Library/**/show object 3")
         session.save_project(project)
@@ -285,7 +291,8 @@ def test_a_running_fit_goes_on_when_a_project_is_opened(drive: Drive, backend: B
     fit = LearningFit()
 
     def act(window: Driver) -> None:
-        session, project = window.session, tmp_path / "a.codenerf"
+        session = window.session
+        project = tmp_path / "a.codenerf"
         window.click("Library/**/show object 3")
         session.save_project(project)
         window.context.drop([str(photo)])

@@ -16,7 +16,7 @@ from core.models.model import Model
 from tests.conftest import image_size
 
 QUICK = {
-    "normal": FitSettings(hypotheses=6, steps=40, rays=96, samples=20),
+    "normal": FitSettings(hypotheses=6, steps=40, rays=96, samples=20, free_steps=0),  # confidence precedes that stage
     "paper": replace(PRESETS["paper"], steps=20, rays=64, samples=16),
 }
 
