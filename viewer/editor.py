@@ -134,10 +134,12 @@ class Editor:
         self._edit(replace(self.scene, instance=instance), gesture=gesture)
 
     def resize(self, stretch: Factors | None, gesture: str = "") -> None:
-        """Stretch the object (:mod:`core.rendering.size`); None: to its natural size.
+        """Stretch the object (:mod:`core.rendering.size`), unless its shape is locked; None: to its natural size.
 
         The camera keeps the view's scale, so that sides that are not stretched stay where they are.
         """
+        if "shape" in self.locked:
+            return
         before = self.scene.instance
         instance = before.changed(stretch=stretch)
         distance = self.scene.camera.distance * before.codes.scale / instance.codes.scale

@@ -170,7 +170,7 @@ class ComparedPhoto:
     def size(self) -> int:
         """bytes"""
         maps = (value for value in vars(self).values() if isinstance(value, Tensor))
-        return sum(image.nbytes for image in (*maps, self.texels.features))
+        return sum(image.nbytes for image in maps) + self.texels.size
 
 
 def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
@@ -268,7 +268,7 @@ def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
 def _painted_maps(
     photos: Sequence[ComparedPhoto], ends: Sequence[BorrowedEnd], textured: Instance
 ) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of all photos and borrowed ends in a texture, and the match of its colours to the photos."""
+    """Return the maps of photos and borrowed ends in a texture, and its match to the photos."""
     maps = []
     colours = []
     paints = []

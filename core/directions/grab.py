@@ -39,9 +39,10 @@ def find_pull(
     point: tuple[float, float, float],
     drag: tuple[float, float],
 ) -> Pull:
-    """Return the pull whose word names the axis of a drag, such as *taller* for one upwards at an object's top.
+    """Return the pull whose word names the axis of a drag.
 
-    Sizes grow when the drag moves away from the object's middle. Without words for sizes it is the first direction.
+    A drag upwards at an object's top is *taller*. Sizes grow when the drag moves away from the object's middle. Without
+    words for sizes it is the first direction.
 
     Args:
         words: of the shape directions (:func:`core.directions.words.direction_words`).

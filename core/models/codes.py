@@ -19,6 +19,7 @@ __all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", 
 
 STRETCH = 0.01, 100.0  # least and largest stretch of a side
 MAX_DISTORTION = 10.0  # largest stretch of a side relative to that of another one
+_ROUNDING = 1 + 1e-6  # factor by which a stretch, computed from ones at their limits, may exceed these
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +39,10 @@ class Codes(Latents):
         if self.stretch is None:
             return
         low, high = STRETCH
-        if len(self.stretch) != 3 or not all(low <= factor <= high for factor in self.stretch):
+        within = all(low / _ROUNDING <= factor <= high * _ROUNDING for factor in self.stretch)
+        if len(self.stretch) != 3 or not within:
             raise ValueError(f"a side is {low:g} to {high:g} times its natural one, got {self.stretch}")
-        if max(self.stretch) > MAX_DISTORTION * min(self.stretch):
+        if max(self.stretch) > _ROUNDING * MAX_DISTORTION * min(self.stretch):
             raise ValueError(f"a side is stretched at most {MAX_DISTORTION:g} times as much as another one")
         if self.stretch == (1.0, 1.0, 1.0):
             object.__setattr__(self, "stretch", None)

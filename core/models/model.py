@@ -55,7 +55,7 @@ class Model:
     view_bank: ViewBank | None = None
     """small views to compare photos with; None: the file has none, :mod:`core.photos.view_bank` computes it"""
     words: Words | None = None
-    """None: the file has none, :func:`core.directions.words.direction_words` finds them"""
+    """of its directions; None: the file has none, :func:`core.directions.words.direction_words` finds them"""
 
     def __post_init__(self) -> None:
         self._check_numbers()

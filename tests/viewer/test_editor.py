@@ -56,6 +56,7 @@ def test_a_size_keeps_the_views_scale_and_is_reset(editor: Editor) -> None:
     for width in (1.1, 1.3, 1.6):
         editor.resize((width, 1.0, 1.0), gesture="size")
     editor.end_gesture()
+    assert editor.state.change_from(before) == "size"
     scene = editor.scene
     _, depth, height = scene.instance.codes.proportions
     assert depth == height

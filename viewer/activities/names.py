@@ -44,7 +44,7 @@ class Names:
         return self._look_of_nameless(name) or words + ("" if is_form else comma + variant)
 
     def _look_of_nameless(self, name: str) -> str:
-        """Return height and colour of a model's object whose name says only what it is; "" for any other."""
+        """Return height and colour of a model's object that is named by its category only, else ""."""
         objects = self._editor.objects
         instance = objects[name].instance
         if objects.is_added(name) or instance.is_missing:

@@ -220,7 +220,7 @@ def _rows(context: PanelContext, tiles: Iterable[Tile]) -> Iterator[tuple[list[T
 
 
 class _Face(NamedTuple):
-    """What an object's or a version's tile shows."""
+    """Contents of a tile: an object's or a version's."""
 
     button: str  # id
     instance: Instance
@@ -277,7 +277,7 @@ def _name(context: PanelContext, tile: str | Version) -> str:
 
 
 def _draw_user_menu(context: PanelContext, tile: str | Version, menu: user_objects.UserObjectMenu) -> None:
-    """Draw what an added object's menu, or a version's, has beside that of any object."""
+    """Draw the further menu entries of an added object or a version."""
     objects = context.session.editor.objects
     if isinstance(tile, str):
         if objects.is_added(tile):

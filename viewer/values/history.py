@@ -91,7 +91,8 @@ class State:
     def _aside_from(self, before: State, label: Label) -> str:
         """Describe a change that keeps both codes."""
         if self.is_edit_of(before):
-            return "photo detail"
+            now, then = self.scene.instance.codes, before.scene.instance.codes
+            return "photo detail" if now.stretch == then.stretch else "size"
         if self.removed != before.removed:
             return "removed objects"
         return f"{label(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"

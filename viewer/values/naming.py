@@ -77,7 +77,11 @@ def _named(colour: Float[np.ndarray, "3"]) -> str:
 
 
 def height_word(opacity: Float[np.ndarray, "height width"], category: str) -> str:
-    """Return "low" or "tall" for a thumbnail of an object that is so among those of its category, "" for any other."""
+    """Return "low" or "tall", compared with objects of the category, or "" for neither.
+
+    Args:
+        opacity: 0..1, of the object's thumbnail.
+    """
     opaque = opacity > 0.5
     low, high = _HEIGHTS.get(category, (0.0, np.inf))
     ratio = opaque.any(1).sum() / max(1, opaque.any(0).sum())

@@ -49,7 +49,8 @@ class SizeBox:
         projection = _Projection.of(context, corner, size)
         if is_tool or is_hinted:
             _draw_edges(context, projection, bounds)
-        for side in projection.sides(_stretched(context, bounds)) if is_tool else ():
+        is_free = "shape" not in context.session.editor.locked
+        for side in projection.sides(_stretched(context, bounds)) if is_tool and is_free else ():
             self._draw_handle(context, side, bounds)
 
     def _draw_handle(self, context: PanelContext, side: _Side, bounds: Bounds) -> None:

@@ -9,15 +9,19 @@ import torch
 from PIL import Image
 
 from core.detail import borrowed
-from core.detail.borrowed import ENDS, FOLDER, SIDE, end_camera, most_similar, pictured, read_pictures
-from core.detail.maps import detail_maps
+from core.detail.borrowed import ENDS, FOLDER, SIDE, borrowed_ends, end_camera, most_similar, pictured, read_pictures
+from core.detail.maps import compared_photos, detail_maps
 from core.detail.progressive import render_frame
 from core.geometry.pixels import to_bytes
+from core.gl.baking import bake
+from core.gl.offscreen import OffscreenRenderer
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
+from tests.conftest import no_opengl
+from tests.core.baked_reference import render_baked
 
 PICTURES = sorted((FOLDER / "cars").glob("*.webp"))
 FRONT, BEHIND = ENDS
@@ -63,6 +67,14 @@ def test_the_end_that_no_photo_shows_is_borrowed(model: Model, instance: Instanc
     assert torch.allclose(shares.mirrored, shares_before.mirrored, atol=1e-5), "borrowed colours count as the model's"
 
 
+def test_the_bytes_of_cached_ends_and_photos_are_counted(instance: Instance) -> None:
+    photos = run_to_end(compared_photos(instance))
+    ends = run_to_end(borrowed_ends(instance.fitted, [photo.coverage for photo in photos]))
+    for cached in (*photos, *ends):
+        values = [*vars(cached).values(), *cached.texels]
+        assert cached.size == sum(value.nbytes for value in values if isinstance(value, torch.Tensor))
+
+
 def test_the_photos_own_view_stays(model: Model, instance: Instance) -> None:
     ahead = instance.detail.views[0].camera.resized(96, 96)
     maps = run_to_end(detail_maps(instance))
@@ -70,6 +82,22 @@ def test_the_photos_own_view_stays(model: Model, instance: Instance) -> None:
     with_ends, _ = maps.added(rendered, ahead)
     plain, _ = replace(maps, photos=maps.photos[:1], borrowed=0).added(rendered, ahead)
     assert float((with_ends.colour - plain.colour).abs().mean()) < 0.001
+
+
+def test_the_shader_shows_what_is_borrowed(model: Model, instance: Instance) -> None:
+    *_, baked = bake(instance)
+    assert baked is not None and baked.detail is not None and baked.detail.borrowed == 1
+    behind = model.camera(BEHIND, 0.2).resized(96, 96)
+    photos = replace(baked.detail, photos=baked.detail.photos[:1], borrowed=0)
+    try:
+        pictures = OffscreenRenderer((96, 96))
+    except RuntimeError as error:
+        no_opengl(error)
+    with pictures:
+        drawn, before = (pictures.draw(replace(baked, detail=maps), behind) / 255 for maps in (baked.detail, photos))
+    change = np.abs(drawn - before).mean()
+    assert change > 0.005
+    assert np.abs(drawn - render_baked(baked, behind).colour.numpy()).mean() < change / 4
 
 
 @pytest.mark.parametrize("side", ["soft", "model"])

@@ -3,7 +3,10 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.models.codes import CodeBook, Codes, CodeSpace, Entry, farthest_first
+from core.models.codes import MAX_DISTORTION, CodeBook, Codes, CodeSpace, Entry, farthest_first
+from core.rendering.size import with_side
+
+_STRETCHES = st.tuples(*[st.floats(0.5, 4.0)] * 3)
 
 
 def cloud(seed: int = 0, count: int = 40, latent: int = 6) -> torch.Tensor:
@@ -59,6 +62,16 @@ def test_a_stretch_goes_with_the_shape():
 def test_other_stretches_are_refused(stretch: tuple[float, float, float]):
     with pytest.raises(ValueError, match="times"):
         Codes(torch.zeros(3), torch.zeros(2), stretch=stretch)
+
+
+@given(_STRETCHES, _STRETCHES, st.integers(0, 2), st.floats(0, 1), st.sampled_from((1e-9, 1e9)))
+def test_stretches_made_from_others_at_their_limits_are_valid(
+    first: tuple[float, float, float], second: tuple[float, float, float], axis: int, amount: float, factor: float
+) -> None:
+    stretches = (with_side(stretch, axis, factor) for stretch in (first, second))
+    ends = [Codes(torch.zeros(1), torch.zeros(1), stretch=stretch) for stretch in stretches]
+    mixed = ends[0].mixed(ends[1], amount, 0.0).stretch
+    assert mixed is not None and max(mixed) <= 1.00001 * MAX_DISTORTION * min(mixed)
 
 
 def test_a_code_book_shares_shapes_and_samples_by_seed():

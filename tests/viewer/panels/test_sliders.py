@@ -83,6 +83,11 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     assert editor.state == before
     window.drag("View/orbit", 60, 0)
     assert editor.scene.instance == before.scene.instance  # beside the handles, the object turns
+    editor.lock("shape", True)
+    window.ctx.yield_(2)
+    assert not window.exists("View/**/##size 2 1")  # nothing resizes a locked shape
+    editor.resize((1.5, 1.0, 1.0))
+    assert editor.scene.instance == before.scene.instance
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"
 
