@@ -41,7 +41,9 @@ def check_value(model: Model, parameters: Parameters, pixels: PixelBatch, stage:
     rendered = render_pixels(model, parameters, pixels, stage.samples)
     if term.channels is not None:
         channels = rendered.channels[..., term.channels].shape
-        assert term.residual(parameters, rendered).shape == channels, f"{build.__name__}: its components are not its channels"
+        assert term.residual(parameters, rendered).shape == channels, (
+            f"{build.__name__}: its components are not its channels"
+        )
     equations = normal_equations(model, parameters, pixels, None, stage, objective)
     expected = evaluate_objective(model, parameters, pixels, stage.samples, objective)
     assert torch.allclose(equations.objective, expected.objective, rtol=1e-4, atol=1e-7), (
