@@ -262,7 +262,7 @@ class App:
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         if self._folder and (width := hello_imgui.load_user_pref("width").strip()).isdigit():
             self._width = float(width)  # the layout is the last launch's
-        self.context.focus = self.context.preferences.front
+        self.context.focus = self.context.focus or self.context.preferences.front
         self.session.messages.restart()
         window.on_drop(self._dropped)
         window.limit_size()

@@ -46,7 +46,7 @@ class PanelContext:
     fast_opengl: bool = False  # OpenGL is fast enough for a baked object, measured at start
     images: Images | None = None
     bold: imgui.ImFont | None = None  # for headings
-    focus: str = "Mix"  # title of the panel to bring to the front; empty for none
+    focus: str = ""  # title of the panel to bring to the front; empty for none
     tool: str = "turn"  # use of a drag in the view: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
     dragged: str = ""  # name of the object that is dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px

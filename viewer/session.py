@@ -45,7 +45,7 @@ from viewer.values.printable import printable
 from viewer.values.project import Project
 from viewer.values.view_request import ViewSettings
 
-PICTURES = "pictures-2.safetensors"  # file of the last images of view and tiles; another name if renders change
+PICTURES = "pictures-3.safetensors"  # file of the last images of view and tiles; another name if renders change
 
 
 class Session:

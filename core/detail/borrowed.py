@@ -76,8 +76,8 @@ class BorrowedEnd:
     @property
     def size(self) -> int:
         """bytes"""
-        images = (self.colour, self.paint, self.weight, self.plain, self.surface, self.texels.features)
-        return sum(image.nbytes for image in images)
+        images = (self.colour, self.paint, self.weight, self.plain, self.surface)
+        return sum(image.nbytes for image in images) + self.texels.size
 
     def maps(self, textured: Instance, match: ColourMatch) -> PhotoMaps:
         """Return the maps of the end in an object's texture, for the pass of mirror images only.

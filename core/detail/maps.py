@@ -170,7 +170,7 @@ class ComparedPhoto:
     def size(self) -> int:
         """bytes"""
         maps = (value for value in vars(self).values() if isinstance(value, Tensor))
-        return sum(image.nbytes for image in (*maps, self.texels.features))
+        return sum(image.nbytes for image in maps) + self.texels.size
 
 
 def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, ComparedPhoto]:

@@ -23,14 +23,19 @@ class SurfaceTexels(NamedTuple):
 
     pixel: Bool[Tensor, "h w"]
     features: Float[Tensor, "pixels width"]
-    direction_bias: Float[Tensor, "pixels width"]
+    directions: Float[Tensor, "pixels 3"]  # unit viewing directions
+
+    @property
+    def size(self) -> int:
+        """bytes"""
+        return sum(tensor.nbytes for tensor in self)
 
     def colours(self, instance: Instance) -> Float[Tensor, "3 h w"]:
         """Return the colours of the surface in an object's texture, extrapolated beyond the opaque pixels."""
         folded = FoldedField.of(instance)
         image = torch.zeros(3, *self.pixel.shape)
-        blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
-        colours = map_pieces(lambda block: folded.colour(*block), blocks)
+        blocks = zip(self.features.split(_BLOCK), self.directions.split(_BLOCK), strict=True)
+        colours = map_pieces(lambda block: folded.colour(block[0], folded.direction_bias(block[1])), blocks)
         image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
         return continued(image, self.pixel)
 
@@ -44,7 +49,7 @@ def surface_texels(
     points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
     blocks = list(map_pieces(lambda block: folded.density(block)[1], points.split(_BLOCK)))
     features = torch.cat(blocks) if blocks else torch.zeros(0, instance.model.field.config.width)
-    texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
+    texels = SurfaceTexels(pixel, features, rays.directions[pixel].to(folded.device))
     parts = dict[str, Tensor]()
     if head := instance.model.part_head:
         for name, probability in zip(head.names, head(features).cpu().T, strict=True):

@@ -41,7 +41,8 @@ def find_pull(
 ) -> Pull:
     """Return the pull whose word names the axis of a drag.
 
-    A drag upwards at an object's top is *taller*. Sizes grow when the drag moves away from the object's middle. Without words for sizes it is the first direction.
+    A drag upwards at an object's top is *taller*. Sizes grow when the drag moves away from the object's middle. Without
+    words for sizes it is the first direction.
 
     Args:
         words: of the shape directions (:func:`core.directions.words.direction_words`).

@@ -158,7 +158,8 @@ def _photo(photo: PhotoMaps, soft: bool, quality: int) -> dict[str, Any]:
     if soft:
         mirrored = _planes(photo.soft, (_VECTOR,) * 4)
     elif photo.mirrored is not photo.fine:
-        mirrored = {"image": _colours(photo.mirrored[0].cpu(), quality)}
+        twin = photo.mirrored[0].cpu()
+        mirrored = {"image": _colours(twin, quality), "weight": _packed(to_bytes(twin[3]))}
     return {
         "width": width,
         "height": height,

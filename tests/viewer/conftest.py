@@ -177,10 +177,13 @@ def drive(
         strict: bool = True,
         folder: Path | None = None,
         instance: SingleInstance | None = None,
+        image: Path | None = None,
     ) -> None:
         session = Session(Worker(), backend, 0, folder)
         session.viewport.change(detail=32, samples=96)
         app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
+        if image:
+            app.context.fit(image)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict

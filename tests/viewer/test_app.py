@@ -427,6 +427,14 @@ def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Ba
     drive(act, replace(both, video=small_video), folder=tmp_path / "config")
 
 
+def test_a_photo_of_the_command_line_brings_its_panel_to_the_front(drive: Drive, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        window.ctx.yield_(5)
+        assert window.app._front_panel() == "Photo"
+
+    drive(act, image=photo)
+
+
 @pytest.mark.parametrize("panel", ["Photo", "Developer"])
 def test_the_front_panel_is_the_same_after_the_program_was_killed(drive: Drive, tmp_path: Path, panel: str) -> None:
     def first(window: Driver) -> None:

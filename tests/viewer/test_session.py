@@ -151,7 +151,9 @@ def test_a_model_file_joins_the_library(session: Session, editor: Editor, model:
     editor.undo()
     assert editor.model is model
     session.save_project(tmp_path / "a.codenerf")
-    again = Session(session.jobs.worker, replace(session.jobs.backend, load_model=by_name(model, stools=other)), seed=0)
+    again = Session(
+        session.jobs.worker, replace(session.jobs.backend, load_model=by_name(model, stools=stools)), seed=0
+    )
     again.open_project(tmp_path / "a.codenerf")
     assert again.messages.errors == []
     assert again.editor.history == editor.history

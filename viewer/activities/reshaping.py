@@ -122,6 +122,8 @@ class Reshaping:
     def drag_handle(self, handle: Handle, drag: Place, words: Sequence[str]) -> None:
         """Reshape the object as a handle is dragged, from where it was pressed; then call :meth:`release`.
 
+        Nothing happens once anything else changes the shape, such as undo.
+
         Args:
             drag: right and down, fractions of the view's shorter side.
             words: of the shape directions.
@@ -136,6 +138,8 @@ class Reshaping:
             pull = find_pull(instance, words, camera, handle.point, pixels)
             direction = Direction.principal(instance.model.codes, "shape", pull.direction)
             self._pull = pull, direction, direction.strength(instance)
+        elif self._drag is None or self._editor.scene.instance.codes.shape is not self._drag.edited.codes.shape:
+            return  # undo or a fit's result shows another shape: the drag is over, though its handle is still held
         pull, direction, start = self._pull
         self.move_along(direction, start + pull.amount(pixels), gesture="reshape")
 

@@ -206,14 +206,21 @@ class ObjectLibrary:
     def match(self, incoming: Iterable[EditableObject]) -> dict[str, str]:
         """Add the objects that are not here yet, and return the names here by the names given.
 
-        Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one.
+        Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one, and a
+        version only a version: those of an object that became one would be listed nowhere.
         """
         before = list(self.ever_added)
         names = dict[str, str]()
         incoming = tuple(incoming)
         for key in (attrgetter("ends"), attrgetter("original")):
             for item in incoming:
-                equal = [added for added in before if item.name not in names and key(added) == key(item)]
+                equal = [
+                    added
+                    for added in before
+                    if item.name not in names
+                    and bool(added.version_of) == bool(item.version_of)
+                    and key(added) == key(item)
+                ]
                 if equal:
                     nearest = min(equal, key=lambda added: added.name != item.name)
                     before.remove(nearest)

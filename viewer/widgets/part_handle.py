@@ -108,7 +108,9 @@ class PartHandle:
     def follow_mouse(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Choose the part to light up in the next frame; call after the view's own item, imgui's last one."""
         if self._pressed_at is not None:
-            return
+            if imgui.is_any_mouse_down():
+                return
+            self._pressed_at = None  # released while the view was not drawn, as after Ctrl+N
         io = imgui.get_io()
         lit = self._lit
         visible = None

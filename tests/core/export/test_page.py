@@ -3,15 +3,17 @@
 import base64
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from jaxtyping import Float, UInt8
 from PIL import Image
 
+from core.detail.lookup import DetailMaps
 from core.export.page import MAX_BYTES, write_page
 from core.export.page import page as page_text
 from core.geometry.camera import Camera, Factors
@@ -98,11 +100,20 @@ def test_pages_show_the_programs_own_render(
     assert chromium.evaluate("document.title") == "Stool <1>"
 
 
-def test_pages_show_the_programs_paint_in_place_of_mirrored_lettering(
-    tiny: Model, camera: Camera, chromium: Chromium, tmp_path: Path
+def borrowing(maps: DetailMaps) -> DetailMaps:
+    """Return maps with others that count in the mirror only, as those borrowed from a training object."""
+    photo = maps.photos[0]
+    coloured = tuple(torch.cat((1 - level[:3], level[3:])) for level in photo.fine)
+    twin = replace(photo, fine=tuple(map(torch.zeros_like, coloured)), mirrored=coloured)
+    return replace(maps, photos=(photo, twin), borrowed=1)
+
+
+@pytest.mark.parametrize("changed", [lettered, borrowing])
+def test_pages_show_what_the_mirror_image_has_of_its_own(
+    tiny: Model, camera: Camera, chromium: Chromium, tmp_path: Path, changed: Callable[[DetailMaps], DetailMaps]
 ) -> None:
     *_, baked = filter(None, bake(striped(tiny, camera.resized(192, 192))))
-    baked = replace(baked, detail=lettered(baked.detail))
+    baked = replace(baked, detail=changed(baked.detail))
     path = tmp_path / "object.html"
     path.write_text(page_text(baked, camera, np.zeros((64, 64, 4), np.uint8), "Stool"))
     chromium.open(path, SIZE, SIZE + 100)

@@ -144,3 +144,28 @@ def test_an_edit_that_comes_after_an_undo_changes_nothing(session: Session, edit
     session.reshaping.release()
     finish(session)
     assert editor.scene is before
+
+
+def test_a_held_handle_leaves_another_shape_alone(session: Session, editor: Editor) -> None:
+    for interrupt in (editor.undo, lambda: editor.show_object(editor.state.mix.b)):
+        for up in (0.02, 0.05):
+            session.reshaping.drag_handle(_TOP, (0.0, -up), _WORDS)
+            finish(session)
+        interrupt()
+        before = editor.scene
+        session.reshaping.drag_handle(_TOP, (0.0, -0.09), _WORDS)
+        session.reshaping.release()
+        finish(session)
+        assert editor.scene is before
+
+
+def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, editor: Editor) -> None:
+    session.reshaping.drag_handle(_TOP, (0.0, -0.02), _WORDS)
+    finish(session)
+    texture = editor.model[2].codes.texture
+    editor.set_texture(texture)
+    shape = editor.code("shape")
+    session.reshaping.drag_handle(_TOP, (0.0, -0.05), _WORDS)
+    session.reshaping.release()
+    finish(session)
+    assert editor.code("shape") is not shape and editor.code("texture") is texture

@@ -133,7 +133,7 @@ def test_later_states_take_over_what_is_removed_or_in_the_timeline(edited: Calla
     )
     assert [state.timeline for state in history.future] == [timelines[2], timelines[1]]
     assert [state.removed for state in history.future] == [{"a"}, {"a", "b"}]
-    assert history.undone().undone().now == one
+    assert history.undone().undone().now == first
 
 
 def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
@@ -180,7 +180,7 @@ def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, 
             assert history.undone().redone().states == history.states
         if history.future:
             assert history.redone().undone().now is history.now
-        if not history.gesture:  # each state of a drag takes the place of the one before
+        if not history.gesture:  # each state of a drag takes the place of the first before
             assert {id(state.scene) for state, _ in before.steps} <= {id(state.scene) for state, _ in history.steps}
         if kind == "move":
             assert _edits(history) == _edits(before)
@@ -258,6 +258,6 @@ def _edits(history: History) -> list[str]:
 
 
 def _is_turned(history: History, number: int) -> bool:
-    """Whether a step differs from one before it by moves of the camera alone."""
+    """Whether a step differs from first before it by moves of the camera alone."""
     state, parent = history.steps[number]
     return parent >= 0 and state.is_move_of(history.steps[parent].state)
