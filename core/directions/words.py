@@ -2,11 +2,12 @@
 
 The mean object is moved to both sides along a direction. The differences of its surface and colours decide the word,
 each measured in units of the least visible change. No word is used twice; a direction without a visible effect gets
-none.
+none. To add a word, add a row with its measure to :data:`_SHAPE` or :data:`_TEXTURE`.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -23,32 +24,54 @@ _EDGE = 0.01  # fraction of the points at either end of an axis that count as sp
 _CORNER = 0.2  # size of a silhouette's corner relative to its width and height
 _LEAST_POINTS = 50  # on a surface worth measuring
 _LEAST = 0.5  # units of visibility: smaller changes give no word
-_SHAPE: dict[str, tuple[str, str, float]] = {
-    "width": ("wider", "narrower", 0.05),
-    "depth": ("longer", "shorter", 0.05),
-    "height": ("taller", "lower", 0.05),
-    "roundness": ("rounder", "more angular", 0.06),
-    "top": ("heavier top", "heavier base", 0.05),
-    "front": ("fuller front", "fuller back", 0.04),
-    "upper width": ("wider top", "narrower top", 0.08),
-    "upper depth": ("longer top", "shorter top", 0.08),
-}  # by measure: words for an increase and a decrease, and the least visible change (the unit of visibility)
+
+
+class _Shape(NamedTuple):
+    """The sizes of a surface, by standard deviations, which are finer than extents for points on a grid."""
+
+    place: Float[Tensor, "points 3"]  # in the surface's box, 0..1
+    size: list[float]  # logarithms of width, depth and height
+    upper: list[float]  # the same of the upper half
+
+
+class _Colours(NamedTuple):
+    """The colours of a surface."""
+
+    lab: Float[Tensor, "points 3"]
+    mean: list[float]
+    top: list[float]  # mean of the upper half less that of the lower one
+
+
+_Word = tuple[str, str, float]  # for an increase and for a decrease of a measure, and the least visible change
+_SHAPE: dict[str, tuple[_Word, Callable[[_Shape], float]]] = {
+    "width": (("wider", "narrower", 0.05), lambda shape: shape.size[0]),
+    "depth": (("longer", "shorter", 0.05), lambda shape: shape.size[1]),
+    "height": (("taller", "lower", 0.05), lambda shape: shape.size[2]),
+    "roundness": (("rounder", "more angular", 0.06), lambda shape: _roundness(shape.place)),
+    "top": (("heavier top", "heavier base", 0.05), lambda shape: float(shape.place[:, 2].mean())),
+    "front": (("fuller front", "fuller back", 0.04), lambda shape: float(shape.place[:, 1].mean())),
+    "upper width": (("wider top", "narrower top", 0.08), lambda shape: shape.upper[0] - shape.size[0]),
+    "upper depth": (("longer top", "shorter top", 0.08), lambda shape: shape.upper[1] - shape.size[1]),
+}
+_TEXTURE: dict[str, tuple[_Word, Callable[[_Colours], float]]] = {
+    "lightness": (("lighter", "darker", 8.0), lambda colours: colours.mean[0]),
+    "red": (("redder", "greener", 7.0), lambda colours: colours.mean[1]),
+    "yellow": (("more yellow", "bluer", 7.0), lambda colours: colours.mean[2]),
+    "colour": (("more colourful", "greyer", 7.0), lambda colours: math.hypot(*colours.mean[1:])),
+    "top lightness": (("lighter top", "darker top", 8.0), lambda colours: colours.top[0]),
+    "top red": (("redder top", "greener top", 7.0), lambda colours: colours.top[1]),
+    "top yellow": (("more yellow top", "bluer top", 7.0), lambda colours: colours.top[2]),
+    "contrast": (("more contrast", "plainer", 6.0), lambda colours: float(colours.lab[:, 0].std())),
+}
+_TABLES: dict[CodeKind, dict[str, _Word]] = {
+    "shape": {name: word for name, (word, _) in _SHAPE.items()},
+    "texture": {name: word for name, (word, _) in _TEXTURE.items()},
+}
 AXES = {
     word: (axis, sign)
     for axis, name in enumerate(("width", "depth", "height"))
-    for word, sign in zip(_SHAPE[name][:2], (1, -1), strict=True)
+    for word, sign in zip(_TABLES["shape"][name][:2], (1, -1), strict=True)
 }  # of words for sizes: world axis, and 1 for growth along it
-_TEXTURE: dict[str, tuple[str, str, float]] = {
-    "lightness": ("lighter", "darker", 8.0),
-    "red": ("redder", "greener", 7.0),
-    "yellow": ("more yellow", "bluer", 7.0),
-    "colour": ("more colourful", "greyer", 7.0),
-    "top lightness": ("lighter top", "darker top", 8.0),
-    "top red": ("redder top", "greener top", 7.0),
-    "top yellow": ("more yellow top", "bluer top", 7.0),
-    "contrast": ("more contrast", "plainer", 6.0),
-}
-_TABLES: dict[CodeKind, dict[str, tuple[str, str, float]]] = {"shape": _SHAPE, "texture": _TEXTURE}
 OPPOSITES = {
     word: opposite
     for table in _TABLES.values()
@@ -128,7 +151,7 @@ def _direction(words: Words, name: str) -> tuple[CodeKind, int, int]:
     return directions[name]
 
 
-def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:
+def name_changes(changes: list[dict[str, float]], table: Mapping[str, _Word]) -> tuple[str, ...]:
     """Return a word for each direction's changes of measures, "" if none is clear; the clearest change chooses first.
 
     Example:
@@ -155,33 +178,33 @@ def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str,
 def _measured(instance: Instance) -> dict[str, float]:
     """Return all measures of an object; empty if it has nearly no surface."""
     points, colours = (values.cpu() for values in surface_points(instance))
-    return _measured_shape(points) | _measured_colours(points, colours) if len(points) >= _LEAST_POINTS else {}
+    if len(points) < _LEAST_POINTS:
+        return {}
+    shape = _shape_of(points)
+    colouring = _colours_of(points, colours)
+    measures = {name: measure(shape) for name, (_, measure) in _SHAPE.items()}
+    return measures | {name: measure(colouring) for name, (_, measure) in _TEXTURE.items()}
 
 
-def _measured_shape(points: Float[Tensor, "points 3"]) -> dict[str, float]:
-    """Measure a shape; sizes by standard deviations, which are finer than extents for points on a grid."""
+def _shape_of(points: Float[Tensor, "points 3"]) -> _Shape:
     low, high = _ends(points)
     place = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
     upper = points[place[:, 2] > 0.5]
-    width, depth, height = points.std(0).clamp_min(1e-6).log().tolist()
-    top = (upper if len(upper) > 2 else points).std(0).clamp_min(1e-6).log().tolist()
-    _, front, up = place.mean(0).tolist()
-    views = ((0, 2), (1, 2), (0, 1))
-    return {
-        "width": width,
-        "depth": depth,
-        "height": height,
-        "roundness": sum(_empty_corners(place[:, axes]) for axes in views) / len(views),
-        "top": up,
-        "front": front,
-        "upper width": top[0] - width,
-        "upper depth": top[1] - depth,
-    }
+    return _Shape(place, _log_sizes(points), _log_sizes(upper if len(upper) > 2 else points))
+
+
+def _log_sizes(points: Float[Tensor, "points 3"]) -> list[float]:
+    return points.std(0).clamp_min(1e-6).log().tolist()
 
 
 def _ends(points: Float[Tensor, "points 3"]) -> tuple[Tensor, Tensor]:
     low, high = points.quantile(torch.tensor([_EDGE, 1 - _EDGE]), dim=0)
     return low, high
+
+
+def _roundness(place: Float[Tensor, "points 3"]) -> float:
+    views = ((0, 2), (1, 2), (0, 1))
+    return sum(_empty_corners(place[:, axes]) for axes in views) / len(views)
 
 
 def _empty_corners(place: Float[Tensor, "points 2"]) -> float:
@@ -194,22 +217,12 @@ def _empty_corners(place: Float[Tensor, "points 2"]) -> float:
     return 1 - sum(float(filled[across, down].float().mean()) for across in ends for down in ends) / 4
 
 
-def _measured_colours(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> dict[str, float]:
+def _colours_of(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> _Colours:
     lab = _lab(colours)
-    mean = lab.mean(0)
     height = points[:, 2]
     above = height > (height.min() + height.max()) / 2
     top = lab[above].mean(0) - lab[~above].mean(0) if 0 < int(above.sum()) < len(above) else torch.zeros(3)
-    return {
-        "lightness": float(mean[0]),
-        "red": float(mean[1]),
-        "yellow": float(mean[2]),
-        "colour": math.hypot(*mean[1:].tolist()),
-        "top lightness": float(top[0]),
-        "top red": float(top[1]),
-        "top yellow": float(top[2]),
-        "contrast": float(lab[:, 0].std()),
-    }
+    return _Colours(lab, lab.mean(0).tolist(), top.tolist())
 
 
 def _lab(colours: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:

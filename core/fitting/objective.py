@@ -55,7 +55,7 @@ class Term(NamedTuple):
 
     residual: Callable[[Parameters, RenderedPixels], Float[Tensor, "hypotheses *items components"]]
     """The squared error of an item is the mean square of its components."""
-    weight: Float[Tensor, "*#items"] | float
+    weight: Float[Tensor, "*#items"] | float  # of a pixel's item: divided by the number of pixels, for an average
     scale: Float[Tensor, "*#items"] | float = math.inf  # of Cauchy's loss; infinite: least squares
     channels: slice | None = None
     """channels of a rendered pixel (hypotheses, views, rays) of which the components are errors, with a derivative of

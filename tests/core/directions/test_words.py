@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -16,7 +18,7 @@ def test_the_clearest_change_takes_its_word_first_and_no_word_is_used_twice() ->
 
 @pytest.mark.parametrize("name", ["chairs", "cars"])
 def test_words_are_distinct_and_say_how_renders_change(name: str) -> None:
-    *_, words = direction_words(load_model(name))
+    *_, words = direction_words(replace(load_model(name), words=None))  # measured, not read from the file
     for kind in ("shape", "texture"):
         named = [word for word in words[kind] if word]
         assert len(words[kind]) == 6

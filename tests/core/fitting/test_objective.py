@@ -19,6 +19,7 @@ from core.fitting.objective import (
     evaluate_objective,
     image_squared_error,
     mask_term,
+    render_pixels,
     term_value,
     viewpoint_weights,
 )
@@ -33,12 +34,29 @@ KNOWN = (math.inf,) * 7
 MOVED = (*CAMERA_PRIOR_SCALE[:3], MOVED_SCALE, CAMERA_PRIOR_SCALE[4], math.inf, math.inf)
 
 
+def check_value(model: Model, parameters: Parameters, pixels: PixelBatch, stage: Stage, objective: Objective) -> None:
+    """Check a term alone, so that a failure names it: its value is an average over pixels, of its channels' errors."""
+    (build,) = objective.terms
+    term = build(pixels, objective)
+    rendered = render_pixels(model, parameters, pixels, stage.samples)
+    if term.channels is not None:
+        channels = rendered.channels[..., term.channels].shape
+        assert term.residual(parameters, rendered).shape == channels, f"{build.__name__}: components are no channels"
+    equations = normal_equations(model, parameters, pixels, None, stage, objective)
+    expected = evaluate_objective(model, parameters, pixels, stage.samples, objective)
+    assert torch.allclose(equations.objective, expected.objective, rtol=1e-4, atol=1e-7), (
+        f"{build.__name__}: no average over pixels"
+    )
+
+
 def check_gradient(model: Model, parameters: Parameters, pixels: PixelBatch, objective: Objective) -> None:
     """Gauss-Newton's against autograd's. With two samples a ray, all of them are differentiated by both."""
     stage = Stage(3, 1, 96, 2, objective.robust_scale, 0.3)
     parameters = Parameters(*(values.requires_grad_() for values in parameters))
     detached = Parameters(*(values.detach() for values in parameters))
     with use_dtype(torch.float32):
+        for term in objective.terms:
+            check_value(model, detached, pixels, stage, objective._replace(terms=(term,)))
         equations = normal_equations(model, detached, pixels, None, stage, objective)
         expected = evaluate_objective(model, parameters, pixels, stage.samples, objective)
     torch.testing.assert_close(equations.objective, expected.objective, rtol=1e-4, atol=1e-7)
