@@ -138,7 +138,7 @@ class Reshaping:
             pull = find_pull(instance, words, camera, handle.point, pixels)
             direction = Direction.principal(instance.model.codes, "shape", pull.direction)
             self._pull = pull, direction, direction.strength(instance)
-        elif self._drag is None or self._editor.scene.instance.codes.shape is not self._drag.shown.codes.shape:
+        elif self._drag is None or self._editor.scene.instance.codes.shape is not self._drag.edited.codes.shape:
             return  # undo or a fit's result shows another shape: the drag is over, though its handle is still held
         pull, direction, start = self._pull
         self.move_along(direction, start + pull.amount(pixels), gesture="reshape")
