@@ -10,7 +10,7 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any, NamedTuple
 
-LIMIT = 128 * 2**20  # bytes of all kinds together
+LIMIT = 192 * 2**20  # bytes of all kinds together
 
 
 class CacheKind(IntEnum):
@@ -23,6 +23,9 @@ class CacheKind(IntEnum):
     VIEW = 0  # visible intervals of a shape from a camera: large, recomputed in a fraction of a second
     SHAPE = 1  # occupied cells of a shape
     DETAIL = 2  # photo detail of codes
+
+
+_MOST_DETAIL = 2 / 3  # of the limit: photo detail of many objects leaves room for shapes and views
 
 
 class _Entry(NamedTuple):
@@ -69,8 +72,8 @@ class ByteCache:
         with self._lock:
             self._entries[kind].pop(key, None)
             if size <= self._room(kind):
+                self._make_room(kind, size)
                 self._entries[kind][key] = _Entry(value, size)
-                self._make_room()
 
     def make_room(self, kind: CacheKind, size: int) -> bool:
         """Evict until a value of ``size`` bytes fits, before computing it.
@@ -80,7 +83,7 @@ class ByteCache:
         with self._lock:
             if size > self._room(kind):
                 return False
-            self._make_room(size)
+            self._make_room(kind, size)
             return True
 
     def newest(self, kind: CacheKind) -> list[tuple[Any, Any]]:
@@ -94,14 +97,20 @@ class ByteCache:
             for kind in kinds:
                 self._entries[kind].clear()
 
-    def _used(self) -> int:
-        return sum(entry.size for entries in self._entries.values() for entry in entries.values())
+    def _used(self, *kinds: CacheKind) -> int:
+        return sum(entry.size for kind in kinds or CacheKind for entry in self._entries[kind].values())
 
-    def _room(self, kind: CacheKind) -> int:
+    def _most(self, kind: CacheKind) -> float:
+        """Return the bytes that a kind may fill."""
+        return self.limit * (_MOST_DETAIL if kind is CacheKind.DETAIL else 1)
+
+    def _room(self, kind: CacheKind) -> float:
         later_kinds = [later for later in CacheKind if later > kind]
-        return self.limit - sum(entry.size for later in later_kinds for entry in self._entries[later].values())
+        return self._most(kind) - (self._used(*later_kinds) if later_kinds else 0)
 
-    def _make_room(self, size: int = 0) -> None:
+    def _make_room(self, kind: CacheKind, size: int) -> None:
+        while self._used(kind) + size > self._most(kind):
+            self._entries[kind].popitem(last=False)
         while self._used() + size > self.limit:
             lowest = next(kind for kind in CacheKind if self._entries[kind])
             self._entries[lowest].popitem(last=False)
