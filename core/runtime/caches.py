@@ -25,7 +25,8 @@ class CacheKind(IntEnum):
     DETAIL = 2  # photo detail of codes
 
 
-_MOST_DETAIL = 2 / 3  # of the limit: photo detail of many objects leaves room for shapes and views
+_MOST = {CacheKind.VIEW: 1.0, CacheKind.SHAPE: 3 / 4, CacheKind.DETAIL: 2 / 3}
+"""Fraction of the limit that a kind and the later ones may fill: many shapes leave room for views."""
 
 
 class _Entry(NamedTuple):
@@ -97,23 +98,18 @@ class ByteCache:
             for kind in kinds:
                 self._entries[kind].clear()
 
-    def _used(self, *kinds: CacheKind) -> int:
-        return sum(entry.size for kind in kinds or CacheKind for entry in self._entries[kind].values())
-
-    def _most(self, kind: CacheKind) -> float:
-        """Return the bytes that a kind may fill."""
-        return self.limit * (_MOST_DETAIL if kind is CacheKind.DETAIL else 1)
+    def _used(self, first: int = CacheKind.VIEW) -> int:
+        """Return the bytes of a kind and the later ones."""
+        return sum(entry.size for kind in CacheKind if kind >= first for entry in self._entries[kind].values())
 
     def _room(self, kind: CacheKind) -> float:
-        later_kinds = [later for later in CacheKind if later > kind]
-        return self._most(kind) - (self._used(*later_kinds) if later_kinds else 0)
+        return self.limit * _MOST[kind] - self._used(kind + 1)
 
     def _make_room(self, kind: CacheKind, size: int) -> None:
-        while self._used(kind) + size > self._most(kind):
-            self._entries[kind].popitem(last=False)
-        while self._used() + size > self.limit:
-            lowest = next(kind for kind in CacheKind if self._entries[kind])
-            self._entries[lowest].popitem(last=False)
+        for first in reversed([earlier for earlier in CacheKind if earlier <= kind]):
+            while self._used(first) + size > self.limit * _MOST[first]:
+                lowest = next(later for later in CacheKind if later >= first and self._entries[later])
+                self._entries[lowest].popitem(last=False)
 
 
 CACHE = ByteCache()  # shared by rendering and fits of this process
