@@ -258,6 +258,7 @@ class App:
         # imgui logs errors in a panel instead of ending the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
+        io.config_drag_click_to_input_text = True  # a click on a number is for typing
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
         if self._folder and (width := hello_imgui.load_user_pref("width").strip()).isdigit():
             self._width = float(width)  # the layout is the last launch's

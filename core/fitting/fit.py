@@ -13,7 +13,7 @@ biases, so the cost of a hypothesis is that of its points. The paper's own recip
 
 import math
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -96,23 +96,7 @@ def _search_codes(
             problem = replace(problem, occluded=True)
         state = partial(SearchState, problem, range(len(job.photos)), restart=attempt > 0)
         try:
-            # 2. Optimise and prune hypotheses: from the best cameras of the bank, then around the best results.
-            coarse = initial
-            for coarse in optimise(problem, initial, schedule.coarse, generator):
-                yield state(coarse, result)
-            local = local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
-            batch = local
-            for batch in optimise(problem, local, schedule.local, generator):
-                # The coarse winner is kept, so that stopping early returns the best of all.
-                yield state(concatenate(batch, coarse.best) if schedule.coarse else batch, result)
-            # 3. Refine the best.
-            selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
-            refined = selected.winner
-            for number, refined in enumerate(refine(problem, selected.winner, schedule.final, generator), 1):
-                if number < schedule.final.steps:
-                    yield state(refined, result or selected._replace(winner=refined))
-            # 4. Runner-up, uncertainty, confidence.
-            assessed = assess(problem, selected, refined, schedule.final)
+            assessed = yield from _search_once(problem, schedule, job, generator, initial, state, result)
         except DivergedError:
             if result is None:
                 raise
@@ -129,6 +113,40 @@ def _search_codes(
         if not restarts:
             break
     return searched
+
+
+def _search_once(
+    problem: Problem,
+    schedule: Schedule,
+    job: FitJob,
+    generator: torch.Generator,
+    initial: HypothesisBatch,
+    state: Callable[[HypothesisBatch, SearchResult | None], SearchState],
+    earlier: SearchResult | None,
+) -> Generator[SearchState, None, SearchResult]:
+    """Run steps 2 to 4 once. Raises :class:`DivergedError`.
+
+    Args:
+        state: makes the state of hypotheses and a result.
+        earlier: result of the searches before; it leads until this one ends.
+    """
+    # 2. Optimise and prune hypotheses: from the best cameras of the bank, then around the best results.
+    coarse = initial
+    for coarse in optimise(problem, initial, schedule.coarse, generator):
+        yield state(coarse, earlier)
+    local = local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
+    batch = local
+    for batch in optimise(problem, local, schedule.local, generator):
+        # The coarse winner is kept, so that stopping early returns the best of all.
+        yield state(concatenate(batch, coarse.best) if schedule.coarse else batch, earlier)
+    # 3. Refine the best.
+    selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
+    refined = selected.winner
+    for number, refined in enumerate(refine(problem, selected.winner, schedule.final, generator), 1):
+        if number < schedule.final.steps:
+            yield state(refined, earlier or selected._replace(winner=refined))
+    # 4. Runner-up, uncertainty, confidence.
+    return assess(problem, selected, refined, schedule.final)
 
 
 def _initial(

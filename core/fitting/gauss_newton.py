@@ -121,10 +121,7 @@ def normal_equations(
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
     origin: Latents | None = None,
 ) -> NormalEquations:
-    """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`.
-
-    Two threads compute a half each (:func:`_halves`).
-    """
+    """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`."""
     hypothesis_count = len(parameters.angles)
     pixel_count = pixels.pixels.shape[1]
 
@@ -155,7 +152,7 @@ def normal_equations(
 
 
 def _halves(hypotheses: int, pixels: int) -> list[tuple[slice, slice]]:
-    """Return the indices of the hypotheses and pixels of each half: of the pixels if hypotheses are odd."""
+    """Return the indices of hypotheses and pixels of a thread each: half of the pixels if hypotheses are odd."""
     everything = slice(None)
     if hypotheses % 2:  # every second pixel, as they are sorted: on the object, near it, elsewhere
         return [(everything, slice(first, None, 2)) for first in range(min(2, pixels))]

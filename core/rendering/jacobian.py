@@ -5,7 +5,7 @@ of all channels propagate together; autograd would need a pass for each. They ar
 the field's biases to the estimated coordinates of the codes.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import torch
@@ -72,12 +72,7 @@ def render_with_jacobian(
     chosen_points = points[objects, top]
     directions = rays.directions.flatten(1, 2)[objects, ray]
     chunks = list(_chunks(top.shape, chunk_points(matmul_dtype(model.device.type))))
-    colours = torch.empty(*top.shape, 3, device=top.device)
-    activations = []
-    for chunk in chunks:
-        biases = shape_bias[chunk[0]], texture_bias[chunk[0]]
-        forward, colours[chunk] = _forward(model, chosen_points[chunk], directions[chunk], *biases)
-        activations.append(forward)
+    activations, colours = _forward_chunks(model, chosen_points, directions, shape_bias, texture_bias, chunks)
     composited = _composite(colours, sample_weights, transmittance, top)
     by_logit = density_derivative(density.flatten(1).gather(1, top), model.field.config)
     # An interval without end is opaque at any density.
@@ -89,12 +84,9 @@ def render_with_jacobian(
     for chunk, forward in zip(chunks, activations, strict=True):
         along = composited.by_colour[chunk], by_density[chunk], by_logit[chunk], depth[chunk]
         summed.add(_backward(model, forward, *along), row[chunk].flatten())
-    by_ray = (
-        summed.origin,
-        summed.direction,
-        _along_codes(summed.shape, bias_jacobians.shape),
-        _along_codes(summed.texture, bias_jacobians.texture),
-    )
+    by_shape = _along_codes(summed.shape, bias_jacobians.shape)
+    by_texture = _along_codes(summed.texture, bias_jacobians.texture)
+    by_ray = summed.origin, summed.direction, by_shape, by_texture
     return RenderedJacobian(composited.channels, *(values.unflatten(0, transmittance.shape) for values in by_ray))
 
 
@@ -203,6 +195,24 @@ class _Activations(NamedTuple):
     shape: tuple[Float[Tensor, "objects samples width"], ...]  # after each layer of the shape part
     texture: tuple[Float[Tensor, "objects samples _"], ...]  # after each layer of the texture part
     rgb_derivative: Float[Tensor, "objects samples 3"]  # of rgb with respect to the last layer's output
+
+
+def _forward_chunks(
+    model: Model,
+    points: Float[Tensor, "objects samples 3"],
+    directions: Float[Tensor, "objects samples 3"],
+    shape_bias: Float[Tensor, "objects blocks width"],
+    texture_bias: Float[Tensor, "objects more_blocks width"],
+    chunks: Iterable[tuple[slice, slice]],
+) -> tuple[list[_Activations], Float[Tensor, "objects samples 3"]]:
+    """Return the activations of each chunk of samples, and all colours."""
+    colours = torch.empty_like(points)
+    activations = []
+    for chunk in chunks:
+        biases = shape_bias[chunk[0]], texture_bias[chunk[0]]
+        forward, colours[chunk] = _forward(model, points[chunk], directions[chunk], *biases)
+        activations.append(forward)
+    return activations, colours
 
 
 def _forward(

@@ -10,7 +10,7 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any, NamedTuple
 
-LIMIT = 128 * 2**20  # bytes of all kinds together
+LIMIT = 192 * 2**20  # bytes of all kinds together
 
 
 class CacheKind(IntEnum):
@@ -23,6 +23,10 @@ class CacheKind(IntEnum):
     VIEW = 0  # visible intervals of a shape from a camera: large, recomputed in a fraction of a second
     SHAPE = 1  # occupied cells of a shape
     DETAIL = 2  # photo detail of codes
+
+
+_MOST = {CacheKind.VIEW: 1.0, CacheKind.SHAPE: 3 / 4, CacheKind.DETAIL: 2 / 3}
+"""Fraction of the limit that a kind and the later ones may fill: many shapes leave room for views."""
 
 
 class _Entry(NamedTuple):
@@ -69,8 +73,8 @@ class ByteCache:
         with self._lock:
             self._entries[kind].pop(key, None)
             if size <= self._room(kind):
+                self._make_room(kind, size)
                 self._entries[kind][key] = _Entry(value, size)
-                self._make_room()
 
     def make_room(self, kind: CacheKind, size: int) -> bool:
         """Evict until a value of ``size`` bytes fits, before computing it.
@@ -80,7 +84,7 @@ class ByteCache:
         with self._lock:
             if size > self._room(kind):
                 return False
-            self._make_room(size)
+            self._make_room(kind, size)
             return True
 
     def newest(self, kind: CacheKind) -> list[tuple[Any, Any]]:
@@ -94,17 +98,18 @@ class ByteCache:
             for kind in kinds:
                 self._entries[kind].clear()
 
-    def _used(self) -> int:
-        return sum(entry.size for entries in self._entries.values() for entry in entries.values())
+    def _used(self, first: int = CacheKind.VIEW) -> int:
+        """Return the bytes of a kind and the later ones."""
+        return sum(entry.size for kind in CacheKind if kind >= first for entry in self._entries[kind].values())
 
-    def _room(self, kind: CacheKind) -> int:
-        later_kinds = [later for later in CacheKind if later > kind]
-        return self.limit - sum(entry.size for later in later_kinds for entry in self._entries[later].values())
+    def _room(self, kind: CacheKind) -> float:
+        return self.limit * _MOST[kind] - self._used(kind + 1)
 
-    def _make_room(self, size: int = 0) -> None:
-        while self._used() + size > self.limit:
-            lowest = next(kind for kind in CacheKind if self._entries[kind])
-            self._entries[lowest].popitem(last=False)
+    def _make_room(self, kind: CacheKind, size: int) -> None:
+        for first in reversed([earlier for earlier in CacheKind if earlier <= kind]):
+            while self._used(first) + size > self.limit * _MOST[first]:
+                lowest = next(later for later in CacheKind if later >= first and self._entries[later])
+                self._entries[lowest].popitem(last=False)
 
 
 CACHE = ByteCache()  # shared by rendering and fits of this process

@@ -151,6 +151,14 @@ class Reshaping:
         _, direction, start = self._pull
         return direction, self._editor.strength(direction) - start
 
+    @property
+    def is_past_end(self) -> bool:
+        """True while a handle is dragged farther than the object can follow."""
+        if self._pull is None or self._drag is None:
+            return False
+        low, high = self._pull[1].reach(self._drag.base)
+        return not low <= self._drag.to <= high
+
     def move_along(self, direction: Direction, to: float, gesture: str) -> None:
         """Move the object along a direction as part of a drag; of several positions the worker takes the newest.
 

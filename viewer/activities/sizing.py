@@ -27,12 +27,15 @@ class Sizing:
 
     def _measure(self, natural: Instance) -> None:
         measure = self._jobs.backend.bounds
+        report = self._jobs.reporting("Cannot measure the object")
 
         def keep(bounds: Bounds) -> None:
             self._measured = natural, bounds
 
         def ended(error: Exception | None) -> None:
-            if error:  # an object without a surface: it can be edited, but has no size
+            if error:
                 self._measured = natural, None
+            if not isinstance(error, ValueError):  # an object without a surface can be edited, but has no size
+                report(error)
 
         self._jobs.submit(Job("size", lambda: (measure(natural),), keep, ended, urgent=True))

@@ -238,7 +238,7 @@ def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:
     imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
     side = settings.mesh_settings(instance).metres or 1.0
     changed, metres = imgui.drag_float("##metres", side, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
-    tooltip("The object stands on the ground, this large. Drag, or Ctrl+click to type")
+    tooltip("The object stands on the ground, this large. Drag, or click to type")
     return replace(settings, metres=metres) if changed else settings
 
 

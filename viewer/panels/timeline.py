@@ -51,7 +51,7 @@ def _draw_length(context: PanelContext, player: Player) -> None:
     if changed:
         player.stretch(length)
     end_gesture(context)
-    tooltip("How long the timeline is. Drag, or Ctrl+click to type")
+    tooltip("How long the timeline is. Drag, or click to type")
 
 
 def _draw_line(context: PanelContext, player: Player) -> None:

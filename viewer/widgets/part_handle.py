@@ -77,7 +77,8 @@ class PartHandle:
         direction, by = pulled
         words = _words(context)
         word = words[direction.index] if direction.index < len(words) else ""
-        return f"{name}: {word if by >= 0 else OPPOSITES.get(word, '')}"
+        end = ", no further" if context.session.reshaping.is_past_end else ""
+        return f"{name}: {word if by >= 0 else OPPOSITES.get(word, '')}{end}"
 
     def _react(self, context: PanelContext, handle: Handle) -> None:
         """React to imgui's last item, a part of the handle."""

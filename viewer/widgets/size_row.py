@@ -53,4 +53,4 @@ def _draw_side(context: PanelContext, axis: int, natural: Size | None, stretch: 
     end_gesture(context)
     if imgui.is_item_hovered() or imgui.is_item_active():
         context.shows_size = True
-    tooltip(f"{SIDES[axis]} in cm: drag, or Ctrl+click to type")
+    tooltip(f"{SIDES[axis]} in cm: drag, or click to type")

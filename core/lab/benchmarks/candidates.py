@@ -145,8 +145,7 @@ def measure_candidates(
             judge.add(name, str(path))
             continue
         assert rays
-        settings = replace(settings, steps=budget.steps)
-        trainer = Trainer(dataset, settings, device, prepared=rays.with_own_hulls())
+        trainer = Trainer(dataset, replace(settings, steps=budget.steps), device, prepared=rays.with_own_hulls())
         yield from _train(trainer, budget, judge, name, path)
         report(f"{name}: {trainer.step} steps in {trainer.seconds:.0f} s")
     yield from judge.rest()

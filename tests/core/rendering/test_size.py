@@ -17,6 +17,7 @@ from core.models.model import Instance, Model
 from core.rendering import fast
 from core.rendering.reference import render_exact, render_rays
 from core.rendering.size import described, natural_bounds, natural_size, size_of, sized
+from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import random_model
 from tests.core.detail.test_maps import SIZE, striped
@@ -63,8 +64,9 @@ def test_a_scale_changes_no_picture(tiny: Model, factor: float) -> None:
 
 
 def test_the_natural_size_is_that_of_the_surface(tiny: Model) -> None:
-    bounds = natural_bounds(tiny[2])
-    vertices = run_to_end(extract_mesh(tiny[2], 96)).vertices
+    with use_dtype(torch.float32):  # bfloat16 moves soft surfaces by more
+        bounds = natural_bounds(tiny[2])
+        vertices = run_to_end(extract_mesh(tiny[2], 96)).vertices
     np.testing.assert_allclose(bounds.low, vertices.min(0), atol=0.004)
     np.testing.assert_allclose(bounds.high, vertices.max(0), atol=0.004)
     assert max(natural_size(tiny[2])) == pytest.approx(100 * tiny.metres)

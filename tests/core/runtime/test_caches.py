@@ -12,7 +12,8 @@ puts = st.lists(st.tuples(st.sampled_from(list(CacheKind)), st.integers(0, 9), s
 def test_the_limit_holds(puts: list[tuple[CacheKind, int, int]]):
     cache = ByteCache(100)
     for kind, key, size in puts:
-        room = 100 - sum(held for later in CacheKind if later > kind for _, held in cache.newest(later))
+        most = {CacheKind.VIEW: 100, CacheKind.SHAPE: 75, CacheKind.DETAIL: 200 / 3}[kind]
+        room = most - sum(held for later in CacheKind if later > kind for _, held in cache.newest(later))
         cache.put(kind, key, size, size)
         assert cache.used <= cache.limit
         assert cache.get(kind, key) == (size if size <= room else None)
@@ -31,6 +32,25 @@ def test_make_room_evicts_until_the_value_fits(puts: list[tuple[CacheKind, int, 
         else:
             assert cache.used == before
             assert sum(size for kind in CacheKind if kind > CacheKind.VIEW for _, size in cache.newest(kind)) > 60
+
+
+def test_photo_detail_of_many_objects_leaves_a_third_to_shapes_and_views():
+    cache = ByteCache(90)
+    for number in range(20):
+        cache.put(CacheKind.DETAIL, number, number, 10)
+    assert [key for key, _ in cache.newest(CacheKind.DETAIL)] == [19, 18, 17, 16, 15, 14]
+    cache.put(CacheKind.VIEW, "view", 0, 30)
+    assert cache.get(CacheKind.VIEW, "view") == 0 and cache.used == cache.limit
+
+
+def test_many_shapes_leave_a_quarter_to_views():
+    cache = ByteCache(100)
+    for number in range(20):
+        cache.put(CacheKind.SHAPE, number, number, 25)
+    cache.put(CacheKind.VIEW, "view", 0, 25)
+    cache.put(CacheKind.SHAPE, 20, 20, 25)
+    assert [key for key, _ in cache.newest(CacheKind.SHAPE)] == [20, 19, 18]
+    assert cache.get(CacheKind.VIEW, "view") == 0
 
 
 def test_the_oldest_views_are_evicted_before_details_and_a_second_put_replaces():

@@ -68,6 +68,18 @@ def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
 
 
 @in_window()
+def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
+    editor = window.session.editor
+    window.show("Sliders")
+    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.click("Sliders/**/##Width")
+    window.ctx.key_chars_replace("72")
+    window.ctx.key_press(imgui.Key.enter)
+    window.ctx.yield_(2)
+    assert editor.scene.instance.codes.stretch == pytest.approx((1.2, 1.0, 1.0))
+
+
+@in_window()
 def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     editor = window.session.editor
     window.show("Sliders")

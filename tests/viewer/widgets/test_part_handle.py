@@ -7,11 +7,14 @@ from pathlib import Path
 import pytest
 import torch
 
+from core.directions.part_map import Handle
 from core.models.part_head import PartHead
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import endless_fit, two_parts
+from viewer.context import PanelContext
 from viewer.services.backend import Backend
 from viewer.values.direction import Direction
+from viewer.widgets.part_handle import PartHandle
 
 _WORDS = {"shape": ("wider", "", "taller"), "texture": ("redder",)}
 
@@ -48,6 +51,30 @@ def test_the_part_under_the_mouse_has_a_handle_that_reshapes_in_one_step(window:
     assert len(editor.history.past) == past + 1
     window.undo()
     assert editor.state == before
+
+
+@in_window(part_map=two_parts, direction_words=lambda model: iter((_WORDS,)))
+def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    editor, reshaping = window.session.editor, window.session.reshaping
+    labels = set[tuple[bool, str]]()
+    label = PartHandle._label
+
+    def noted(self: PartHandle, context: PanelContext, handle: Handle) -> str:
+        text = label(self, context, handle)
+        labels.add((reshaping.is_past_end, text.split(": ")[-1]))
+        return text
+
+    monkeypatch.setattr(PartHandle, "_label", noted)
+    low, high = Direction.principal(editor.model.codes, "shape", 2).reach(editor.scene.instance)
+    _rest_until_lit(window, 0.05)
+    window.drag("View/handle", 0, -20)
+    window.wait()
+    assert {text for past, text in labels if past} == set()
+    _rest_until_lit(window, 0.05)
+    window.drag("View/handle", 0, -4000)
+    window.wait()
+    assert {text for past, text in labels if past} == {"taller, no further"}
+    assert low <= Direction.principal(editor.model.codes, "shape", 2).strength(editor.scene.instance) <= high + 1e-4
 
 
 @in_window(part_map=two_parts)
