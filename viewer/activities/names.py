@@ -68,7 +68,8 @@ class Names:
         if instance.is_missing or root.original.is_missing:
             return "edited"
         shape = _direction_word(instance, root.original, self._words.of_shape(instance.model))
-        return ", ".join(filter(None, (self._paint_word(instance, root.original), shape))) or "edited"
+        size = "resized" if instance.codes.stretch != root.original.codes.stretch else ""
+        return ", ".join(filter(None, (self._paint_word(instance, root.original), shape, size))) or "edited"
 
     def _paint_word(self, instance: Instance, original: Instance) -> str:
         """Return the colour that a changed texture brings; "repainted" for a shade of one that was there."""
