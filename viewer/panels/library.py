@@ -256,7 +256,7 @@ def _draw_button(
         imgui.text(face.words)
         imgui.end_drag_drop_source()
     if imgui.begin_popup_context_item():
-        _draw_menu(context, _name(context, tile))
+        _draw_menu(context, tile)
         _draw_user_menu(context, tile, menu)
         imgui.end_popup()
     object_tiles.paint_instance(context, face.instance, corner, side)
@@ -281,25 +281,28 @@ def _draw_user_menu(context: PanelContext, tile: str | Version, menu: user_objec
     objects = context.session.editor.objects
     if isinstance(tile, str):
         if objects.is_added(tile):
-            menu.draw(context, _name(context, tile), tile, objects.versions(tile))
+            name = _name(context, tile)
+            menu.draw(context, name, objects[name].instance, tile, objects.versions(tile))
         return
-    name = _name(context, tile)
-    renamed = "" if tile.number == 0 or name == objects.root(name) else name
-    menu.draw(context, name, renamed, objects.named(name, tile.instance) if tile.number else ())
+    versions = objects.named(tile.root, tile.instance)
+    name = versions[0] if versions else tile.root
+    renamed = "" if tile.number == 0 or name == tile.root else name
+    menu.draw(context, name, tile.instance, renamed, versions if tile.number else ())
 
 
-def _draw_menu(context: PanelContext, name: str) -> None:
+def _draw_menu(context: PanelContext, tile: str | Version) -> None:
     editor = context.session.editor
-    mixable = editor.is_mixable(name)
-    why = "" if mixable else unmixable(context, name)
+    root = tile.root if isinstance(tile, Version) else tile
+    mixable = editor.is_mixable(root)
+    why = "" if mixable else unmixable(context, root)
     if imgui.menu_item_simple("Show it"):
-        editor.show_object(name)
+        editor.show_object(_name(context, tile))
     for kind in CODE_KINDS:
         if imgui.menu_item_simple(f"Take only its {kind}", enabled=mixable and kind not in editor.locked):
-            editor.take(kind, name)
+            editor.take(kind, _name(context, tile))
         tooltip(why)
     if imgui.menu_item_simple("Make it B", enabled=mixable):
-        editor.set_b(name)
+        editor.set_b(_name(context, tile))
         context.focus = "Mix"
     tooltip(why)
 

@@ -5,6 +5,7 @@ from collections.abc import Collection
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.fitting.confidence import in_words
+from core.models.model import Instance
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
@@ -47,16 +48,18 @@ class UserObjectMenu:
         self._field = NameField()
         self._renamed: tuple[str, str] | None = None  # an object's name and its new name
 
-    def draw(self, context: PanelContext, name: str, renamed: str, removed: Collection[str]) -> None:
+    def draw(
+        self, context: PanelContext, name: str, instance: Instance, renamed: str, removed: Collection[str]
+    ) -> None:
         """Draw the entries in an added object's menu.
 
         Args:
-            name: the version to keep.
+            name: the object or one of its versions.
+            instance: codes to keep as a version.
             renamed: the object or version to rename; "" for none.
             removed: the versions to remove; none: nothing can be removed.
         """
         objects = context.session.editor.objects
-        instance = objects[name].instance
         imgui.separator()
         kept = instance == objects[objects.root(name)].original or len(objects.named(name, instance)) > 1
         if imgui.menu_item_simple("Keep this version###keep version", enabled=not kept):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from core.models.model import Instance
 from tests.viewer.driver import Drive, Driver, in_window
@@ -216,6 +217,10 @@ def test_versions_are_tiles_under_their_object(window: Driver, photo: Path) -> N
     assert editor.scene.instance == versions[2]
     window.undo()
     assert editor.scene.instance == versions[1]
+    added = editor.objects.ever_added
+    window.click("Library/**/version 0 of block", 1)
+    window.press(imgui.Key.escape)
+    assert editor.objects.ever_added == added  # a menu adds nothing
     window.click("Library/**/version 2 of block", 1)
     window.click("**/Make it B")
     window.ctx.yield_(3)
