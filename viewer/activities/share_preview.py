@@ -1,5 +1,6 @@
 """A preview of the file to share, and the time that saving will take."""
 
+import time
 from collections.abc import Iterator
 
 from core.detail.progressive import RenderJob, RenderSettings
@@ -40,9 +41,13 @@ class SharePreview:
             work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))
+            seconds = 0.0  # of this job alone: others have their turns between its steps
+            began = time.perf_counter()
             for frame in self._jobs.frames(RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)):
-                pace = frame.seconds / (camera.width * camera.height) if frame else 0.0
+                seconds += time.perf_counter() - began
+                pace = seconds / (camera.width * camera.height)
                 yield (over(frame, None, camera), work * pace or None) if frame else None
+                began = time.perf_counter()
 
         def rendered(preview: tuple[Image, float | None]) -> None:
             self.image, self.seconds = preview

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -55,7 +57,9 @@ def test_photo_shares_ignore_transparent_pixels(sources: list | None, shares: tu
     assert frame.photo_shares == pytest.approx(shares)
 
 
-def test_the_estimated_time_of_saving_grows_with_the_size(session: Session) -> None:
+def test_the_estimated_time_of_saving_grows_with_the_size(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(perf_counter=count().__next__)  # each step takes a second, on any machine
+    monkeypatch.setattr("viewer.activities.share_preview.time", clock)
     preview = session.exporting.preview
     seconds = []
     for size in (256, 512, 1080):
