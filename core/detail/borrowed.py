@@ -7,7 +7,7 @@ so that outlines and windows coincide with those of the fitted object's render, 
 """
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -157,7 +157,7 @@ def read_pictures(path: Path) -> tuple[Picture, ...]:
     return tuple(pictures)
 
 
-def most_similar(fitted: Instance, pictures: Sequence[int] | dict[int, Path]) -> int:
+def most_similar(fitted: Instance, pictures: Collection[int]) -> int:
     """Return the training object whose occupied space overlaps the fitted object's most."""
     numbers = tuple(pictures)
     shapes = _occupied_by_training_objects(fitted.model, numbers)
