@@ -25,7 +25,7 @@ from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.scene import Scene
 from core.photos.photo import Photo, load_photo
-from core.rendering.size import sized
+from core.rendering.size import portion_sized, sized
 
 __all__ = [
     "Camera",
@@ -38,6 +38,7 @@ __all__ = [
     "fit",
     "load_model",
     "load_photo",
+    "portion_sized",
     "render",
     "sized",
     "write_page",

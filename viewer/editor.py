@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from core.export.keyframes import Timeline
-from core.geometry.camera import Camera, Factors
+from core.geometry.camera import Camera
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance, Model
 from core.models.open_models import OpenModels
@@ -133,16 +133,14 @@ class Editor:
         instance = self.scene.instance.changed(detail=detail)
         self._edit(replace(self.scene, instance=instance), gesture=gesture)
 
-    def resize(self, stretch: Factors | None, gesture: str = "") -> None:
-        """Stretch the object (:mod:`core.rendering.size`), unless its shape is locked; None: to its natural size.
+    def resize(self, instance: Instance, gesture: str = "") -> None:
+        """Replace the object by itself in another size (:mod:`core.rendering.size`), unless its shape is locked.
 
         The camera keeps the view's scale, so that sides that are not stretched stay where they are.
         """
         if "shape" in self.locked:
             return
-        before = self.scene.instance
-        instance = before.changed(stretch=stretch)
-        distance = self.scene.camera.distance * before.codes.scale / instance.codes.scale
+        distance = self.scene.camera.distance * self.scene.instance.codes.scale / instance.codes.scale
         self._edit(Scene(instance, orbit.at_distance(self.scene.camera, distance, self.model)), gesture=gesture)
 
     def set_texture(self, texture: Tensor, gesture: str = "") -> None:

@@ -75,6 +75,18 @@ def size_cm(text: str) -> tuple[float, float, float]:
     return sides
 
 
+def portion_cm(name: str) -> Callable[[str], tuple[str, float]]:
+    """Return a parser of a length in centimetres, which adds the name of what is as long."""
+
+    def parse(text: str) -> tuple[str, float]:
+        length = _as_number(text)
+        if not 0 < length < math.inf:
+            raise argparse.ArgumentTypeError(f"the {name} have a length in centimetres, like 45, not {text!r}")
+        return name, length
+
+    return parse
+
+
 def box(text: str) -> tuple[float, ...]:
     """Parse left, top, right and bottom, ``X0,Y0,X1,Y1``."""
     numbers = tuple(map(_as_number, text.split(",")))

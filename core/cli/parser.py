@@ -15,6 +15,7 @@ from core.cli.argument_types import (
     number_from,
     paints,
     point,
+    portion_cm,
     size_cm,
     view_numbers,
     whole_from,
@@ -88,6 +89,14 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
         metavar="WxDxH",
         help="stretch the object to this width, depth and height in centimetres: 60x58x92 (default: as it is)",
     )
+    for name, place in (("legs", "of a chair, up to its seat"), ("roof", "of a car, from its windows up")):
+        command.add_argument(
+            f"--{name}-cm",
+            dest="portion_cm",
+            type=portion_cm(name),
+            metavar="CM",
+            help=f"the {name} {place}; the rest keeps its height, or with --size-cm the whole does",
+        )
 
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:

@@ -21,7 +21,7 @@ from core.geometry.pixels import to_bytes
 from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Instance
 from core.models.scene import Scene, open_scene, save_image, scene_model
-from core.rendering.size import sized
+from core.rendering.size import portion_sized, sized
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
@@ -128,7 +128,7 @@ def _model_name(chosen: argparse.Namespace) -> str:
 
 
 def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
-    """Apply ``--edit``, ``--paint`` and ``--size-cm`` to an object."""
+    """Apply ``--edit``, ``--paint``, ``--size-cm``, ``--legs-cm`` and ``--roof-cm`` to an object."""
     if chosen.edit:
         *_, words = direction_words(instance.model)
         assert words is not None
@@ -140,4 +140,8 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
             instance = moved(instance, words, name, amount)
     for part, colour in chosen.paint:
         instance = run_to_end(paint(instance, Paint(colour, part)))
-    return sized(instance, chosen.size_cm) if chosen.size_cm else instance
+    if chosen.size_cm:
+        instance = sized(instance, chosen.size_cm)
+    if chosen.portion_cm:
+        instance = portion_sized(instance, *chosen.portion_cm, keeps_height=chosen.size_cm is not None)
+    return instance

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
 from core.models.motion import Warp
 from core.models.photo_detail import OtherSide
@@ -135,6 +136,7 @@ class DetailMaps:
     other_side: OtherSide = "mirrored"
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
     warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
+    bend: Bend | None = None  # undone before the warp
     stretch: Factors | None = None  # of space (:attr:`core.models.codes.Codes.proportions`)
     borrowed: int = 0  # the last maps, of a training object (:mod:`core.detail.borrowed`): their share is the model's
 
@@ -176,7 +178,8 @@ class DetailMaps:
         levels = [photo.level(camera) if camera else 0 for photo in self.photos]
         own = len(self.photos) - self.borrowed
         fine = [photo.fine[level] for photo, level in zip(self.photos[:own], levels, strict=False)]
-        origins = self.warp.origins(points) if self.warp else points
+        origins = self.bend.origins(points) if self.bend else points
+        origins = self.warp.origins(origins) if self.warp else origins
         colour, weights = self._blended(points, origins, directions, fine, own=True)
         direct = weights.amax(0)
         change = direct[:, None] * (colour - colours)

@@ -83,9 +83,9 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
         with torch.inference_mode():
             painted = _painted_maps(photos, ends, instance)
         CACHE.put(CacheKind.DETAIL, key, painted, sum(photo.size for photo in painted[0]))
-    warp = warp_to_fitted(instance)
-    stretch = instance.codes.proportions
-    return DetailMaps(painted[0], strength, detail.other_side, painted[1], warp, stretch, len(ends))
+    codes = instance.codes
+    space = warp_to_fitted(instance), codes.bend, codes.proportions
+    return DetailMaps(painted[0], strength, detail.other_side, painted[1], *space, len(ends))
 
 
 def _ends(instance: Instance, photos: list["ComparedPhoto"]) -> Generator[None, None, tuple[BorrowedEnd, ...]]:

@@ -4,19 +4,21 @@ Between objects of two models the video cuts.
 """
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Float64
 from torch import Tensor
 
-from core.geometry.camera import Camera, Factors
+from core.geometry.bend import mixed_bend
+from core.geometry.camera import Camera
+from core.models.codes import mixed_stretch
 from core.models.latents import Latents
 from core.models.model import Instance
 
@@ -206,17 +208,16 @@ class _Run:
         if len(self.knots) == 1:
             return nearest
         latents = {name: path(seconds) for name, path in self._paths.items()}
-        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(stretch=self._stretch(seconds))
+        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(**self._size(seconds))
 
-    def _stretch(self, seconds: float) -> Factors | None:
-        """Interpolate stretches linearly, which passes no limit between two knots."""
-        stretches = [instance.codes.stretch for _, instance in self.knots]
-        if not any(stretches):
-            return None
+    def _size(self, seconds: float) -> dict[str, Any]:
+        """Interpolate stretches and bends linearly, which passes no limit between two knots."""
         times = [time for time, _ in self.knots]
-        columns = np.array([stretch or (1.0, 1.0, 1.0) for stretch in stretches]).T
-        x, y, z = (float(np.interp(seconds, times, column)) for column in columns)
-        return x, y, z
+        last = min(bisect_right(times, seconds), len(times) - 1)
+        first, second = (instance.codes for _, instance in self.knots[last - 1 : last + 1])
+        amount = (seconds - times[last - 1]) / (times[last] - times[last - 1])
+        stretch = mixed_stretch(first.stretch, second.stretch, amount)
+        return {"stretch": stretch, "bend": mixed_bend(first.bend, second.bend, amount)}
 
     @cached_property
     def _paths(self) -> dict[str, Callable[[float], Tensor]]:

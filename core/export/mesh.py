@@ -99,7 +99,7 @@ def export_mesh(
         end = _MESH_FRACTION if settings.texture else 1.0
         most = settings.triangles or (TRIANGLES if settings.texture else 0)
         mesh = yield from subprogress(extract_mesh(instance, settings.resolution, most), 0.0, end)
-        detail = yield from subprogress(detail_maps(instance.natural), end, end)
+        detail = yield from subprogress(detail_maps(instance.unstretched), end, end)
         placing = _Placing.of(instance, mesh.vertices, settings.metres)
         if settings.texture:
             image_mesh = yield from subprogress(_textured(instance, mesh, settings.texture, detail), end, 1.0)
@@ -133,7 +133,7 @@ class _Placing(NamedTuple):
         high = vertices.max(0)
         on_ground = np.array([*(low + high)[:2] / 2, low[2]])
         stretch = instance.codes.proportions
-        if instance.codes.stretch is not None:
+        if instance.codes.is_sized:
             # These vertices get the size exactly: the bounds of any mesh differ a little from the field's.
             size = np.array(size_of(instance)) / 100
             return cls(on_ground, size * ((metres or size.max()) / size.max()) / (high - low), stretch)

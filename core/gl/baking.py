@@ -210,7 +210,7 @@ def bake(instance: Instance) -> Iterator[BakedField | None]:
     maps = yield from detail_maps(instance)
     cameras = [instance.model.camera(azimuth, _ELEVATION) for azimuth in _AROUND]
     for divisions in _DIVISIONS:
-        views = yield from bake_views(instance.natural, cameras, CELLS * divisions)
+        views = yield from bake_views(instance.unstretched, cameras, CELLS * divisions)
         yield replace(views.mean(), detail=maps).stretched(instance.codes.proportions)
 
 

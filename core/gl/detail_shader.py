@@ -1,5 +1,6 @@
 """Photo detail (:class:`core.detail.lookup.DetailMaps`) in GLSL, for one surface point per pixel."""
 
+from dataclasses import astuple
 from typing import Any
 
 import moderngl
@@ -53,10 +54,16 @@ uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
 uniform vec2 photo_focal[{MAX_PHOTOS}]; // in widths and heights of the photo
 uniform float level[{MAX_PHOTOS}];
 uniform vec3 warp[{len(TERMS)}];
+uniform float bend[4];  // heights: lower end, plane before, plane after, upper end
 uniform vec3 stretch;  // of space, where the viewer is
 float smooth_step(float start, float end, float value) {{
     float progress = clamp((value - start) / (end - start), 0.0, 1.0);
     return progress * progress * (3.0 - 2.0 * progress);
+}}
+// The place that a point of the bent object came from, as in core.geometry.bend.Bend.
+vec3 unbent(vec3 point) {{
+    float below = (point.z - bend[0]) / (bend[2] - bend[0]), above = (bend[3] - point.z) / (bend[3] - bend[2]);
+    return point + vec3(0.0, 0.0, (bend[1] - bend[2]) * max(min(below, above), 0.0));
 }}
 // The place that a point of the edited object came from, as in core.models.motion.Warp.
 vec3 warped(vec3 point) {{
@@ -85,7 +92,7 @@ float photo_weights(
 }}
 vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec2 place;
-    vec3 from = warped(point), turn = vec3(-1.0, 1.0, 1.0);
+    vec3 from = warped(unbent(point)), turn = vec3(-1.0, 1.0, 1.0);
     vec4 own = vec4(0.0), twin = vec4(0.0);
     float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
     vec3 matched = model * (gain - 1.0) + offset;
@@ -168,6 +175,7 @@ def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
         "photo_axes": axes,
         "photo_focal": focals,
         "level": levels,
+        "bend": astuple(maps.bend) if maps.bend else (-1.0, 0.0, 0.0, 1.0),
         "stretch": maps.stretch or (1.0, 1.0, 1.0),
         "warp": maps.warp.coefficients if maps.warp else ((0.0, 0.0, 0.0),) * len(TERMS),
     }

@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.geometry.bend import Bend, mixed_bend
 from core.geometry.camera import Factors
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
 from core.models.photo_detail import PhotoDetail
@@ -33,9 +34,13 @@ class Codes(Latents):
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
     stretch: Factors | None = None
     """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
+    bend: Bend | None = None
+    """Legs or roof relative to the natural ones (:mod:`core.rendering.part_size`); it comes before the stretch."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.bend and self.bend.moved == self.bend.plane:
+            object.__setattr__(self, "bend", None)
         if self.stretch is None:
             return
         low, high = STRETCH
@@ -54,6 +59,16 @@ class Codes(Latents):
         return super().__eq__(value) and self.stretch == value.stretch and same_detail
 
     __hash__ = Latents.__hash__
+
+    @property
+    def shape_key(self) -> tuple[float, ...]:
+        """All numbers of the shape and of its bend, as a comparable key."""
+        return super().shape_key + tuple(vars(self.bend).values() if self.bend else ())
+
+    @property
+    def is_sized(self) -> bool:
+        """True if the object has another size than its natural one, or other proportions."""
+        return not (self.stretch is None and self.bend is None)
 
     @property
     def factors(self) -> Factors:
@@ -95,7 +110,8 @@ class Codes(Latents):
             mixed_offsets(self.shape_offsets, second.shape_offsets, shape),
             mixed_offsets(self.texture_offsets, second.texture_offsets, texture),
             detail,
-            _mixed_stretch(self.stretch, second.stretch, shape),
+            mixed_stretch(self.stretch, second.stretch, shape),
+            mixed_bend(self.bend, second.bend, shape),
         )
 
     def taking(self, kind: CodeKind, source: "Codes") -> "Codes":
@@ -104,12 +120,12 @@ class Codes(Latents):
         A shape comes with its photo detail and its size.
         """
         if kind == "shape":
-            names = "shape", "shape_offsets", "detail", "stretch"
+            names = "shape", "shape_offsets", "detail", "stretch", "bend"
             return replace(self, **{name: getattr(source, name) for name in names})
         return replace(self, texture=source.texture, texture_offsets=source.texture_offsets)
 
 
-def _mixed_stretch(first: Factors | None, second: Factors | None, amount: float) -> Factors | None:
+def mixed_stretch(first: Factors | None, second: Factors | None, amount: float) -> Factors | None:
     """Interpolate linearly; None stands for ones."""
     if first == second:
         return first

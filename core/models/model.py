@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import ViewpointClassifier
+from core.geometry.bend import Bend
 from core.geometry.camera import MAX_SIDE, Camera, Factors
 from core.models.codes import CodeBook, Codes
 from core.models.field import Field
@@ -300,14 +301,19 @@ class Instance:
 
     @property
     def natural(self) -> "Instance":
-        """The object in its natural size."""
+        """The object in its natural size and proportions."""
+        return self.changed(stretch=None, bend=None) if self.codes.is_sized else self
+
+    @property
+    def unstretched(self) -> "Instance":
+        """The object in its own space, before a size stretches that; bent."""
         return self if self.codes.stretch is None else self.changed(stretch=None)
 
     def local_camera(self, camera: Camera) -> Camera:
         """Return a camera as seen from the object's own space, before its size stretches that.
 
         The field, photo detail and outline know that space alone: a picture of a stretched object is one of the
-        natural object through this camera.
+        unstretched object through this camera.
         """
         return camera.stretched(self.codes.proportions)
 
@@ -320,7 +326,7 @@ class Instance:
         """Return an object of the same model."""
         return Instance(self.model, codes)
 
-    def changed(self, **fields: Tensor | PhotoDetail | Factors | None) -> "Instance":
+    def changed(self, **fields: Tensor | PhotoDetail | Factors | Bend | None) -> "Instance":
         """Return the object with other values of some fields of its codes (:class:`core.models.codes.Codes`)."""
         return self.with_codes(replace(self.codes, **fields))  # type: ignore[arg-type]
 

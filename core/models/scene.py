@@ -14,6 +14,7 @@ import torch
 from jaxtyping import UInt8
 from PIL import Image, PngImagePlugin
 
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
 from core.models.codes import Codes
 from core.models.latents import read_offsets
@@ -59,6 +60,8 @@ class Scene:
         }
         if codes.stretch:
             content["stretch"] = codes.stretch
+        if codes.bend:
+            content["bend"] = vars(codes.bend)
         if codes.detail:
             content["detail"] = codes.detail.to_json()
         return json.dumps(content, indent=1)
@@ -93,6 +96,7 @@ class Scene:
             read_offsets(content.texture_offsets),
             detail,
             content.stretch,
+            content.bend,
         )
         return cls(MissingInstance(content.model, codes), content.camera)
 
@@ -149,6 +153,7 @@ class _SceneJson(NamedTuple):
     shape_offsets: tuple[str, ...] | None = None
     texture_offsets: tuple[str, ...] | None = None
     stretch: Factors | None = None
+    bend: Bend | None = None
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

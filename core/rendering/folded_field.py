@@ -25,6 +25,7 @@ class FoldedField:
         self.device = model.device
         self.dtype = matmul_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
+        self._bend = instance.codes.bend
         self._outline = outline(instance)
         with torch.no_grad():
             shape, texture = instance.biases
@@ -34,16 +35,17 @@ class FoldedField:
     @classmethod
     def of(cls, instance: Instance) -> "FoldedField":
         """Return the folded field of an object, cached: its renders, bakes and meshes share it."""
-        return _folded(instance.natural, matmul_dtype(instance.model.device.type))
+        return _folded(instance.unstretched, matmul_dtype(instance.model.device.type))
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
-        """Return the activations of the first layer, which depend on no code."""
+        """Return the activations of the first layer, which depend on no code, at points before a bend."""
         return relu_(self._weights.position(points))
 
     def density(
         self, points: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Return density per scene unit, bounded by the outline of photos, and features for :meth:`colour`."""
+        points = self._bend.origins(points) if self._bend else points
         density, features = self.unbounded_density(self.first_layer(points))
         return density if self._outline is None else density * self._outline.factor(points), features
 

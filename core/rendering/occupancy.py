@@ -7,6 +7,7 @@ one of these is occupied.
 """
 
 import math
+from copy import copy
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
@@ -36,6 +38,7 @@ _COARSE_FACTOR = 2  # cells along each axis of a coarse cell, the unit of depth 
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
 _BLOCK = 4096  # corners that a thread evaluates at a time
+_SAME_LAYER = 1e-3  # cells: a bend's rounding, by which a layer of cells touches another one
 
 
 class Tolerances(NamedTuple):
@@ -83,12 +86,19 @@ class Occupancy:
                 densities = _densities_at(folded, grid, rows)
             else:
                 densities = _complete_densities(folded, grid, limit)
-        self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(densities) > limit
-        relative = (densities * (float(self.cell.amin()) / _SOLID)).cpu()
-        self.shadow = None if model.white_from_network else cast_shadow(relative, model.extent)
+        self._model = model
+        self._densities = densities  # at the corners
+        self._set_cells(max_of_corners(densities) > limit, -max_of_corners(-densities))
+
+    def _set_cells(
+        self, cells: Bool[Tensor, "cells cells cells"], min_density: Float[Tensor, "cells cells cells"]
+    ) -> None:
+        self.cells = cells
+        relative = (self._densities * (float(self.cell.amin()) / _SOLID)).cpu()
+        self.shadow = None if self._model.white_from_network else cast_shadow(relative, self._model.extent)
         """The shape's shadow on the ground; None if it is empty or the network paints the background."""
         self._flat = self.cells.flatten()
-        self._min_density = -max_of_corners(-densities).flatten().bfloat16()  # rounds by 0.4 %, below tolerances
+        self._min_density = min_density.flatten().bfloat16()  # rounds by 0.4 %, below tolerances
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
@@ -96,6 +106,31 @@ class Occupancy:
     def size(self) -> int:
         """bytes"""
         return sum(value.nbytes for value in vars(self).values() if isinstance(value, Tensor))
+
+    @torch.inference_mode()
+    def bent(self, bend: Bend) -> "Occupancy":
+        """Return the occupied cells of the bent shape, without an evaluation of its field.
+
+        A cell is occupied if any that its place came from is. Densities at corners, which cast the shadow, are
+        interpolated.
+        """
+        corners = torch.zeros(CELLS + 1, 3, device=self.cell.device)
+        corners[:, 2] = torch.arange(CELLS + 1, device=self.cell.device) * self.cell[2] - self.extent[2]
+        layer = ((bend.origins(corners)[:, 2] + self.extent[2]) / self.cell[2]).clamp(0, CELLS)
+        first = (layer[:-1] + _SAME_LAYER).long().clamp(max=CELLS - 1)
+        last = torch.maximum((layer[1:] - _SAME_LAYER).long(), first)
+        lower = layer.long().clamp(max=CELLS - 1)
+        occupancy = copy(self)
+        occupancy._densities = torch.lerp(
+            self._densities[..., lower], self._densities[..., lower + 1], (layer - lower).float()
+        )
+        steps = [torch.minimum(first + step, last) for step in range(int((last - first).amax()) + 1)]
+        least = self._min_density.view(self.cells.shape)
+        occupancy._set_cells(
+            torch.stack([self.cells[..., step] for step in steps]).any(0),
+            torch.stack([least[..., step] for step in steps]).amin(0),
+        )
+        return occupancy
 
     def _around(self) -> Bool[Tensor, "all"]:
         """Mark the corners of occupied cells and of all cells that touch them."""
@@ -164,6 +199,8 @@ def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
         complete: False: if the shape is similar to the last one, evaluate mainly the corners around that; for
             continuously changing shapes.
     """
+    if instance.codes.bend:
+        return _bent(shape_occupancy(instance.natural, complete), instance.codes.bend)
     key = instance.model, instance.codes.shape_key
     occupancy: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if occupancy is None or (complete and not occupancy.complete):
@@ -171,6 +208,11 @@ def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
         occupancy = Occupancy(instance.model, FoldedField.of(instance), previous)
         CACHE.put(CacheKind.SHAPE, key, occupancy, occupancy.size)
     return occupancy
+
+
+@lru_cache(maxsize=4)
+def _bent(occupancy: Occupancy, bend: Bend) -> Occupancy:
+    return occupancy.bent(bend)
 
 
 def _similar_occupancy(instance: Instance) -> Occupancy | None:

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
 from core.models.model import Instance, Model
@@ -57,16 +58,19 @@ def render_rays(
     shape_bias: Float[Tensor, "... blocks width"],
     texture_bias: Float[Tensor, "... more_blocks width"],
     bound: Outline | None = None,
+    bend: Bend | None = None,
 ) -> Rendered:
     """Evaluate Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
         shape_bias, texture_bias: from the field; broadcast against (*batch, samples, blocks, width).
         bound: outline that bounds the density.
+        bend: of the object, in whose space the rays are.
     """
     depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
     points = ray_points(rays, depths)
+    points = bend.origins(points) if bend else points
     density, colours = model.field.radiance(points, direction_bias, shape_bias, texture_bias)
     if bound is not None:
         density = density * bound.factor(points)
@@ -94,7 +98,7 @@ def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rend
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     model = instance.model
     rays = exact_rays(model, instance.local_camera(camera))
-    bounded = *instance.biases, outline(instance)
+    bounded = *instance.biases, outline(instance), instance.codes.bend
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
     bands = map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts)

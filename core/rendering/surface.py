@@ -14,7 +14,7 @@ from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.runtime.layers import pad_rows
 
-_CELLS = 40  # along the longest side of the scene's box
+CELLS = 40  # along the longest side of the scene's box
 _MIN_THICKNESS = 0.05  # optical depth of a cell with the density at a block's centre, above which the block is near
 _INSIDE = 0.5  # optical depth of a cell with the density at its centre, above which it is inside the object
 _CHUNK = 8192  # points evaluated at a time
@@ -31,13 +31,13 @@ class _Grid(NamedTuple):
 
 
 def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
-    """Return points on an object's surface (scene units) and their colours (0..1).
+    """Return points on an object's natural surface (scene units) and their colours (0..1).
 
     The points are centres of grid cells inside the object with a neighbour outside. Each is seen along its ray to the
     scene's origin. Empty for an empty object.
     """
     grid = _grid(instance.model)
-    field = FoldedField.of(instance)
+    field = FoldedField.of(instance.natural)
     with torch.no_grad():
         # Cells of empty blocks with empty neighbours are not evaluated.
         dense = torch.zeros_like(grid.blocks)
@@ -56,7 +56,7 @@ def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float
 @torch.no_grad()
 def _grid(model: Model) -> _Grid:
     extent = model.extent_tensor
-    cell = 2 * float(extent.max()) / _CELLS
+    cell = 2 * float(extent.max()) / CELLS
     counts = [math.ceil(float(half) / cell) for half in extent]
     points = _centres([2 * count for count in counts], cell, extent.device)
     middles = _centres(counts, 2 * cell, extent.device)

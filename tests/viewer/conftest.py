@@ -13,7 +13,7 @@ from PIL import Image
 from core.detail.progressive import render_progressively
 from core.models.model import Model
 from core.photos.segmentation import CutOut
-from core.rendering.size import Bounds
+from core.rendering.bounds import Bounds
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import (
@@ -68,7 +68,7 @@ def backend(model: Model) -> Backend:
         paint=quick_paint,
         paint_colour=quick_colour,
         distance=lambda instance, camera, fraction: camera.distance,
-        bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3)),
+        bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3), 150.0, -0.06),
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
 

@@ -1,7 +1,7 @@
 """The bounds of the object in the view, from which its size in centimetres follows."""
 
 from core.models.model import Instance
-from core.rendering.size import Bounds
+from core.rendering.bounds import Bounds
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job

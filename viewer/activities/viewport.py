@@ -46,8 +46,8 @@ class Viewport:
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw, as large as the shown one
         self.baked_frame: orbit.PanelCrop | None = None  # crop of :attr:`baked` on screen; None: the frame is on screen
-        self._natural: BakedField | None = None  # :attr:`baked` before its size stretched it
-        self._baked_of: Instance | None = None  # natural object that is baked or being baked
+        self._unstretched: BakedField | None = None  # :attr:`baked` before its size stretched it
+        self._baked_of: Instance | None = None  # unstretched object that is baked or being baked
         self._last_orbit = 0.0  # s on the monotonic clock of the last change of :attr:`baked_frame`
         self._last_render: float | None = None  # s on the monotonic clock when a preview was finished
         self._live: View | None = None  # newest object of the fit, from the photo's camera at the model's size
@@ -132,7 +132,7 @@ class Viewport:
             self._show_baked(request)
             return
         self.baked_frame = None
-        if self._baked_of not in (None, request.instance.natural):
+        if self._baked_of not in (None, request.instance.unstretched):
             self._jobs.cancel("bake")
             self.baked = self._baked_of = None
         self._submit(request, request.preview, self.budget.divisors(request.preview), urgent=True)
@@ -143,7 +143,7 @@ class Viewport:
         request = self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
-                self._bake(request.instance.natural)
+                self._bake(request.instance.unstretched)
             if self.baked_frame and now - self._last_orbit >= _EXACT_DELAY:
                 # at full size, as OpenGL's image already is, unless a fit needs the time
                 self._submit(request, request.preview if self._jobs.busy("fit") else request.full)
@@ -156,7 +156,7 @@ class Viewport:
 
     def is_baked(self, instance: Instance) -> bool:
         """Return whether OpenGL can draw an object now."""
-        return self.settings.baked and self.baked is not None and instance.natural == self._baked_of
+        return self.settings.baked and self.baked is not None and instance.unstretched == self._baked_of
 
     def _show_baked(self, request: ViewRequest) -> None:
         self.baked_frame = request.crop(request.full)
@@ -168,17 +168,17 @@ class Viewport:
         """Give the baked object the size of the shown one."""
         stretch = self.request.instance.codes.proportions
         if self.baked and self.baked.stretch != stretch:
-            assert self._natural is not None
-            self.baked = self._natural.stretched(stretch)
+            assert self._unstretched is not None
+            self.baked = self._unstretched.stretched(stretch)
 
     def _bake(self, instance: Instance) -> None:
-        """Begin to bake a natural object, unless it is baked or being baked."""
+        """Begin to bake an unstretched object, unless it is baked or being baked."""
         if instance == self._baked_of:
             return
         self._baked_of = instance
 
         def baked(field: BakedField) -> None:
-            self.baked = self._natural = field
+            self.baked = self._unstretched = field
             self._stretch_baked()
 
         bake = self._jobs.backend.bake

@@ -23,7 +23,7 @@ from core.models.model import Instance, Model
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
-from core.rendering.size import Bounds, natural_bounds
+from core.rendering.bounds import Bounds, natural_bounds
 from viewer.values.fit_history import PhotoSource
 
 

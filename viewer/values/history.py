@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from core.export.keyframes import Timeline
-from core.models.codes import CODE_KINDS
+from core.models.codes import CODE_KINDS, Codes
 from core.models.model import Instance
 from core.models.scene import Scene
 from viewer.values.variety import readable
@@ -83,8 +83,8 @@ class State:
             return mix.a.words(label)
         if (mix.shape, mix.texture) != (before.mix.shape, before.mix.texture):
             return f"{label(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        now = self.scene.instance.codes
-        then = before.scene.instance.codes
+        now = Codes.of(self.scene.instance.codes)
+        then = Codes.of(before.scene.instance.codes)
         kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
         return " and ".join(kinds) or self._aside_from(before, label)
 
@@ -92,7 +92,7 @@ class State:
         """Describe a change that keeps both codes."""
         if self.is_edit_of(before):
             now, then = self.scene.instance.codes, before.scene.instance.codes
-            return "photo detail" if now.stretch == then.stretch else "size"
+            return "photo detail" if (now.stretch, now.bend) == (then.stretch, then.bend) else "size"
         if self.removed != before.removed:
             return "removed objects"
         return f"{label(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"

@@ -1,9 +1,12 @@
-"""A row of three fields for the object's width, depth and height in centimetres."""
+"""Fields for the object's width, depth and height, and for its legs or roof, in centimetres."""
+
+from collections.abc import Callable
 
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from core.geometry.camera import Factors
-from core.rendering.size import Size, with_side
+from core.models.model import Instance
+from core.rendering.bounds import Bounds, portion_of
+from core.rendering.size import with_portion, with_side
 from viewer.context import PanelContext
 from viewer.widgets.controls import button, end_gesture, tooltip
 from viewer.widgets.text import heading
@@ -11,46 +14,78 @@ from viewer.widgets.text import heading
 SIDES = "Width", "Depth", "Height"
 _HANDLES = icons_fontawesome_4.ICON_FA_ARROWS_ALT
 _NATURAL = icons_fontawesome_4.ICON_FA_UNDO
-_SPEED = 0.5  # % of a side per px of a drag
-_FINE = 20.0  # cm below which a size has a decimal
+_SPEED = 0.5  # % of a length per px of a drag
+_FINE = 20.0  # cm below which a length has a decimal
 
 
 def draw_size(context: PanelContext) -> None:
     """Draw the fields, a button for the box with handles, and one for the natural size."""
     editor = context.session.editor
     bounds = context.session.sizing.bounds
-    stretch = editor.scene.instance.codes.factors
     heading(context, "Size")
     imgui.begin_disabled(bounds is None or "shape" in editor.locked)
-    natural = bounds.size(editor.model.metres) if bounds else None
     gap = imgui.get_style().item_inner_spacing.x
     em = hello_imgui.em_size()
     icon = imgui.get_frame_height() / em + 0.6  # em, width of a button
     width = (imgui.get_content_region_avail().x - 2 * icon * em - 4 * gap) / 3
     for axis in range(3):
         imgui.set_next_item_width(width)
-        _draw_side(context, axis, natural, stretch)
+        _draw_side(context, axis, bounds)
         imgui.same_line(0, gap)
     chosen = context.tool == "size"
     colour = context.palette.accent if chosen else None
     if button(f"{_HANDLES}###size handles", "Drag the sides of a box around the object", icon, colour=colour):
         context.tool = "turn" if chosen else "size"
     imgui.same_line(0, gap)
-    sized = editor.scene.instance.codes.stretch is not None
-    if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=sized):
-        editor.resize(None)
+    if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=editor.scene.instance.codes.is_sized):
+        editor.resize(editor.scene.instance.natural)
+    imgui.set_next_item_width(2 * width + gap)
+    _draw_portion(context, bounds)
     imgui.end_disabled()
 
 
-def _draw_side(context: PanelContext, axis: int, natural: Size | None, stretch: Factors) -> None:
-    editor = context.session.editor
-    usual = natural[axis] if natural else 0.0
-    side = usual * stretch[axis]
-    text = f"{SIDES[axis][0]} %.{1 if side < _FINE else 0}f" if natural else SIDES[axis][0]
-    moved, to = imgui.drag_float(f"##{SIDES[axis]}", side, max(0.01, _SPEED * side / 100), 0.0, 0.0, text)
-    if moved and usual and to > 0 and abs(to - side) > 1e-6:
-        editor.resize(with_side(stretch, axis, to / usual), gesture=f"size {axis}")
+def _draw_side(context: PanelContext, axis: int, natural: Bounds | None) -> None:
+    instance = context.session.editor.scene.instance
+    factors = instance.codes.factors
+    before = natural.bent(instance.codes.bend).size[axis] if natural else 0.0
+    side = before * factors[axis]
+    text = f"{SIDES[axis][0]} {_format(side)}" if natural else SIDES[axis][0]
+    _draw_length(
+        context, SIDES[axis], text, side, lambda to: instance.changed(stretch=with_side(factors, axis, to / before))
+    )
+
+
+def _draw_portion(context: PanelContext, natural: Bounds | None) -> None:
+    """Draw the field for legs or roof, if the object has them; without a number until they are measured."""
+    instance = context.session.editor.scene.instance
+    portion = portion_of(instance.model)
+    if portion is None or (natural and natural.plane is None):
+        return
+    name = portion.name.capitalize()
+    if natural is None:
+        _draw_length(context, name, name, 0.0, lambda to: instance)
+        return
+    length = natural.bent(instance.codes.bend).stretched(instance.codes.factors).length(portion)
+    text = f"{name} {_format(length)} cm"
+    _draw_length(context, name, text, length, lambda to: with_portion(instance, natural, to))
+
+
+def _draw_length(
+    context: PanelContext, name: str, text: str, length: float, resized: Callable[[float], Instance]
+) -> None:
+    """Draw a field for a length in cm; 0 cannot be changed.
+
+    Args:
+        resized: the object with another length.
+    """
+    moved, to = imgui.drag_float(f"##{name}", length, max(0.01, _SPEED * length / 100), 0.0, 0.0, text)
+    if moved and length and to > 0 and abs(to - length) > 1e-6:
+        context.session.editor.resize(resized(to), gesture=f"size {name}")
     end_gesture(context)
     if imgui.is_item_hovered() or imgui.is_item_active():
         context.shows_size = True
-    tooltip(f"{SIDES[axis]} in cm: drag, or click to type")
+    tooltip(f"{name} in cm: drag, or click to type")
+
+
+def _format(length: float) -> str:
+    return f"%.{1 if length < _FINE else 0}f"

@@ -51,7 +51,7 @@ def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
     window.show("Sliders")
     window.wait(lambda: sizing.bounds is not None)
     before = editor.state
-    natural = sizing.bounds.size(editor.model.metres)
+    natural = sizing.bounds.size
     assert natural == pytest.approx((60, 45, 90))
     for name, side in (("Width", 72.0), ("Depth", 45.0), ("Height", 99.0)):
         window.set(f"Sliders/**/##{name}", side)
@@ -98,7 +98,7 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     editor.lock("shape", True)
     window.ctx.yield_(2)
     assert not window.exists("View/**/##size 2 1")  # nothing resizes a locked shape
-    editor.resize((1.5, 1.0, 1.0))
+    editor.resize(before.scene.instance.changed(stretch=(1.5, 1.0, 1.0)))
     assert editor.scene.instance == before.scene.instance
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"
