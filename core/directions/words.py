@@ -15,10 +15,12 @@ from torch import Tensor
 
 from core.models.codes import CodeKind
 from core.models.model import Instance, Model, Words
-from core.models.motion import moved_along, reach
+from core.models.motion import moved_along, position, reach, supports_motion
+from core.rendering.size import with_side
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture
+_GROWTH = 0.06  # natural logarithm of a side, per standard deviation along a direction named for its size
 _REACH = 1.5  # standard deviations to either side of the mean
 _EDGE = 0.01  # fraction of the points at either end of an axis that count as specks outside the object
 _CORNER = 0.2  # size of a silhouette's corner relative to its width and height
@@ -119,7 +121,24 @@ def moved(instance: Instance, words: Words, name: str, amount: float) -> Instanc
     kind, number, sign = _direction(words, name)
     if kind == "texture":
         return instance.moved(kind, sign * amount * instance.model.codes.texture_space.basis[number])
-    return moved_along(instance, number, _coordinate(instance, number) + sign * amount)
+    return reshaped(instance, number, position(instance, number) + sign * amount)
+
+
+def reshaped(instance: Instance, direction: int, to: float) -> Instance:
+    """Move an object along a shape direction, as :func:`core.models.motion.moved_along`.
+
+    The moves keep the bounds of the object; one along a direction that is named for a size also stretches that side.
+    """
+    moved = moved_along(instance, direction, to)
+    words = (instance.model.words or {}).get("shape", ())
+    word = words[direction] if direction < len(words) else ""
+    if word not in AXES or not supports_motion(instance.model):
+        return moved
+    axis, sign = AXES[word]
+    by = position(moved, direction) - position(instance, direction)
+    factors = moved.codes.factors
+    factor = round(factors[axis] * math.exp(sign * _GROWTH * by), 6)  # back at the start, it is 1 again
+    return moved.changed(stretch=with_side(factors, axis, factor))
 
 
 def most(instance: Instance, words: Words, name: str) -> float:
@@ -131,12 +150,8 @@ def most(instance: Instance, words: Words, name: str) -> float:
     if kind == "texture":
         return math.inf
     low, high = reach(instance, number)
-    position = _coordinate(instance, number)
-    return high - position if sign > 0 else position - low
-
-
-def _coordinate(instance: Instance, number: int) -> float:
-    return float(instance.model.codes.shape_space.coordinates(instance.codes.shape)[number])
+    now = position(instance, number)
+    return high - now if sign > 0 else now - low
 
 
 def _direction(words: Words, name: str) -> tuple[CodeKind, int, int]:

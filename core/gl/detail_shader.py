@@ -70,7 +70,7 @@ vec3 warped(vec3 point) {{
     vec3 p = clamp(point / extent, -1.0, 1.0);
     vec4 x = vec4(1.0, p.x, p.x * p.x, p.x * p.x * p.x), y = vec4(1.0, p.y, p.y * p.y, p.y * p.y * p.y);
     vec4 z = vec4(1.0, p.z, p.z * p.z, p.z * p.z * p.z);
-    return point + {_WARP};
+    return clamp(point + {_WARP}, -extent, extent);
 }}
 // DetailMaps' two weights of a photo for a point and its origin, and the place of that in the photo.
 float photo_weights(

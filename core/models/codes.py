@@ -34,11 +34,18 @@ class Codes(Latents):
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
     stretch: Factors | None = None
     """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
+    moves: tuple[float, ...] | None = None
+    """Standard deviations by which the surface moved along the first shape directions (:mod:`core.models.motion`)."""
     bend: Bend | None = None
     """Legs or roof relative to the natural ones (:mod:`core.rendering.part_size`); it comes before the stretch."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.moves is not None:
+            if not all(map(math.isfinite, self.moves)):
+                raise ValueError(f"moves must be finite, got {self.moves}")
+            if not any(self.moves):
+                object.__setattr__(self, "moves", None)
         if self.bend and self.bend.moved == self.bend.plane:
             object.__setattr__(self, "bend", None)
         if self.stretch is None:
@@ -62,8 +69,8 @@ class Codes(Latents):
 
     @property
     def shape_key(self) -> tuple[float, ...]:
-        """All numbers of the shape and of its bend, as a comparable key."""
-        return super().shape_key + tuple(vars(self.bend).values() if self.bend else ())
+        """All numbers of the shape, of its moves and of its bend, as a comparable key."""
+        return super().shape_key + (self.moves or ()) + tuple(vars(self.bend).values() if self.bend else ())
 
     @property
     def is_sized(self) -> bool:
@@ -111,6 +118,7 @@ class Codes(Latents):
             mixed_offsets(self.texture_offsets, second.texture_offsets, texture),
             detail,
             mixed_stretch(self.stretch, second.stretch, shape),
+            mixed_moves(self.moves, second.moves, shape),
             mixed_bend(self.bend, second.bend, shape),
         )
 
@@ -120,9 +128,18 @@ class Codes(Latents):
         A shape comes with its photo detail and its size.
         """
         if kind == "shape":
-            names = "shape", "shape_offsets", "detail", "stretch", "bend"
+            names = "shape", "shape_offsets", "detail", "stretch", "moves", "bend"
             return replace(self, **{name: getattr(source, name) for name in names})
         return replace(self, texture=source.texture, texture_offsets=source.texture_offsets)
+
+
+def mixed_moves(
+    first: tuple[float, ...] | None, second: tuple[float, ...] | None, amount: float
+) -> tuple[float, ...] | None:
+    """Interpolate linearly; None stands for zeros."""
+    count = len(first or second or ())
+    ends = zip(first or (0.0,) * count, second or (0.0,) * count, strict=True)
+    return tuple((1 - amount) * start + amount * end for start, end in ends)
 
 
 def mixed_stretch(first: Factors | None, second: Factors | None, amount: float) -> Factors | None:

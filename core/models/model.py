@@ -326,7 +326,7 @@ class Instance:
         """Return an object of the same model."""
         return Instance(self.model, codes)
 
-    def changed(self, **fields: Tensor | PhotoDetail | Factors | Bend | None) -> "Instance":
+    def changed(self, **fields: Tensor | PhotoDetail | tuple[float, ...] | Bend | None) -> "Instance":
         """Return the object with other values of some fields of its codes (:class:`core.models.codes.Codes`)."""
         return self.with_codes(replace(self.codes, **fields))  # type: ignore[arg-type]
 

@@ -1,13 +1,11 @@
 """Motions of an object's surface along the first shape directions, and edits that follow them.
 
 Moved straight along a direction, the code of a fitted object leaves what the network was trained on: arms vanish, legs
-come loose. Therefore an edit moves the surface only. A smooth velocity per direction, a polynomial of the place, is
-fitted to the speed at which the network moves the surface along its normals. The biases of the shape blocks are then
-solved for (Gauss-Newton) so that the edited field at a place is the field where that place came from. The code moves,
-too, as it says how far the object was edited; offsets of the biases take up the difference.
+come loose. Therefore an edit keeps the code and moves space. A smooth velocity per direction, a polynomial of the place,
+is fitted to the speed at which the network moves the surface along its normals; it leaves the bounds of the object
+where they are. The edited field at a place is the field where that place came from, so no edit breaks an object.
 """
 
-from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,7 +19,8 @@ from core.models.latents import Latents
 from core.models.model import Instance, Model
 
 DIRECTIONS = 6  # the first ones, which have words
-LIMIT = 1.0  # standard deviations to either side, for objects as usual as the training objects
+LIMIT = 3.0  # standard deviations to either side
+_FOLLOWED = 1.0  # of a code's own way, which photos follow
 TERMS = [(x, y, z) for x in range(4) for y in range(4 - x) for z in range(4 - x - y)]  # exponents of the polynomials
 _CANDIDATES, _POINTS = 40_000, 1500  # random places, and those that are kept beside the surface
 _BESIDE = 2.0  # logit of such a place: the surface is at 0
@@ -29,14 +28,12 @@ _JITTERS = (0.012, 0.012, 0.05)  # scene units around surface points; at each, e
 _STEP = 0.5  # standard deviations to either side, for the speed of the surface
 _SPEED = 0.04  # scene units per standard deviation: faster than this, a part appears or vanishes
 _ROUNDS = 4  # of robust least squares
+_END = 0.03  # fraction of the surface's points at an end of the object
+_UNITS = (1, 0, 0), (0, 1, 0), (0, 0, 1)  # exponents of the coordinates
+_STRAIN = 0.6  # greatest growth of lengths at the end of a direction: space must not fold
+_NEARLY_ALL = 0.98
 _RIDGE = 1e-4  # of the velocity's coefficients
 _SUBSTEPS = 6  # along the velocity
-_SOLVES = 3  # Gauss-Newton steps
-_PRIOR = 0.2  # weight of the offsets' squares
-_FIRMER = 0.8  # logits added where the object is solid, or nearly: thin parts must not come loose
-_FIRM = -0.3  # logit from which a place counts as nearly solid
-_FIRM_WEIGHT = 3.0
-_SAME = 0.05, 1e-3  # greatest difference of equal offsets and of equal coordinates
 
 
 class Warp(NamedTuple):
@@ -47,7 +44,9 @@ class Warp(NamedTuple):
 
     def origins(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Return the places that points of the edited object came from."""
-        return points + _monomials(points, points.new_tensor(self.extent)) @ points.new_tensor(self.coefficients)
+        extent = points.new_tensor(self.extent)
+        moved = points + _monomials(points, extent) @ points.new_tensor(self.coefficients)
+        return torch.maximum(torch.minimum(moved, extent), -extent)
 
 
 class Motion(NamedTuple):
@@ -62,35 +61,43 @@ def supports_motion(model: Model) -> bool:
     return not (model.white_from_network or model.is_ablation)
 
 
+def position(instance: Instance, direction: int) -> float:
+    """Return an object's coordinate along a shape direction: that of its code and its move, in standard deviations."""
+    moves = instance.codes.moves
+    code = instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction]
+    return float(code) + (moves[direction] if moves and direction < len(moves) else 0.0)
+
+
 def moved_along(instance: Instance, direction: int, to: float) -> Instance:
     """Move an object along a shape direction to a coordinate, in standard deviations, or as far as it may go.
 
     Args:
         direction: index into :attr:`core.models.codes.CodeSpace.basis`.
     """
-    model = instance.model
-    space = model.codes.shape_space
     low, high = reach(instance, direction)
-    if direction >= DIRECTIONS or not supports_motion(model):
-        by = min(high, max(low, to)) - float(space.coordinates(instance.codes.shape)[direction])
-        return instance.moved("shape", by * space.basis[direction])
-    origin, steps = _origin(instance)
-    start = float(space.coordinates(origin.shape)[direction])
-    by = round(min(high, max(low, to)) - start, 4)
-    shape, offsets = _edit(model, origin, (*steps[:direction], by, *steps[direction + 1 :]))
-    return instance.changed(shape=shape, shape_offsets=offsets)
+    by = min(high, max(low, to)) - position(instance, direction)
+    if direction >= DIRECTIONS or not supports_motion(instance.model):
+        return instance.moved("shape", by * instance.model.codes.shape_space.basis[direction])
+    moves = list(instance.codes.moves or (0.0,) * min(DIRECTIONS, len(instance.model.codes.shape_space.std)))
+    moves[direction] = round(moves[direction] + by, 4)
+    return instance.changed(moves=tuple(moves))
 
 
 def reach(instance: Instance, direction: int) -> tuple[float, float]:
     """Return the ends of an object's way along a shape direction: coordinates in standard deviations.
 
-    It is the same before and after edits. An object unlike the training objects breaks earlier, so its way is shorter.
+    It is the same before and after edits. An object unlike the training objects looks odd earlier, so its way is
+    shorter.
     """
     space = instance.model.codes.shape_space
-    origin = _origin(instance)[0] if supports_motion(instance.model) else instance.codes
-    middle = float(space.coordinates(origin.shape)[direction])
-    limit = LIMIT / max(1.0, float(space.distance(origin.shape)))
-    return middle - limit, middle + limit
+    middle = float(space.coordinates(instance.codes.shape)[direction])
+    return middle - LIMIT, middle + LIMIT
+
+
+def warp_of(instance: Instance) -> Warp | None:
+    """Return the map from an edited object to the object that it was made from; None if it did not move."""
+    moves = instance.codes.moves
+    return _warp(instance.model, _untextured(instance.codes), moves) if moves else None
 
 
 def warp_to_fitted(instance: Instance) -> Warp | None:
@@ -102,7 +109,9 @@ def warp_to_fitted(instance: Instance) -> Warp | None:
     if instance.detail is None or not supports_motion(model):
         return None
     fitted = instance.detail.fitted
-    steps = _steps(model, fitted, instance.codes)
+    away = _first_coordinates(instance) - _first_coordinates(instance.fitted)
+    moves = instance.codes.moves or (0.0,) * len(away)
+    steps = tuple(round(code + move, 4) for code, move in zip(away.clamp(-_FOLLOWED, _FOLLOWED).tolist(), moves, strict=True))
     return _warp(model, _untextured(fitted), steps) if any(steps) else None
 
 
@@ -114,93 +123,17 @@ def unmoved_distance(instance: Instance) -> float:
     space = instance.model.codes.shape_space
     away = space.coordinates(instance.codes.shape) - space.coordinates(instance.fitted.codes.shape)
     if supports_motion(instance.model):
-        away[:DIRECTIONS] -= away[:DIRECTIONS].clamp(-LIMIT, LIMIT)
+        away[:DIRECTIONS] -= away[:DIRECTIONS].clamp(-_FOLLOWED, _FOLLOWED)
     return float(away.square().mean().sqrt())
 
 
-def _steps(model: Model, origin: Latents, codes: Latents) -> tuple[float, ...]:
-    space = model.codes.shape_space
-    away = space.coordinates(codes.shape) - space.coordinates(origin.shape)
-    return tuple(round(step, 4) for step in away[:DIRECTIONS].clamp(-LIMIT, LIMIT).tolist())
-
-
-def _origin(instance: Instance) -> tuple[Latents, tuple[float, ...]]:
-    """Return the shape that an object is an edit of, and the edit's steps; its own shape if that is unknown."""
-    fitted = instance.detail and _untextured(instance.detail.fitted)
-    return _origin_of(instance.model, _untextured(instance.codes), fitted)
-
-
-@lru_cache(maxsize=64)
-def _origin_of(model: Model, codes: Latents, fitted: Latents | None) -> tuple[Latents, tuple[float, ...]]:
-    for origin in _candidates(model, codes, fitted):
-        steps = _steps(model, origin, codes)
-        shape, offsets = _edit(model, origin, steps)
-        same_code = float(model.codes.shape_space.distance(shape, codes.shape)) < _SAME[1]
-        if same_code and _offset_difference(offsets, codes.shape_offsets) < _SAME[0]:
-            return origin, steps
-    return codes, (0.0,) * min(DIRECTIONS, len(model.codes.shape_space.std))
-
-
-def _candidates(model: Model, codes: Latents, fitted: Latents | None) -> Iterator[Latents]:
-    """Yield the shapes fitted or trained that differ from codes in the first directions only."""
-    rest = model.codes.shape_space.directions[DIRECTIONS:]
-    if fitted is not None and float(((codes.shape - fitted.shape) @ rest.T).norm()) < _SAME[1]:
-        yield fitted
-    away = ((model.codes.shapes - codes.shape) @ rest.T).norm(dim=1)
-    for index in (away < _SAME[1]).nonzero()[:, 0]:
-        yield _untextured(Latents(model.codes.shapes[index], codes.texture))
-
-
-def _offset_difference(first: Tensor | None, second: Tensor | None) -> float:
-    if first is None or second is None:
-        offsets = first if second is None else second
-        return 0.0 if offsets is None else float(offsets.abs().amax())
-    return float((first.float() - second.float()).abs().amax())
+def _first_coordinates(instance: Instance) -> Float[Tensor, "directions"]:
+    return instance.model.codes.shape_space.coordinates(instance.codes.shape)[:DIRECTIONS]
 
 
 def _untextured(latents: Latents) -> Latents:
     """Return a shape alone, as a key of caches."""
     return Latents(latents.shape, torch.zeros_like(latents.texture), latents.shape_offsets)
-
-
-@lru_cache(maxsize=64)
-def _edit(model: Model, origin: Latents, steps: tuple[float, ...]) -> tuple[Tensor, Tensor | None]:
-    """Return the shape's code and offsets after steps along the first directions (standard deviations)."""
-    if not any(steps):
-        return origin.shape, origin.shape_offsets
-    with torch.inference_mode(False), torch.no_grad():  # cached
-        warp = _warp(model, origin, steps)
-        bias = model.biases(origin)[0]
-        std = model.bias_std[0]
-        bias = bias + std * _solve(model, bias, warp, _moved_points(model, origin, steps))
-        shape = origin.shape + torch.tensor(steps) @ model.codes.shape_space.basis[: len(steps)]
-        offsets = (bias - model.field.shape_bias(shape)) / std
-    return shape, offsets.half().cpu()
-
-
-def _solve(
-    model: Model, bias: Float[Tensor, "blocks width"], warp: Warp, points: Float[Tensor, "points 3"]
-) -> Float[Tensor, "blocks width"]:
-    """Return the change of biases, in standard deviations, that gives points the field of their origins."""
-    field = model.field
-    std = model.bias_std[0]
-    target_logits = _logits(model, warp.origins(points), bias)
-    target_logits = target_logits + _FIRMER * torch.sigmoid(10 * (target_logits - _FIRM))
-    weight = torch.where(target_logits > _FIRM, _FIRM_WEIGHT, 1.0)[:, None]
-    first = _first_layer(model, points)
-    change = torch.zeros_like(bias)
-    for _ in range(_SOLVES):
-        with torch.enable_grad():
-            biases = (bias + change * std).expand(len(points), -1, -1).clone().requires_grad_(True)
-            solid = torch.tanh(field.logits_from_activations(first, biases)[0] / 2)
-            (jacobian,) = torch.autograd.grad(solid.sum(), biases)
-        jacobian = (jacobian * std).flatten(1)
-        residual = torch.tanh(target_logits / 2) - solid.detach()
-        prior = _PRIOR / jacobian.shape[1]
-        curvature = jacobian.T @ (weight * jacobian) / len(points) + prior * torch.eye(jacobian.shape[1])
-        downhill = jacobian.T @ (weight[:, 0] * residual) / len(points) - prior * change.flatten()
-        change = change + torch.linalg.solve(curvature, downhill).view_as(change)
-    return change
 
 
 @lru_cache(maxsize=64)
@@ -246,7 +179,9 @@ def motion(model: Model, origin: Latents) -> Motion:
         for step in space.basis[:DIRECTIONS]:
             ends = [origin.shape + side * _STEP * step for side in (1, -1)]
             more, less = (_logits(model, surface, offsets + model.field.shape_bias(end)) for end in ends)
-            velocities.append(_velocity(rows, (more - less) / (2 * _STEP * slope)))
+            velocity = _velocity(rows, (more - less) / (2 * _STEP * slope))
+            velocity = _within_bounds(velocity, surface, model.extent_tensor)
+            velocities.append(velocity * min(1.0, _STRAIN / (LIMIT * _strain(velocity, surface, model.extent_tensor))))
     return Motion(surface, torch.stack(velocities))
 
 
@@ -259,6 +194,35 @@ def _velocity(rows: Float[Tensor, "points numbers"], speed: Float[Tensor, "point
         numbers = torch.linalg.solve(normal, rows.T @ (weight * speed))
         weight = 1 / (1 + ((speed - rows @ numbers) / _SPEED) ** 2)
     return numbers.view(3, -1).T
+
+
+def _within_bounds(
+    velocity: Float[Tensor, "terms 3"], surface: Float[Tensor, "points 3"], extent: Float[Tensor, "3"]
+) -> Float[Tensor, "terms 3"]:
+    """Return a velocity less the shift and the growth along each axis that move the surface's two ends."""
+    velocity = velocity.clone()
+    place = surface / extent
+    for axis in range(3):
+        order = place[:, axis].argsort()
+        count = max(1, round(_END * len(order)))
+        low, high = (place[ends] for ends in (order[:count], order[-count:]))
+        speeds = [float((_monomials(end * extent, extent) @ velocity[:, axis]).mean()) for end in (low, high)]
+        middles = [float(end[:, axis].mean()) for end in (low, high)]
+        growth = (speeds[1] - speeds[0]) / max(middles[1] - middles[0], 1e-6)
+        velocity[TERMS.index((0, 0, 0)), axis] -= speeds[0] - growth * middles[0]
+        velocity[TERMS.index(_UNITS[axis]), axis] -= growth
+    return velocity
+
+
+def _strain(
+    velocity: Float[Tensor, "terms 3"], surface: Float[Tensor, "points 3"], extent: Float[Tensor, "3"]
+) -> float:
+    """Return the growth of lengths per standard deviation at nearly all of a surface, above 0."""
+    with torch.enable_grad():
+        points = surface.detach().clone().requires_grad_(True)
+        speed = (_monomials(points, extent.clone()) @ velocity).unbind(-1)
+        slopes = [torch.autograd.grad(part.sum(), points, retain_graph=True)[0] for part in speed]
+    return float(torch.stack(slopes).square().sum((0, 2)).sqrt().quantile(_NEARLY_ALL).clamp_min(1e-6))
 
 
 def _surface(model: Model, origin: Latents) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
@@ -285,11 +249,8 @@ def _surface(model: Model, origin: Latents) -> tuple[Float[Tensor, "points 3"], 
 def _logits(
     model: Model, points: Float[Tensor, "points 3"], bias: Float[Tensor, "blocks width"]
 ) -> Float[Tensor, "points"]:
-    return model.field.logits_from_activations(_first_layer(model, points), bias)[0]
-
-
-def _first_layer(model: Model, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
-    return model.field.point_layer(encode(points, model.field.config.position_frequencies)).relu()
+    first = model.field.point_layer(encode(points, model.field.config.position_frequencies)).relu()
+    return model.field.logits_from_activations(first, bias)[0]
 
 
 def _slopes(

@@ -60,6 +60,8 @@ class Scene:
         }
         if codes.stretch:
             content["stretch"] = codes.stretch
+        if codes.moves:
+            content["moves"] = codes.moves
         if codes.bend:
             content["bend"] = vars(codes.bend)
         if codes.detail:
@@ -96,6 +98,7 @@ class Scene:
             read_offsets(content.texture_offsets),
             detail,
             content.stretch,
+            content.moves,
             content.bend,
         )
         return cls(MissingInstance(content.model, codes), content.camera)
@@ -153,6 +156,7 @@ class _SceneJson(NamedTuple):
     shape_offsets: tuple[str, ...] | None = None
     texture_offsets: tuple[str, ...] | None = None
     stretch: Factors | None = None
+    moves: tuple[float, ...] | None = None
     bend: Bend | None = None
 
 

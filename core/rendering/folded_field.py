@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.models.model import Instance
+from core.models.motion import warp_of
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
 from core.runtime.layers import relu_
@@ -26,6 +27,7 @@ class FoldedField:
         self.dtype = matmul_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
         self._bend = instance.codes.bend
+        self._warp = warp_of(instance)
         self._outline = outline(instance)
         with torch.no_grad():
             shape, texture = instance.biases
@@ -38,8 +40,8 @@ class FoldedField:
         return _folded(instance.unstretched, matmul_dtype(instance.model.device.type))
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
-        """Return the activations of the first layer, which depend on no code, at points before a bend."""
-        return relu_(self._weights.position(points))
+        """Return the activations of the first layer, at points before a bend; unless moved, they depend on no code."""
+        return relu_(self._weights.position(self._warp.origins(points) if self._warp else points))
 
     def density(
         self, points: Float[Tensor, "points 3"]

@@ -21,6 +21,7 @@ from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
 from core.models.model import Instance, Model
+from core.models.motion import Warp, warp_of
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
@@ -72,16 +73,25 @@ class Occupancy:
         previous: the occupancy of a similar shape, to find that of a changing shape a few times faster. Corners around
             its cells are evaluated; elsewhere every second one, or every fourth outside the cells of training objects.
             This misses thin parts that lie apart, so the result is not ``complete``.
+        unmoved: the occupancy of the object that this one was made from by a warp.
     """
 
-    def __init__(self, model: Model, folded: FoldedField, previous: "Occupancy | None" = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        folded: FoldedField,
+        previous: "Occupancy | None" = None,
+        unmoved: tuple["Occupancy", Warp] | None = None,
+    ) -> None:
         self.extent = model.extent_tensor
-        self.complete = previous is None
+        self.complete = unmoved[0].complete if unmoved else previous is None
         self.cell = 2 * self.extent / CELLS
         grid = _corners(model, folded.dtype)
         limit = _MIN_OPACITY / float(self.cell.amin())
         with torch.inference_mode():
-            if previous:
+            if unmoved:
+                densities = _moved_densities(folded, *unmoved)
+            elif previous:
                 rows = (previous._around() | grid.sparse).index_select(0, grid.corner).nonzero()[:, 0]
                 densities = _densities_at(folded, grid, rows)
             else:
@@ -201,11 +211,14 @@ def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
     """
     if instance.codes.bend:
         return _bent(shape_occupancy(instance.natural, complete), instance.codes.bend)
-    key = instance.model, instance.codes.shape_key
+    unmoved = instance.changed(moves=None) if instance.codes.moves else instance
+    key = instance.model, unmoved.codes.shape_key, instance.codes.moves
     occupancy: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if occupancy is None or (complete and not occupancy.complete):
-        previous = None if complete else _similar_occupancy(instance)
-        occupancy = Occupancy(instance.model, FoldedField.of(instance), previous)
+        warp = warp_of(instance)
+        source = (shape_occupancy(unmoved, complete), warp) if warp else None
+        previous = None if complete or source else _similar_occupancy(instance)
+        occupancy = Occupancy(instance.model, FoldedField.of(instance), previous, source)
         CACHE.put(CacheKind.SHAPE, key, occupancy, occupancy.size)
     return occupancy
 
@@ -216,12 +229,12 @@ def _bent(occupancy: Occupancy, bend: Bend) -> Occupancy:
 
 
 def _similar_occupancy(instance: Instance) -> Occupancy | None:
-    """Return the occupied cells of the model's last rendered shape if this one is similar to it."""
+    """Return the occupied cells of the model's last shape without moves if this one is similar to it."""
     codes = instance.codes
     space = instance.model.codes.shape_space
     latent = codes.shape.shape[-1]
-    for (model, shape), occupancy in CACHE.newest(CacheKind.SHAPE):
-        if model is instance.model:
+    for (model, shape, moves), occupancy in CACHE.newest(CacheKind.SHAPE):
+        if model is instance.model and not moves:
             last = codes.shape.new_tensor(shape)
             away = space.distance(codes.shape, last[:latent])
             offset = torch.zeros(()) if codes.shape_offsets is None else codes.shape_offsets.flatten().to(last)
@@ -303,6 +316,25 @@ def _complete_densities(folded: FoldedField, grid: _Corners, limit: float) -> Fl
     densities[grid.corner[: grid.always]] = always
     if bool((always[grid.likely :] > limit).any()):
         densities[grid.corner[grid.always :]] = evaluate(slice(grid.always, None))
+    return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+
+
+def _moved_densities(
+    folded: FoldedField, unmoved: Occupancy, warp: Warp
+) -> Float[Tensor, "corners corners corners"]:
+    """Return densities at corners of the cells that a warp leads to an occupied cell or beside one; 0 elsewhere."""
+    places = torch.cartesian_prod(*[torch.arange(CELLS, device=unmoved.cell.device)] * 3)
+    origins = warp.origins((places + 0.5) * unmoved.cell - unmoved.extent)
+    cells = contains(with_neighbours(unmoved.cells)[None], origins[None], unmoved.extent).view_as(unmoved.cells)
+    rows = corners_of(cells).flatten().nonzero()[:, 0]
+    points = corner_points(unmoved.extent, CELLS)
+    densities = torch.zeros(len(points), device=rows.device)
+
+    def evaluate(block: Int[Tensor, "block"]) -> Float[Tensor, "block"]:
+        activations = folded.first_layer(points.index_select(0, pad_rows(block)))
+        return folded.unbounded_density(activations)[0][: len(block)]
+
+    densities[rows] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
     return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 

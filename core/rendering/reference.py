@@ -11,6 +11,7 @@ from core.geometry.bend import Bend
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
 from core.models.model import Instance, Model
+from core.models.motion import Warp, warp_of
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
 from core.runtime.pool import map_pieces
@@ -59,19 +60,21 @@ def render_rays(
     texture_bias: Float[Tensor, "... more_blocks width"],
     bound: Outline | None = None,
     bend: Bend | None = None,
+    warp: Warp | None = None,
 ) -> Rendered:
     """Evaluate Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
         shape_bias, texture_bias: from the field; broadcast against (*batch, samples, blocks, width).
         bound: outline that bounds the density.
-        bend: of the object, in whose space the rays are.
+        bend, warp: of the object, in whose space the rays are; the bend is undone first.
     """
     depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
     points = ray_points(rays, depths)
     points = bend.origins(points) if bend else points
-    density, colours = model.field.radiance(points, direction_bias, shape_bias, texture_bias)
+    origins = warp.origins(points) if warp else points
+    density, colours = model.field.radiance(origins, direction_bias, shape_bias, texture_bias)
     if bound is not None:
         density = density * bound.factor(points)
     weights, transmittance = compositing_weights(density, edges)
@@ -98,7 +101,7 @@ def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rend
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     model = instance.model
     rays = exact_rays(model, instance.local_camera(camera))
-    bounded = *instance.biases, outline(instance), instance.codes.bend
+    bounded = *instance.biases, outline(instance), instance.codes.bend, warp_of(instance)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
     bands = map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts)

@@ -36,8 +36,8 @@ def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float
     The points are centres of grid cells inside the object with a neighbour outside. Each is seen along its ray to the
     scene's origin. Empty for an empty object.
     """
-    grid = _grid(instance.model)
     field = FoldedField.of(instance.natural)
+    grid = _evaluated(field, instance.model, likely_only=False) if instance.codes.moves else _grid(instance.model)
     with torch.no_grad():
         # Cells of empty blocks with empty neighbours are not evaluated.
         dense = torch.zeros_like(grid.blocks)
@@ -53,18 +53,22 @@ def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float
 
 
 @lru_cache(maxsize=1)
-@torch.no_grad()
 def _grid(model: Model) -> _Grid:
+    return _evaluated(FoldedField(model.mean), model, likely_only=True)
+
+
+@torch.no_grad()
+def _evaluated(field: FoldedField, model: Model, likely_only: bool) -> _Grid:
+    """Return a grid with first-layer activations; ``likely_only`` without blocks that no training object occupies."""
     extent = model.extent_tensor
     cell = 2 * float(extent.max()) / CELLS
     counts = [math.ceil(float(half) / cell) for half in extent]
     points = _centres([2 * count for count in counts], cell, extent.device)
     middles = _centres(counts, 2 * cell, extent.device)
     blocks = torch.ones(counts, dtype=torch.bool, device=extent.device)
-    if model.occupied_cells is not None:
+    if likely_only and model.occupied_cells is not None:
         cells = model.occupied_cells[None].to(extent.device)
         blocks = contains(cells, middles.reshape(1, -1, 3), extent).reshape(counts)
-    field = FoldedField(model.mean)
     return _Grid(cell, points, field.first_layer(points.reshape(-1, 3)), blocks, field.first_layer(middles[blocks]))
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
+from core.directions.words import reshaped
 from core.models.codes import CodeBook, CodeKind
 from core.models.model import Instance
-from core.models.motion import moved_along, reach
+from core.models.motion import position, reach
 
 _TEXTURE_REACH = 3.0  # standard deviations to either side of the mean; no texture breaks an object
 
@@ -28,7 +29,9 @@ class Direction:
 
     def strength(self, instance: Instance) -> float:
         """Return an object's position along the direction, in standard deviations from its model's mean."""
-        way = getattr(instance.codes, self.kind) - getattr(instance.model.codes.mean, self.kind)
+        if self.kind == "shape":
+            return position(instance, self.index)
+        way = instance.codes.texture - instance.model.codes.mean.texture
         return float(way @ self.step / self.step.square().sum())
 
     def reach(self, instance: Instance) -> tuple[float, float]:
@@ -38,6 +41,6 @@ class Direction:
     def moved(self, instance: Instance, to: float) -> Instance:
         """Return the object moved to the position ``to``, in standard deviations, or to the end of its reach."""
         if self.kind == "shape":
-            return moved_along(instance, self.index, to)
+            return reshaped(instance, self.index, to)
         by = max(-_TEXTURE_REACH, min(_TEXTURE_REACH, to)) - self.strength(instance)
         return instance.moved("texture", by * self.step)
