@@ -143,5 +143,6 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
     if chosen.size_cm:
         instance = sized(instance, chosen.size_cm)
     if chosen.portion_cm:
-        instance = portion_sized(instance, *chosen.portion_cm, keeps_height=chosen.size_cm is not None)
+        name, length = chosen.portion_cm
+        instance = portion_sized(instance, name, length, keeps_height=chosen.size_cm is not None)
     return instance

@@ -190,5 +190,5 @@ def _draw_edges(context: PanelContext, projection: _Projection, box: Bounds) -> 
         draw.add_line(places[first], places[second], colour, 1.5)
     if box.plane is not None:
         ring = projection.on_screen(*_ring(box))
-        for first, second in zip(ring, (*ring[1:], ring[0]), strict=True):
-            draw.add_line(first, second, colour, 1.0)
+        for number, place in enumerate(ring):
+            draw.add_line(ring[number - 1], place, colour, 1.0)

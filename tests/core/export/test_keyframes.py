@@ -1,12 +1,13 @@
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 from itertools import pairwise
 
 import pytest
 import torch
 
 from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View, morph, swing, turntable
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.missing import MissingInstance
@@ -178,6 +179,19 @@ def test_sizes_change_between_keys() -> None:
         (2.0, 1.0, 1.0),
         (3.0, 1.0, 1.0),
     ]
+
+
+def test_legs_change_between_keys_and_return() -> None:
+    instance, camera = shot()
+    bends = (None, Bend(-0.4, 0.0, 0.1, 0.4), Bend(-0.4, -0.1, 0.1, 0.2), None)
+    keys = tuple(Keyframe(float(time), View(instance.changed(bend=bend), camera)) for time, bend in enumerate(bends))
+    video = Timeline(keys, 3.0, loop=False)
+    middle = Bend(-0.4, -0.05, 0.1, 0.3)
+    moments = {0.0: bends[0], 0.5: Bend(-0.4, 0.0, 0.05, 0.4), 1.0: bends[1], 1.5: middle, 2.0: bends[2], 3.0: None}
+    for seconds, bend in moments.items():
+        interpolated = video.at(seconds).instance.codes.bend
+        assert (interpolated is None) == (bend is None)
+        assert bend is None or astuple(interpolated) == pytest.approx(astuple(bend))
 
 
 @pytest.mark.parametrize("film", [swing, turntable])

@@ -3,6 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.geometry.bend import Bend
 from core.models.codes import MAX_DISTORTION, CodeBook, Codes, CodeSpace, Entry, farthest_first
 from core.rendering.size import with_side
 
@@ -56,6 +57,21 @@ def test_a_stretch_goes_with_the_shape():
     assert wide != Codes(torch.ones(3), torch.ones(2))
     x, y, z = wide.proportions
     assert x == pytest.approx(3 * y) and y == z and x**2 + y**2 + z**2 == pytest.approx(3)
+
+
+def test_a_bend_goes_with_the_shape_and_belongs_to_it():
+    natural = Codes(torch.zeros(3), torch.zeros(2))
+    bend = Bend(-0.4, 0.0, 0.1, 0.4)
+    tall = Codes(torch.ones(3), torch.ones(2), bend=bend)
+    assert natural.taking("shape", tall).bend == bend == tall.taking("texture", natural).bend
+    assert natural.taking("texture", tall).bend is None
+    assert natural.mixed(tall, 0.5, 0.0).bend == Bend(-0.4, 0.0, 0.05, 0.4)
+    assert natural.mixed(tall, 1.0, 1.0) == tall
+    assert tall.mixed(natural, 1.0, 1.0) == natural
+    unbent = Codes(torch.ones(3), torch.ones(2))
+    assert tall != unbent and tall.shape_key != unbent.shape_key and tall.texture_key == unbent.texture_key
+    assert unbent == Codes(torch.ones(3), torch.ones(2), bend=Bend(-0.4, 0.0, 0.0, 0.4))
+    assert tall.is_sized and not unbent.is_sized
 
 
 @pytest.mark.parametrize("stretch", [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (torch.nan,) * 3, (1e3,) * 3, (1.0, 20.0, 1.0)])

@@ -9,14 +9,21 @@ from torch.nn import functional
 
 from core.detail.progressive import render_frame
 from core.export.mesh import extract_mesh
+from core.geometry.bend import MAX_BEND, Bend
 from core.geometry.camera import Camera, Factors
-from core.geometry.rays import Rays, camera_rays, clip_to_box
+from core.geometry.rays import Rays, camera_rays, clip_to_box, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
 from core.models.codes import MAX_DISTORTION
+from core.models.library import load_model
 from core.models.model import Instance, Model
+from core.models.motion import moved_along
 from core.rendering import fast
+from core.rendering.bounds import natural_bounds, portion_of
+from core.rendering.compositing import composite_on_white, compositing_weights
+from core.rendering.folded_field import FoldedField
+from core.rendering.occupancy import shape_occupancy
 from core.rendering.reference import render_exact, render_rays
-from core.rendering.size import described, natural_bounds, natural_size, size_of, sized
+from core.rendering.size import bounds_of, described, natural_size, portion_sized, size_of, sized, with_portion
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import random_model
@@ -130,3 +137,116 @@ def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
     quality = psnr(seen_as_natural(stretched)[rows], photo[rows])
     plain_quality = psnr(seen_as_natural(stretched.with_detail(None))[rows], photo[rows])
     assert quality > max(30, plain_quality + 5)
+
+
+def through_bent_rays(instance: Instance, camera: Camera, bend: Bend) -> torch.Tensor:
+    """The plain definition: colours of the natural object at the origins of points along the rays."""
+    model = instance.model
+    rays = camera_rays(camera, model.extent_tensor)
+    edges = uniform_edges(rays, 256)
+    towards = model.field.direction_bias(rays.directions)[..., None, :]
+    points = ray_points(rays, midpoints(edges))
+    density, colours = model.field.radiance(bend.origins(points), towards, *instance.natural.biases)
+    return composite_on_white(*compositing_weights(density, edges), colours)
+
+
+@pytest.mark.parametrize("bend", [Bend(-0.35, -0.05, 0.12, 0.35), Bend(-0.3, 0.0, -0.21, 0.4)])
+def test_a_picture_of_a_bent_object_shows_every_height_where_the_bend_puts_it(tiny: Model, bend: Bend) -> None:
+    instance = tiny[1].changed(bend=bend)
+    camera = tiny.camera(0.7, 0.3).resized(48, 40)
+    with torch.no_grad():
+        colours = through_bent_rays(instance, camera, bend)
+    exact = render_exact(instance, camera)
+    torch.testing.assert_close(exact.colour, colours, atol=1e-4, rtol=0)
+    assert psnr(fast.render(instance, camera, 192).colour, colours) > 42
+    assert psnr(render_exact(tiny[1], camera).colour, colours) < 35
+
+
+@settings(max_examples=10)
+@given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.4, -0.31), st.floats(0.31, 0.4))
+def test_a_bent_objects_cells_hold_all_that_is_dense(plane: float, moved: float, low: float, high: float):
+    bend = Bend(low, plane, moved, high)
+    instance = tiny_model()[2].changed(bend=bend)
+    points = (torch.rand(4000, 3, generator=torch.Generator().manual_seed(0)) * 2 - 1) * instance.model.extent_tensor
+    natural = FoldedField.of(instance.natural).density(bend.origins(points))[0]
+    density = FoldedField.of(instance).density(points)[0]
+    torch.testing.assert_close(density, natural)
+    inside = shape_occupancy(instance.natural).contains(bend.origins(points))
+    assert bool(shape_occupancy(instance).contains(points[inside]).all())
+    share = shape_occupancy(instance).cells.sum() / shape_occupancy(instance.natural).cells.sum()
+    assert share < 2 * MAX_BEND
+
+
+def test_legs_get_a_length_and_the_rest_keeps_its_own() -> None:
+    chair = load_model("chairs")[999]
+    legs = portion_of(chair.model)
+    assert legs is not None and legs.name == "legs"
+    before = bounds_of(chair).length(legs)
+    assert 35 < before < 45
+    tall = portion_sized(chair, "legs", before + 7)
+    assert bounds_of(tall).length(legs) == pytest.approx(before + 7)
+    width, depth, height = size_of(chair)
+    assert size_of(tall) == pytest.approx((width, depth, height + 7))
+    split = portion_sized(sized(tall, (60.0, 58.0, 92.0)), "legs", 45.0, keeps_height=True)
+    assert size_of(split) == pytest.approx((60, 58, 92)) and bounds_of(split).length(legs) == pytest.approx(45)
+    assert size_of(sized(split, (30.0, 29.0, 46.0))) == pytest.approx((30, 29, 46))
+    assert bounds_of(sized(split, (30.0, 29.0, 46.0))).length(legs) == pytest.approx(22.5)
+    assert sized(split, None) == chair == split.natural
+    assert size_of(portion_sized(tall, "legs", before)) == pytest.approx(size_of(chair))
+
+
+def test_a_roof_begins_at_the_windows() -> None:
+    cars = load_model("cars")
+    roof = portion_of(cars)
+    assert roof is not None and roof.name == "roof"
+    before = bounds_of(cars[0])
+    high = portion_sized(cars[0], "roof", 1.3 * before.length(roof))
+    assert bounds_of(high).length(roof) == pytest.approx(1.3 * before.length(roof))
+    assert size_of(high)[2] - bounds_of(high).length(roof) == pytest.approx(before.size[2] - before.length(roof))
+
+
+def test_an_edit_of_the_shape_keeps_the_bend_and_sizes_stay_true() -> None:
+    chair = portion_sized(load_model("chairs")[999], "legs", 50.0)
+    edited = moved_along(chair, 0, 9.0)
+    assert edited.codes.bend == chair.codes.bend and edited.natural == moved_along(chair.natural, 0, 9.0)
+    legs = portion_of(chair.model)
+    again = portion_sized(edited, "legs", 45.0)
+    assert bounds_of(again).length(legs) == pytest.approx(45)
+    rest = [size_of(instance)[2] - bounds_of(instance).length(legs) for instance in (edited, again)]
+    assert rest[0] == pytest.approx(rest[1])
+
+
+@pytest.mark.parametrize("length", [0.0, -1.0, math.nan, math.inf, 1.0, 1e4])
+def test_other_lengths_are_refused_in_one_line(length: float) -> None:
+    chair = load_model("chairs")[999]
+    with pytest.raises(ValueError, match=r"^[^\n]*cm[^\n]*$"):
+        portion_sized(chair, "legs", length)
+    if length > 0:
+        with_portion(chair, natural_bounds(chair), length)  # as near as limits allow
+
+
+def test_an_object_without_the_part_has_no_such_length(tiny: Model) -> None:
+    with pytest.raises(ValueError, match="only the whole of it"):
+        portion_sized(tiny[0], "legs", 45.0)
+    chairs = load_model("chairs")
+    with pytest.raises(ValueError, match="only its legs"):
+        portion_sized(chairs[999], "roof", 45.0)
+    assert natural_bounds(load_model("cars")[702]).plane is None  # it has no windows
+
+
+def test_photo_detail_is_bent_with_the_object(tiny: Model) -> None:
+    far = tiny.camera(1.1, 0.0, 40.0)  # nearly no perspective: there an image is bent like the object
+    camera = Camera(1.1, 0.0, 40.0, 20 * far.focal * SIZE / far.height, SIZE, SIZE)
+    instance = striped(tiny, camera)
+    bend = Bend(-0.35, 0.0, 0.1, 0.35)
+    heights = (SIZE / 2 - torch.arange(SIZE) - 0.5) * camera.distance / camera.focal
+    origins = bend.origins(torch.stack((torch.zeros(SIZE), torch.zeros(SIZE), heights), -1))[:, 2]
+    rows = SIZE / 2 - 0.5 - origins * camera.focal / camera.distance
+    photo = torch.from_numpy(instance.detail.views[0].pixels()[..., :3] / 255).float()
+    expected = photo[rows.round().long().clamp(0, SIZE - 1)]
+    shown, plain = (
+        torch.from_numpy(render_frame(bent, camera).image / 255).float()
+        for bent in (instance.changed(bend=bend), instance.changed(bend=bend, detail=None))
+    )
+    stripe = ((origins * camera.focal / camera.distance).abs() < 0.06 * SIZE).nonzero()[:, 0]
+    assert psnr(shown[stripe], expected[stripe]) > max(25, psnr(plain[stripe], expected[stripe]) + 5)
