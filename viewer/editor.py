@@ -133,16 +133,6 @@ class Editor:
         instance = self.scene.instance.changed(detail=detail)
         self._edit(replace(self.scene, instance=instance), gesture=gesture)
 
-    def resize(self, instance: Instance, gesture: str = "") -> None:
-        """Replace the object by itself in another size (:mod:`core.rendering.size`), unless its shape is locked.
-
-        The camera keeps the view's scale, so that sides that are not stretched stay where they are.
-        """
-        if "shape" in self.locked:
-            return
-        distance = self.scene.camera.distance * self.scene.instance.codes.scale / instance.codes.scale
-        self._edit(Scene(instance, orbit.at_distance(self.scene.camera, distance, self.model)), gesture=gesture)
-
     def set_texture(self, texture: Tensor, gesture: str = "") -> None:
         """Give the object another texture code."""
         self._set_codes(self.scene.instance.changed(texture=texture), self.state.mix, gesture)
@@ -167,8 +157,13 @@ class Editor:
         self.edit(direction.moved(self.scene.instance, to))
 
     def edit(self, edited: Instance, gesture: str = "") -> None:
-        """Replace the object by an edited one, except locked codes."""
-        self._set_codes(edited, self.state.mix, gesture)
+        """Replace the object by an edited one, except locked codes.
+
+        The camera keeps the view's scale, so that sides that are not stretched stay where they are.
+        """
+        edited = self._keeping_locked(edited)
+        distance = self.scene.camera.distance * self.scene.instance.codes.scale / edited.codes.scale
+        self._set_codes(edited, self.state.mix, gesture, orbit.at_distance(self.scene.camera, distance, self.model))
 
     # Objects A and B
 

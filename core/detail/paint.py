@@ -170,7 +170,7 @@ class _Surface:
 def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
     """Sample points on an object's surface with their membership of a part."""
     model = instance.model
-    points, _ = surface_points(instance)
+    points, _ = surface_points(instance.unmoved)
     yield None
     if not len(points):
         raise ValueError("the object has no surface that takes paint")
@@ -180,7 +180,7 @@ def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
         towards = model.field.direction_bias(-functional.normalize(points, dim=-1))
         surface = _Surface(instance, features, towards, points, points[:, 0], torch.zeros(3), torch.zeros(3))
         colours = surface.coloured(instance.codes).clamp(0, 1)
-        membership = _membership(instance.natural, points, colours, part)
+        membership = _membership(instance.unmoved, points, colours, part)
         surface = replace(surface, colours=colours, membership=membership, fitted=_mean(colours, membership))
     if not effective_strength(instance):
         return surface

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from core.geometry.bend import mixed_bend
 from core.geometry.camera import Camera
-from core.models.codes import mixed_stretch
+from core.models.codes import mixed_moves, mixed_stretch
 from core.models.latents import Latents
 from core.models.model import Instance
 
@@ -208,16 +208,17 @@ class _Run:
         if len(self.knots) == 1:
             return nearest
         latents = {name: path(seconds) for name, path in self._paths.items()}
-        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(**self._size(seconds))
+        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(**self._deformation(seconds))
 
-    def _size(self, seconds: float) -> dict[str, Any]:
-        """Interpolate stretches and bends linearly, which passes no limit between two knots."""
+    def _deformation(self, seconds: float) -> dict[str, Any]:
+        """Interpolate moves, bends and stretches linearly, which passes no limit between two knots."""
         times = [time for time, _ in self.knots]
         last = min(bisect_right(times, seconds), len(times) - 1)
         first, second = (instance.codes for _, instance in self.knots[last - 1 : last + 1])
         amount = (seconds - times[last - 1]) / (times[last] - times[last - 1])
         stretch = mixed_stretch(first.stretch, second.stretch, amount)
-        return {"stretch": stretch, "bend": mixed_bend(first.bend, second.bend, amount)}
+        moves = mixed_moves(first.moves, second.moves, amount)
+        return {"stretch": stretch, "moves": moves, "bend": mixed_bend(first.bend, second.bend, amount)}
 
     @cached_property
     def _paths(self) -> dict[str, Callable[[float], Tensor]]:

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.bend import Bend
-from core.geometry.camera import MAX_SIDE, Camera, Factors
+from core.geometry.camera import MAX_SIDE, Camera
 from core.models.codes import CodeBook, Codes
 from core.models.field import Field
 from core.models.latents import CodeKind, Latents
@@ -301,8 +301,13 @@ class Instance:
 
     @property
     def natural(self) -> "Instance":
-        """The object in its natural size and proportions."""
+        """The object in its natural size and proportions, edited or not."""
         return self.changed(stretch=None, bend=None) if self.codes.is_sized else self
+
+    @property
+    def unmoved(self) -> "Instance":
+        """The object in the space of its network: neither moved by edits, nor bent, nor stretched."""
+        return self.changed(moves=None, bend=None, stretch=None)
 
     @property
     def unstretched(self) -> "Instance":

@@ -1,9 +1,9 @@
 """Motions of an object's surface along the first shape directions, and edits that follow them.
 
 Moved straight along a direction, the code of a fitted object leaves what the network was trained on: arms vanish, legs
-come loose. Therefore an edit keeps the code and moves space. A smooth velocity per direction, a polynomial of the place,
-is fitted to the speed at which the network moves the surface along its normals; it leaves the bounds of the object
-where they are. The edited field at a place is the field where that place came from, so no edit breaks an object.
+come loose. Therefore an edit keeps the code and moves space. A smooth velocity per direction, a polynomial of the
+place, is fitted to the speed at which the network moves the surface along its normals, less what would move the bounds
+of the object. The edited field at a place is the field where that place came from, so no edit breaks an object.
 """
 
 from functools import lru_cache
@@ -110,8 +110,8 @@ def warp_to_fitted(instance: Instance) -> Warp | None:
         return None
     fitted = instance.detail.fitted
     away = _first_coordinates(instance) - _first_coordinates(instance.fitted)
-    moves = instance.codes.moves or (0.0,) * len(away)
-    steps = tuple(round(code + move, 4) for code, move in zip(away.clamp(-_FOLLOWED, _FOLLOWED).tolist(), moves, strict=True))
+    followed = tuple(round(step, 4) for step in away.clamp(-_FOLLOWED, _FOLLOWED).tolist())
+    steps = tuple(map(sum, zip(followed, instance.codes.moves or (0.0,) * len(followed), strict=True)))
     return _warp(model, _untextured(fitted), steps) if any(steps) else None
 
 

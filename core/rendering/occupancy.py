@@ -84,7 +84,7 @@ class Occupancy:
         unmoved: tuple["Occupancy", Warp] | None = None,
     ) -> None:
         self.extent = model.extent_tensor
-        self.complete = unmoved[0].complete if unmoved else previous is None
+        self.complete: bool = unmoved[0].complete if unmoved else previous is None
         self.cell = 2 * self.extent / CELLS
         grid = _corners(model, folded.dtype)
         limit = _MIN_OPACITY / float(self.cell.amin())
@@ -319,9 +319,7 @@ def _complete_densities(folded: FoldedField, grid: _Corners, limit: float) -> Fl
     return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
-def _moved_densities(
-    folded: FoldedField, unmoved: Occupancy, warp: Warp
-) -> Float[Tensor, "corners corners corners"]:
+def _moved_densities(folded: FoldedField, unmoved: Occupancy, warp: Warp) -> Float[Tensor, "corners corners corners"]:
     """Return densities at corners of the cells that a warp leads to an occupied cell or beside one; 0 elsewhere."""
     places = torch.cartesian_prod(*[torch.arange(CELLS, device=unmoved.cell.device)] * 3)
     origins = warp.origins((places + 0.5) * unmoved.cell - unmoved.extent)

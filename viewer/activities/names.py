@@ -70,7 +70,7 @@ class Names:
         shape = _direction_word(instance, root.original, self._words.of_shape(instance.model))
         codes, before = instance.codes, root.original.codes
         size = "resized" if (codes.stretch, codes.bend) != (before.stretch, before.bend) else ""
-        return ", ".join(filter(None, (self._paint_word(instance, root.original), shape, size))) or "edited"
+        return ", ".join(filter(None, (self._paint_word(instance, root.original), shape or size))) or "edited"
 
     def _paint_word(self, instance: Instance, original: Instance) -> str:
         """Return the colour that a changed texture brings; "repainted" for a shade of one that was there."""

@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from core.export.keyframes import Timeline
-from core.models.codes import CODE_KINDS, Codes
+from core.models.codes import CODE_KINDS
 from core.models.model import Instance
 from core.models.scene import Scene
 from viewer.values.variety import readable
@@ -83,8 +83,8 @@ class State:
             return mix.a.words(label)
         if (mix.shape, mix.texture) != (before.mix.shape, before.mix.texture):
             return f"{label(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        now = Codes.of(self.scene.instance.codes)
-        then = Codes.of(before.scene.instance.codes)
+        now = replace(self.scene.instance.codes, bend=None)
+        then = replace(before.scene.instance.codes, bend=None)
         kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
         return " and ".join(kinds) or self._aside_from(before, label)
 

@@ -80,7 +80,7 @@ class SizeBox:
             drag = mouse - start
             along = drag.x * held.motion.x + drag.y * held.motion.y
             moved = along / (held.motion.x**2 + held.motion.y**2)
-            context.session.editor.resize(held.resized(moved), gesture="size box")
+            context.session.editor.edit(held.resized(moved), gesture="size box")
         end_gesture(context)
         active = imgui.is_item_hovered() or imgui.is_item_active()
         draw = imgui.get_window_draw_list()

@@ -38,7 +38,7 @@ def draw_size(context: PanelContext) -> None:
         context.tool = "turn" if chosen else "size"
     imgui.same_line(0, gap)
     if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=editor.scene.instance.codes.is_sized):
-        editor.resize(editor.scene.instance.natural)
+        editor.edit(editor.scene.instance.natural)
     imgui.set_next_item_width(2 * width + gap)
     _draw_portion(context, bounds)
     imgui.end_disabled()
@@ -80,7 +80,7 @@ def _draw_length(
     """
     moved, to = imgui.drag_float(f"##{name}", length, max(0.01, _SPEED * length / 100), 0.0, 0.0, text)
     if moved and length and to > 0 and abs(to - length) > 1e-6:
-        context.session.editor.resize(resized(to), gesture=f"size {name}")
+        context.session.editor.edit(resized(to), gesture=f"size {name}")
     end_gesture(context)
     if imgui.is_item_hovered() or imgui.is_item_active():
         context.shows_size = True
