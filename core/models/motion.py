@@ -20,7 +20,7 @@ from core.models.model import Instance, Model
 
 DIRECTIONS = 6  # the first ones, which have words
 LIMIT = 3.0  # standard deviations to either side
-_FOLLOWED = 1.0  # of a code's own way, which photos follow
+FOLLOWED = 1.0  # of a code's own way, which photos follow
 TERMS = [(x, y, z) for x in range(4) for y in range(4 - x) for z in range(4 - x - y)]  # exponents of the polynomials
 _CANDIDATES, _POINTS = 40_000, 1500  # random places, and those that are kept beside the surface
 _BESIDE = 2.0  # logit of such a place: the surface is at 0
@@ -41,6 +41,7 @@ class Warp(NamedTuple):
 
     extent: tuple[float, float, float]
     coefficients: tuple[tuple[float, float, float], ...]  # of a displacement in scene units, for each monomial
+    gain: float  # factor on densities, as much as lengths may have shrunk: no part becomes more transparent
 
     def origins(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Return the places that points of the edited object came from."""
@@ -110,7 +111,7 @@ def warp_to_fitted(instance: Instance) -> Warp | None:
         return None
     fitted = instance.detail.fitted
     away = _first_coordinates(instance) - _first_coordinates(instance.fitted)
-    followed = tuple(round(step, 4) for step in away.clamp(-_FOLLOWED, _FOLLOWED).tolist())
+    followed = tuple(round(step, 4) for step in away.clamp(-FOLLOWED, FOLLOWED).tolist())
     steps = tuple(map(sum, zip(followed, instance.codes.moves or (0.0,) * len(followed), strict=True)))
     return _warp(model, _untextured(fitted), steps) if any(steps) else None
 
@@ -123,7 +124,7 @@ def unmoved_distance(instance: Instance) -> float:
     space = instance.model.codes.shape_space
     away = space.coordinates(instance.codes.shape) - space.coordinates(instance.fitted.codes.shape)
     if supports_motion(instance.model):
-        away[:DIRECTIONS] -= away[:DIRECTIONS].clamp(-_FOLLOWED, _FOLLOWED)
+        away[:DIRECTIONS] -= away[:DIRECTIONS].clamp(-FOLLOWED, FOLLOWED)
     return float(away.square().mean().sqrt())
 
 
@@ -145,7 +146,8 @@ def _warp(model: Model, origin: Latents, steps: tuple[float, ...]) -> Warp:
         terms = _monomials(moved, model.extent_tensor)
         normal = terms.T @ terms + _RIDGE * len(points) * torch.eye(len(TERMS))
         coefficients = torch.linalg.solve(normal, terms.T @ (points - moved))
-    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())))
+    gain = 1 + _STRAIN * sum(map(abs, steps)) / LIMIT
+    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())), gain)
 
 
 def _moved_points(model: Model, origin: Latents, steps: tuple[float, ...]) -> Float[Tensor, "points 3"]:

@@ -55,7 +55,8 @@ class FoldedField:
         self, first: Float[Tensor, "points width"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Return density and features like :meth:`density`, without the outline, from :meth:`first_layer`'s output."""
-        return folded_density(self.field, self._weights, first, self._shape)
+        density, features = folded_density(self.field, self._weights, first, self._shape)
+        return density * self._warp.gain if self._warp else density, features
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """Return the viewing direction's contribution to the first texture layer."""

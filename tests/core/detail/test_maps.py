@@ -17,7 +17,7 @@ from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
-from core.models.motion import LIMIT, moved_along
+from core.models.motion import FOLLOWED, moved_along
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering.fast import clear_cache
 from core.rendering.outline import FADED, effective_strength
@@ -145,10 +145,10 @@ def test_the_stripe_turns_with_the_surface(tiny: Model, instance: Instance) -> N
 
 
 def test_photo_detail_fades_with_edits_of_the_shape(tiny: Model, instance: Instance) -> None:
-    """Photo detail moves with the surface along directions, so only moves beyond the limit count."""
+    """Photo detail moves with the surface along directions, so only a code farther away counts."""
     step = tiny.codes.shape_space.basis[0]
     strengths = [
-        effective_strength(instance.moved("shape", (LIMIT + 2**0.5 * distance) * step))
+        effective_strength(instance.moved("shape", (FOLLOWED + 2**0.5 * distance) * step))
         for distance in (0.0, FADED / 2, FADED, 2 * FADED)
     ]
     assert strengths == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)

@@ -3,10 +3,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.directions.words import Words, direction_words, most, moved, name_changes
+from core.directions.words import AXES, Words, direction_words, most, moved, name_changes
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.motion import LIMIT
+from core.rendering.size import size_of
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 
@@ -47,15 +48,28 @@ def lightness_rises(name: str, words: Words) -> bool | None:
 def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
     instance = tiny[0]
     words = Words(shape=("", "taller"), texture=("bluer",))
-    step = tiny.codes.shape_space.basis[1]
     higher, lower = (moved(instance, words, name, 0.5) for name in ("taller", "lower"))
-    assert torch.allclose(higher.codes.shape, instance.codes.shape + 0.5 * step, atol=1e-3)
+    assert higher.codes.moves == (0.0, 0.5) and lower.codes.moves == (0.0, -0.5)
     assert torch.equal(higher.codes.texture, instance.codes.texture)
-    assert torch.allclose(lower.codes.shape, instance.codes.shape - 0.5 * step, atol=1e-3)
     assert most(instance, words, "taller") == pytest.approx(LIMIT)
     farthest = moved(instance, words, "taller", 9.0)
-    assert torch.allclose(farthest.codes.shape, instance.codes.shape + LIMIT * step, atol=1e-3)
+    assert farthest.codes.moves == pytest.approx((0.0, LIMIT), abs=1e-3)
     assert most(instance, words, "bluer") == torch.inf
     assert not torch.equal(moved(instance, words, "more yellow", 1.0).codes.texture, instance.codes.texture)
     with pytest.raises(ValueError, match="no direction 'roof'; choose one of taller, lower, bluer, more yellow"):
         moved(instance, words, "roof", 1.0)
+
+
+def test_words_of_sizes_change_that_side_alone() -> None:
+    car = load_model("cars")[3]
+    words = car.model.words
+    assert words is not None
+    before = size_of(car)
+    for word in ("taller", "lower", "longer", "narrower"):
+        axis, sign = AXES[word]
+        edited = moved(car, words, word, 2.0)
+        ratios = [now / then for now, then in zip(size_of(edited), before, strict=True)]
+        assert sign * (ratios.pop(axis) - 1) > 0.08
+        assert ratios == pytest.approx([1.0, 1.0], abs=0.05)
+        assert moved(edited, words, word, -2.0) == car
+    assert moved(car, words, "rounder", 2.0).codes.stretch is None

@@ -1,9 +1,17 @@
+import math
+
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from core.models.library import load_model
 from core.models.model import Instance, Model
-from core.models.motion import LIMIT, motion, moved_along, reach, warp_to_fitted
+from core.models.motion import DIRECTIONS, LIMIT, motion, moved_along, position, reach, warp_of, warp_to_fitted
 from core.models.photo_detail import PhotoDetail, PhotoView
+from core.rendering.folded_field import FoldedField
+from core.rendering.images import render_image
+from core.rendering.reference import render_exact
 from core.rendering.surface import surface_points
 from tests.conftest import random_model
 
@@ -17,71 +25,102 @@ def fitted(tiny: Model) -> Instance:
     return instance.with_detail(PhotoDetail.of((view,), instance.codes))
 
 
-def coordinate(instance: Instance, direction: int) -> float:
-    return float(instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction])
+@pytest.fixture(scope="module")
+def car() -> Instance:
+    return load_model("cars")[3]
 
 
-def height(instance: Instance) -> float:
-    points = surface_points(instance.with_detail(None))[0]
-    return float(points[:, 2].max() - points[:, 2].min())
+def test_edits_keep_codes_and_go_back_exactly(fitted: Instance) -> None:
+    start = position(fitted, 0)
+    moved = moved_along(moved_along(fitted, 0, start + 0.3), 0, start + 0.7)
+    assert position(moved, 0) == pytest.approx(start + 0.7, abs=1e-3)
+    assert position(moved, 1) == position(fitted, 1)
+    assert moved.codes.shape is fitted.codes.shape and moved.detail is fitted.detail
+    assert moved != fitted and hash(moved) != hash(fitted)
+    again = moved_along(moved, 0, start)
+    assert again == fitted and again.codes.moves is None
 
 
-def taller(model: Model) -> tuple[int, int]:
-    """The direction that changes the height most, and the sign that makes objects taller."""
-    basis = model.codes.shape_space.basis
-    direction = int(basis[:, 0].abs().argmax())  # the first code makes it taller
-    return direction, 1 if basis[direction, 0] > 0 else -1
+def test_edits_end_at_the_same_place_after_other_edits(fitted: Instance) -> None:
+    start = position(fitted, 0)
+    far = moved_along(fitted, 0, start + 99)
+    assert position(far, 0) == pytest.approx(start + LIMIT, abs=1e-3)
+    for instance in (fitted, far, moved_along(far, 1, 0.3)):
+        assert reach(instance, 0) == pytest.approx((start - LIMIT, start + LIMIT), abs=1e-3)
 
 
-def test_edits_move_the_surface_and_go_back_exactly(tiny: Model, fitted: Instance) -> None:
-    direction, sign = taller(tiny)
-    start = coordinate(fitted, direction)
-    higher = moved_along(fitted, direction, start + sign * LIMIT)
-    assert coordinate(higher, direction) == pytest.approx(start + sign * LIMIT, abs=1e-3)
-    assert height(higher) > height(fitted) + 0.02
-    assert higher.codes.texture is fitted.codes.texture and higher.detail is fitted.detail
-    again = moved_along(higher, direction, start)
-    assert again.codes.shape_key == fitted.codes.shape_key
+@given(st.lists(st.floats(-LIMIT, LIMIT), min_size=DIRECTIONS, max_size=DIRECTIONS))
+@settings(max_examples=6, deadline=None)
+def test_the_edited_field_is_the_field_where_places_came_from(car: Instance, moves: list[float]) -> None:
+    edited = car.changed(moves=tuple(moves))
+    points = car.model.extent_tensor * (2 * torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) - 1)
+    warp = warp_of(edited)
+    origins = warp.origins(points) if warp else points
+    assert bool((origins.abs() <= car.model.extent_tensor + 1e-6).all())
+    density, features = FoldedField.of(car).density(origins)
+    expected = density * (warp.gain if warp else 1.0), features
+    torch.testing.assert_close(FoldedField.of(edited).density(points), expected)
 
 
-def test_edits_end_where_the_object_would_break_also_after_other_edits(tiny: Model, fitted: Instance) -> None:
-    direction, _ = taller(tiny)
-    start = coordinate(fitted, direction)
-    far = moved_along(fitted, direction, start + 99)
-    assert coordinate(far, direction) == pytest.approx(start + LIMIT, abs=1e-3)
-    for instance in (fitted, far, moved_along(far, 1 - direction, 0.3)):
-        assert reach(instance, direction) == pytest.approx((start - LIMIT, start + LIMIT), abs=1e-3)
-
-
-def test_objects_beyond_the_limit_stay_as_they_are_and_move_on_from_there(tiny: Model, fitted: Instance) -> None:
-    direction, _ = taller(tiny)
-    stored = fitted.moved("shape", 3 * tiny.codes.shape_space.basis[direction])
-    position = coordinate(stored, direction)
-    low, high = reach(stored, direction)
-    assert (low + high) / 2 == pytest.approx(position, abs=1e-3)
-    assert high - position < LIMIT - 0.1  # an unusual shape breaks earlier
-    assert moved_along(stored, direction, position).codes.shape_key == stored.codes.shape_key
-
-
-def test_a_warp_leads_points_of_the_edited_surface_back_to_the_fitted_one(tiny: Model, fitted: Instance) -> None:
-    direction, sign = taller(tiny)
-    assert warp_to_fitted(fitted) is None
-    higher = moved_along(fitted, direction, coordinate(fitted, direction) + sign * LIMIT)
-    warp = warp_to_fitted(higher)
+@pytest.mark.parametrize("direction", range(DIRECTIONS))
+@pytest.mark.parametrize("side", [-LIMIT, LIMIT])
+def test_space_never_folds_at_the_end_of_a_direction(car: Instance, direction: int, side: float) -> None:
+    """Where the object is, every place of the edited object comes from a neighbourhood of the same orientation."""
+    warp = warp_of(moved_along(car, direction, position(car, direction) + side))
     assert warp is not None
-    surface = motion(tiny, higher.codes).surface
-    top, moved, back = (
-        float(points[:, 2].quantile(0.98))
-        for points in (motion(tiny, fitted.codes).surface, surface, warp.origins(surface))
-    )
-    assert moved > top + 0.02
-    assert abs(back - top) < 0.8 * (moved - top)
+    points = (0.98 * motion(car.model, car.codes).surface).detach().requires_grad_(True)
+    rows = [torch.autograd.grad(warp.origins(points)[:, axis].sum(), points)[0] for axis in range(3)]
+    inside = (warp.origins(points).abs() < car.model.extent_tensor).all(1)
+    assert float(torch.linalg.det(torch.stack(rows, 1))[inside].min()) > 0.1
+
+
+@pytest.mark.parametrize("direction", range(DIRECTIONS))
+def test_moves_keep_the_bounds(car: Instance, direction: int) -> None:
+    """A car stands on the ground, as long, wide and high as before."""
+    ends = []
+    for instance in (car, moved_along(car, direction, position(car, direction) + LIMIT)):
+        points = surface_points(instance)[0]
+        ends.append(torch.cat((points.amin(0), points.amax(0))))
+    cell = 2 * max(car.model.extent) / 40
+    assert float((ends[0] - ends[1]).abs().max()) <= 2.01 * cell
+
+
+def test_the_fast_renderer_agrees_with_the_exact_one(car: Instance) -> None:
+    edited = car.changed(moves=(1.5, -1.0, 2.0, 0.5, -0.5, 1.0))
+    camera = car.model.camera(0.8, 0.3).resized(40, 40)
+    exact = render_exact(edited, camera, 192)
+    fast = render_image(edited, camera)
+    assert float((exact.opacity - render_exact(car, camera, 192).opacity).abs().max()) > 0.5
+    assert float((exact.colour - fast.colour).abs().mean()) < 0.01
+
+
+def test_photos_follow_edits_as_the_field_does(fitted: Instance) -> None:
+    assert warp_to_fitted(fitted) is None
+    edited = moved_along(fitted, 0, position(fitted, 0) + 1.0)
+    assert warp_to_fitted(edited) == warp_of(edited) is not None
+
+
+def test_photos_follow_a_code_that_moved_along_the_first_directions(tiny: Model, fitted: Instance) -> None:
+    """As in mixes with another shape, and in files of former versions."""
+    mixed = fitted.moved("shape", 0.4 * tiny.codes.shape_space.basis[0])
+    assert warp_of(mixed) is None and warp_to_fitted(mixed) is not None
+
+
+def test_moves_mix_and_follow_the_shape(car: Instance) -> None:
+    edited = car.changed(moves=(1.0, 0.0, 0.0, 0.0, 0.0, -2.0))
+    assert car.mixed(edited, 0.25, 1.0).codes.moves == (0.25, 0.0, 0.0, 0.0, 0.0, -0.5)
+    other = car.model[5]
+    assert other.with_shape(edited).codes.moves == edited.codes.moves
+    assert other.with_texture(edited).codes.moves is None
+    assert edited.changed(moves=(0.0,) * 6) == car
+    with pytest.raises(ValueError, match="moves must be finite"):
+        car.changed(moves=(math.nan,))
 
 
 def test_objects_of_the_authors_networks_move_by_their_codes_alone() -> None:
     model = random_model(white_from_network=True)
     instance = model[0]
-    moved = moved_along(instance, 0, coordinate(instance, 0) + 0.5)
+    moved = moved_along(instance, 0, position(instance, 0) + 0.5)
     step = model.codes.shape_space.basis[0]
     assert torch.allclose(moved.codes.shape, instance.codes.shape + 0.5 * step, atol=1e-5)
-    assert moved.codes.shape_offsets is None
+    assert moved.codes.moves is None
