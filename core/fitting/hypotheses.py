@@ -17,7 +17,6 @@ from core.models.model import Instance, Model
 
 CAMERA_PARAMETERS = 8  # of one view: azimuth, elevation, log distance, log focal length; log scale, roll, shift x and y
 _BASIN = math.radians(25)  # cameras closer than this mostly converge to the same one
-_SIMILAR_FOCAL = 0.2  # difference of the logarithms of focal lengths below which they are similar
 _OPPOSITE_COSINE = -0.6  # cosine of the azimuth difference of cameras on opposite sides
 MAX_ZOOM = 1.5  # log of the longest focal length over the given one: with a longer one, perspective is invisible
 _MAX_ELEVATION = math.radians(89.9)
@@ -267,20 +266,6 @@ def by_loss(batch: HypothesisBatch) -> Int[Tensor, "selected"]:
     if not len(order):
         raise DivergedError
     return order
-
-
-def suppress_neighbours(batch: HypothesisBatch, views: Bool[Tensor, "views"]) -> Int[Tensor, "selected"]:
-    """Return the order of :func:`by_loss` with neighbours of better hypotheses last (non-maximum suppression).
-
-    Neighbours share a basin in all these views and have similar focal lengths.
-    """
-    zooms = batch.parameters.zoom[:, views]
-    near = _same_basin(batch, batch, views) & ((zooms[:, None] - zooms).abs() < _SIMILAR_FOCAL).all(-1)
-    best = list[int]()
-    suppressed = list[int]()
-    for index in by_loss(batch).tolist():
-        (suppressed if best and bool(near[index, best].any()) else best).append(index)
-    return torch.tensor(best + suppressed)
 
 
 def best_other_basin(best: HypothesisBatch, among: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:

@@ -19,7 +19,6 @@ from core.fitting.hypotheses import (
     Parameters,
     by_loss,
     clamp_parameters,
-    suppress_neighbours,
     to_cameras,
 )
 from core.fitting.problem import Problem
@@ -146,7 +145,7 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
     if not problem.components.fresh_codes:
         return batch
     starts = []
-    for index, offsets in zip(ordered(problem, batch).tolist(), LOCAL_OFFSETS, strict=False):
+    for index, offsets in zip(by_loss(batch).tolist(), LOCAL_OFFSETS, strict=False):
         cameras = to_cameras(problem.model, batch.parameters, index, problem.cameras)
         nearest = nearest_shapes(problem, cameras, max(most for *_, most in offsets))
         starts += [(rank, index, move, shape) for *move, most in offsets for rank, shape in enumerate(nearest[:most])]
@@ -157,13 +156,6 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
     texture = torch.zeros_like(copies.parameters.texture)
     parameters = copies.parameters._replace(angles=angles, shape=torch.stack(shapes), texture=texture)
     return replace(copies, parameters=clamp_parameters(parameters, problem.unknown))
-
-
-def ordered(problem: Problem, batch: HypothesisBatch) -> Int[Tensor, "selected"]:
-    """Return the indices of finite hypotheses by loss: the best of each basin, then the others."""
-    if problem.components.distinct_basins:
-        return suppress_neighbours(batch, problem.unknown)
-    return by_loss(batch)
 
 
 def resume_from(

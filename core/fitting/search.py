@@ -18,12 +18,12 @@ from core.fitting.gauss_newton import camera_uncertainty, gauss_newton_step
 from core.fitting.hypotheses import (
     HypothesisBatch,
     best_other_basin,
+    by_loss,
     concatenate,
     flip_azimuth,
     mean_parameters,
     opposite_views,
 )
-from core.fitting.initial import ordered
 from core.fitting.objective import evaluate_objective, viewpoint_weights
 from core.fitting.observations import sample_pixels
 from core.fitting.problem import Problem
@@ -72,10 +72,10 @@ def optimise(
 
 
 def prune(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBatch:
-    """Keep the ``count`` best, one from each basin first; of three or more, one is the opposite view of the leader."""
+    """Keep the ``count`` best; of three or more, one is the opposite view of the leader."""
     if len(batch) <= count:
         return batch
-    kept = ordered(problem, batch)[:count]
+    kept = by_loss(batch)[:count]
     opposite = opposite_views(batch, batch.leader, problem.unknown)
     if not bool(problem.unknown.any()) or count < 3 or bool(opposite[kept].any()):
         return batch[kept]

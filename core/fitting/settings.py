@@ -71,7 +71,6 @@ class Components:
     view_bank: bool = True  # start from the best matching cameras of the view bank, else from random ones
     prototype_shapes: bool = True  # start from the view bank's best matching shapes, else from the mean shape
     viewpoint_classifier: bool = True  # weight cameras by the viewpoint classifier
-    distinct_basins: bool = True  # keep the best hypothesis of each basin before a second one of any
     fresh_codes: bool = True
     """start the local search around the best cameras with new codes, else continue the coarse hypotheses"""
     robust_loss: bool = True  # Cauchy's loss in the last stages, else squared errors throughout

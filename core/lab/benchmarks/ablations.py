@@ -28,7 +28,6 @@ ABLATIONS: dict[str, FitMethod] = {
     "without multi-start": FitMethod(replace(_USUAL, hypotheses=1, max_restarts=0)),
     "without a restart where in doubt": FitMethod(replace(_USUAL, max_restarts=0)),
     "without prototype shapes": FitMethod(_USUAL, Components(prototype_shapes=False)),
-    "without distinct basins": FitMethod(_USUAL, Components(distinct_basins=False)),
     "without free biases": FitMethod(replace(_USUAL, free_steps=0)),
     "without the code prior": FitMethod(replace(_USUAL, code_prior=0.0)),
     "without the camera prior": FitMethod(_USUAL, Components(camera_prior=False)),

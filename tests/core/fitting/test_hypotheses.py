@@ -7,9 +7,9 @@ import torch
 from core.fitting.hypotheses import (
     HypothesisBatch,
     best_other_basin,
+    by_loss,
     concatenate,
     mean_parameters,
-    suppress_neighbours,
     to_cameras,
 )
 from core.geometry.camera import Camera
@@ -38,20 +38,14 @@ def test_a_runner_up_is_the_best_of_another_basin_or_the_opposite_view():
     assert best_other_basin(lost.best, concatenate(lost, lost), views).origin.tolist() == [0]
 
 
-def test_diverged_hypotheses_do_not_lead_and_neighbours_are_suppressed():
+def test_diverged_hypotheses_neither_lead_nor_stay():
     batch = HypothesisBatch.of(random_parameters(3))
     assert batch[torch.tensor([2, 0])].origin.tolist() == [2, 0]
     costs = replace(batch, loss=torch.tensor([3.0, math.inf, 2.0]))
     assert costs.leader == 2
     with pytest.raises(ValueError, match="diverged"):
         _ = replace(batch, loss=torch.full((3,), math.inf)).leader
-    batch = HypothesisBatch.of(random_parameters(4))
-    views = torch.tensor([True])
-    batch.parameters.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2], [0.05, 0.2]])
-    batch = replace(batch, loss=torch.tensor([1.0, 2.0, 3.0, math.inf]))
-    assert suppress_neighbours(batch, views).tolist() == [0, 2, 1]
-    batch.parameters.zoom[1] = 0.5  # of another focal length
-    assert suppress_neighbours(batch, views).tolist() == [0, 1, 2]
+    assert by_loss(costs).tolist() == [2, 0]
 
 
 def test_mean_parameters_keep_the_last_loss():
