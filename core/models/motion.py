@@ -32,6 +32,7 @@ _END = 0.03  # fraction of the surface's points at an end of the object
 _UNITS = (1, 0, 0), (0, 1, 0), (0, 0, 1)  # exponents of the coordinates
 _STRAIN = 0.6  # greatest growth of lengths at the end of a direction: space must not fold
 _NEARLY_ALL = 0.98
+_SOLID = 22.0  # optical depth of half the scene's box from which a place is solid: ln 2 for a cell of 64
 _RIDGE = 1e-4  # of the velocity's coefficients
 _SUBSTEPS = 6  # along the velocity
 
@@ -41,13 +42,18 @@ class Warp(NamedTuple):
 
     extent: tuple[float, float, float]
     coefficients: tuple[tuple[float, float, float], ...]  # of a displacement in scene units, for each monomial
-    gain: float  # factor on densities, as much as lengths may have shrunk: no part becomes more transparent
+    shrunk: float  # fraction by which lengths may have shrunk
 
     def origins(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Return the places that points of the edited object came from."""
         extent = points.new_tensor(self.extent)
         moved = points + _monomials(points, extent) @ points.new_tensor(self.coefficients)
         return torch.maximum(torch.minimum(moved, extent), -extent)
+
+    def firmed(self, density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+        """Return densities at origins as those of the edited object: no solid part becomes more transparent."""
+        solid = _SOLID / max(self.extent)
+        return density * (1 + self.shrunk * density.square() / (density.square() + solid**2))
 
 
 class Motion(NamedTuple):
@@ -146,8 +152,8 @@ def _warp(model: Model, origin: Latents, steps: tuple[float, ...]) -> Warp:
         terms = _monomials(moved, model.extent_tensor)
         normal = terms.T @ terms + _RIDGE * len(points) * torch.eye(len(TERMS))
         coefficients = torch.linalg.solve(normal, terms.T @ (points - moved))
-    gain = 1 + _STRAIN * sum(map(abs, steps)) / LIMIT
-    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())), gain)
+    shrunk = _STRAIN * sum(map(abs, steps)) / LIMIT
+    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())), shrunk)
 
 
 def _moved_points(model: Model, origin: Latents, steps: tuple[float, ...]) -> Float[Tensor, "points 3"]:

@@ -56,7 +56,7 @@ class FoldedField:
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Return density and features like :meth:`density`, without the outline, from :meth:`first_layer`'s output."""
         density, features = folded_density(self.field, self._weights, first, self._shape)
-        return density * self._warp.gain if self._warp else density, features
+        return self._warp.firmed(density) if self._warp else density, features
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """Return the viewing direction's contribution to the first texture layer."""

@@ -75,7 +75,7 @@ def render_rays(
     points = bend.origins(points) if bend else points
     origins = warp.origins(points) if warp else points
     density, colours = model.field.radiance(origins, direction_bias, shape_bias, texture_bias)
-    density = density * warp.gain if warp else density
+    density = warp.firmed(density) if warp else density
     if bound is not None:
         density = density * bound.factor(points)
     weights, transmittance = compositing_weights(density, edges)

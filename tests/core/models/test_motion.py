@@ -58,7 +58,7 @@ def test_the_edited_field_is_the_field_where_places_came_from(car: Instance, mov
     origins = warp.origins(points) if warp else points
     assert bool((origins.abs() <= car.model.extent_tensor + 1e-6).all())
     density, features = FoldedField.of(car).density(origins)
-    expected = density * (warp.gain if warp else 1.0), features
+    expected = warp.firmed(density) if warp else density, features
     torch.testing.assert_close(FoldedField.of(edited).density(points), expected)
 
 
