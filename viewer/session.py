@@ -165,7 +165,6 @@ class Session:
         new = [model for model in self.models if model.fingerprint not in self.editor.objects.families]
         for model in new:
             self.editor.add_model(model)
-            self.kept_objects.add_model(model)
         if new:
             self._restore_fits(*self._waiting)
 
@@ -285,12 +284,15 @@ class Session:
         """Return everything that was made as a project."""
         history = self.editor.history
         fitting = self.fitting
+        objects = self.editor.objects
         used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
         kept = self.kept_objects.names
+        saved = {added.name for added in objects.ever_added if added.name in used or added.name not in kept}
+        saved |= {objects.root(name) for name in saved}
         fit = FitHistory() if fitting.running and not fitting.results.checking else fitting.history
         return Project(
             history.without_gesture(),
-            tuple(added for added in self.editor.objects.ever_added if added.name in used or added.name not in kept),
+            tuple(added for added in objects.ever_added if added.name in saved),
             fit if fit.sources else self._waiting[0],
             (*fitting.pending, *self._waiting[1]),
             self.models.names,

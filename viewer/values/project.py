@@ -26,7 +26,7 @@ from viewer.values.paints import PaintRequest
 SUFFIX = ".codenerf"
 _JSON, _TENSORS = "project.json", "tensors.safetensors"
 _ANY_FORMAT = "codenerf-project-"
-_FORMATS = tuple(f"codenerf-project-{version}" for version in (1, 2, 3, 4))  # known ones, the newest last
+_FORMATS = tuple(f"codenerf-project-{version}" for version in (1, 2, 3, 4, 5))  # known ones, the newest last
 _MAX_ORIGINAL = 50_000_000  # limit of a file that is kept because something in it could not be read
 _MAX_BYTES = 100_000_000  # limit of the unpacked content; a day's work takes a few million bytes
 
@@ -114,7 +114,7 @@ class _ProjectJson(NamedTuple):
     """The JSON of a project.
 
     The first format had a session per model instead of one project, the second a history without branches, the third
-    objects without a size.
+    objects without a size, the fourth versions that name their object instead of holding its key.
     """
 
     format: str
