@@ -5,7 +5,9 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
+import numpy as np
 import torch
+from jaxtyping import UInt8
 
 from core.detail.progressive import Frame
 from core.geometry.camera import Camera
@@ -206,9 +208,13 @@ class Session:
         self.messages.notify(f"Removed {label}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
 
     def sweep_photos(self) -> None:
-        """Delete old copies of photos that are fitted."""
+        """Delete old copies of photos that are fitted, and of the whole photos of objects that are gone."""
         pending = (*self.fitting.pending, *self._waiting[1])
-        self._photo_copies.sweep(source for request in pending for source in request.history.sources)
+        details = (added.instance.detail for added in self.editor.objects.ever_added)
+        self._photo_copies.sweep(
+            (source for request in pending for source in request.history.sources),
+            (view for detail in details if detail for view in detail.views),
+        )
 
     def keep_edits(self, project: Project) -> None:
         """Store the edits of a project's objects, on any thread. Raises ``ValueError`` or ``OSError`` on failure."""
@@ -256,6 +262,12 @@ class Session:
         """The selected photo of the object on screen, if it has photo detail."""
         detail = self.editor.scene.instance.detail
         return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
+
+    @property
+    def whole_photo(self) -> UInt8[np.ndarray, "height width 3"] | None:
+        """The whole photo of :attr:`photo_view` with the outline of the cut-out, if a copy is there."""
+        view = self.photo_view
+        return self._photo_copies.whole(view) if view else None
 
     @property
     def photo_camera(self) -> Camera | None:
