@@ -61,6 +61,9 @@ class Viewport:
         request = self.request
         if (stored := (pictures or {}).get(_picture(request))) is not None:
             height, width = stored.shape[:2]
+            if self.source == "none":  # the view is as large as at the last launch, or says so in its first frame
+                self.settings = replace(self.settings, panel=(width, height))
+                request = self.request
             crop = orbit.fit_to_panel(request.camera, width, height, min(width, height))
             self._show(frame_of(stored, stages=2), crop, request)
         if self.source == "none":
