@@ -5,7 +5,9 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
+import numpy as np
 import torch
+from jaxtyping import UInt8
 
 from core.detail.progressive import Frame
 from core.geometry.camera import Camera
@@ -165,7 +167,6 @@ class Session:
         new = [model for model in self.models if model.fingerprint not in self.editor.objects.families]
         for model in new:
             self.editor.add_model(model)
-            self.kept_objects.add_model(model)
         if new:
             self._restore_fits(*self._waiting)
 
@@ -207,9 +208,13 @@ class Session:
         self.messages.notify(f"Removed {label}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
 
     def sweep_photos(self) -> None:
-        """Delete old copies of photos that are fitted."""
+        """Delete old copies of photos that are fitted, and of the whole photos of objects that are gone."""
         pending = (*self.fitting.pending, *self._waiting[1])
-        self._photo_copies.sweep(source for request in pending for source in request.history.sources)
+        details = (added.instance.detail for added in self.editor.objects.ever_added)
+        self._photo_copies.sweep(
+            (source for request in pending for source in request.history.sources),
+            (view for detail in details if detail for view in detail.views),
+        )
 
     def keep_edits(self, project: Project) -> None:
         """Store the edits of a project's objects, on any thread. Raises ``ValueError`` or ``OSError`` on failure."""
@@ -259,6 +264,12 @@ class Session:
         return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
 
     @property
+    def whole_photo(self) -> UInt8[np.ndarray, "height width 3"] | None:
+        """The whole photo of :attr:`photo_view` with the outline of the cut-out, if a copy is there."""
+        view = self.photo_view
+        return self._photo_copies.whole(view) if view else None
+
+    @property
     def photo_camera(self) -> Camera | None:
         """The camera of :attr:`photo_view`, at the size of the model's images."""
         view = self.photo_view
@@ -285,12 +296,15 @@ class Session:
         """Return everything that was made as a project."""
         history = self.editor.history
         fitting = self.fitting
+        objects = self.editor.objects
         used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
         kept = self.kept_objects.names
+        saved = {added.name for added in objects.ever_added if added.name in used or added.name not in kept}
+        saved |= {objects.root(name) for name in saved}
         fit = FitHistory() if fitting.running and not fitting.results.checking else fitting.history
         return Project(
             history.without_gesture(),
-            tuple(added for added in self.editor.objects.ever_added if added.name in used or added.name not in kept),
+            tuple(added for added in objects.ever_added if added.name in saved),
             fit if fit.sources else self._waiting[0],
             (*fitting.pending, *self._waiting[1]),
             self.models.names,

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filelock import FileLock
+from PIL import Image, ImageOps
 
 from core.detail.progressive import Frame
 from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import Clock, endless_fit
+from tests.viewer.stand_ins import Clock, detailed_fit, endless_fit
 from viewer import autosave as autosave_module
 from viewer.autosave import Autosave
 from viewer.editor import Editor
@@ -398,6 +399,53 @@ def test_the_next_launch_shows_the_view_and_tiles_at_once(launch: Launch, kill: 
     assert frame is not None and last_frame is not None and not again.viewport.sharp
     np.testing.assert_array_equal(frame.image, last_frame.image)
     assert crashed or tile(again).resolution == (64, 64)
+    second.close()
+
+
+def test_the_next_launch_shows_no_coarser_image_than_the_last_one(launch: Launch) -> None:
+    session, autosave = launch()
+    session.viewport.change(panel=(300, 200))
+    session.start()
+    finish(session, lambda: session.viewport.sharp)
+    autosave.close()
+    session.close()
+    again, second = launch()
+    again.start()  # before the window tells how large the view is
+    heights = []
+
+    def is_sharp() -> bool:
+        heights.append(again.viewport.frame.resolution[1])
+        return again.viewport.sharp
+
+    deliver(again, is_sharp)
+    assert set(heights) == {200}
+    again.editor.show_object("object 3")
+    heights.clear()
+    deliver(again, is_sharp)
+    assert min(heights) < 200
+    second.close()
+
+
+def test_the_next_launch_shows_the_whole_photo_of_every_object(
+    launch: Launch, backend: Backend, photo: Path, tmp_path: Path
+) -> None:
+    session, autosave = launch(replace(backend, fit=detailed_fit))
+    sizes = {"block": (96, 96), "block wide": (120, 100)}
+    for name, size in sizes.items():
+        path = tmp_path / f"{name}.png"
+        with Image.open(photo) as image:
+            ImageOps.pad(image, size, color="white").save(path)
+        session.fitting.start(path)
+        finish(session, lambda: not session.fitting.running)
+    autosave.close()
+    session, second = launch()
+    for name, (width, height) in sizes.items():
+        session.editor.show_object(session.editor.objects.version(name, session.editor.objects[name].instance))
+        assert session.whole_photo.shape == (height, width, 3)
+    session.editor.set_texture(session.editor.code("texture") + 0.1)
+    assert session.whole_photo.shape == (height, width, 3)  # an edit keeps the photo
+    session.editor.show_object("object 3")
+    assert session.whole_photo is None
     second.close()
 
 

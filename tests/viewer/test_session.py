@@ -13,6 +13,7 @@ from core.models.scene import Scene, save_image
 from tests.conftest import open_models, random_model
 from tests.viewer.driver import finish
 from tests.viewer.stand_ins import quick_fit
+from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
@@ -269,6 +270,43 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
     session.open_project(tmp_path / "b.codenerf")
     assert session.editor.history == made
     assert session.editor.objects["stool"].instance == kept.instance
+
+
+def test_objects_keep_their_order_over_launches_and_models(
+    worker: Worker, backend: Backend, model: Model, tmp_path: Path
+) -> None:
+    stools = replace(random_model(9), category="stools")
+    files: dict[str, Model] = {"chairs": model, "stools": stools}
+    backend = replace(backend, load_model=lambda name: files.get(Path(name).stem, model))
+
+    def launched() -> Session:
+        session = Session(worker, backend, seed=0, folder=tmp_path)
+        Autosave(session, tmp_path)
+        return session
+
+    session = launched()
+    session.models.open("stools")
+    session.tick()
+    objects = session.editor.objects
+    for number in range(1, 5):  # every third was opened, not fitted
+        objects.add(EditableObject(f"{number}", (model, stools)[number % 2][number], number % 3 > 0))
+    objects.version("2", model[0])
+    session.rename("1", "renamed")
+    order = ["4", "3", "2", "renamed"]
+    assert objects.own == order
+    session.kept_objects.store()
+    session.save_project(tmp_path / "session.codenerf")
+
+    for is_there in (True, False):
+        files |= {"stools": stools if is_there else model}
+        session = launched()
+        assert session.editor.objects.own == order
+        assert session.editor.objects.versions("2") == ["2", "2 (2)"]
+        session.save_project(tmp_path / "session.codenerf")
+    session.models.add("stools", stools)
+    session.tick()
+    assert session.editor.objects.own == order
+    assert not session.editor.is_missing("renamed")
 
 
 def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(

@@ -132,8 +132,8 @@ class Fitting:
             self.view.show(history)
             result = history.last.instance if history.last else None
             names = (item.name for item in self._editor.objects.added if item.original == result)
-            if name := next(names, ""):
-                self.view.keep(name)
+            if history.last and (name := next(names, "")):
+                self._keep(name, history.last)
         requests = tuple(request for request in pending if not request.problem)
         questions = tuple(Question.of_failure(request) for request in pending if request.problem)
         self.take_over(FitQueue(requests, questions))
@@ -368,7 +368,7 @@ class Fitting:
         if last is None:
             self._jobs.messages.notify("Stopped before there was a result", MessageKind.NOTE)
         elif checking:
-            self.view.keep(checking.name)
+            self._keep(checking.name, last)
             better = self.results.improve(checking, self._fitted(last), self.view.camera_of(last))
             verdict = "a better viewpoint was found" if better else "the viewpoint stays"
             self.results.notify(f"{checking.name} was checked from other sides: {verdict}", checking)
@@ -387,8 +387,16 @@ class Fitting:
     def _add(self, step: FitStep) -> Ready:
         """Add a step's result to the objects, and keep its fit."""
         ready = self.results.add(self._fitted(step), self.view.camera_of(step))
-        self.view.keep(ready.name)
+        self._keep(ready.name, step)
         return ready
+
+    def _keep(self, name: str, step: FitStep) -> None:
+        """Keep the shown fit as that of an object, and its whole photos for later launches."""
+        self.view.keep(name)
+        views = step.instance.detail.views if step.instance.detail else ()
+        for view, fitted in zip(views, self.history.photos, strict=False):
+            if fitted.preview:
+                self._copies.keep_whole(view, fitted.preview)
 
     def _with_detail(self, step: FitStep) -> FitStep:
         """Return a stopped fit's step with photo detail, which only full fits end with."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 
-from core.models.model import Model
 from core.models.open_models import OpenModels
 from viewer.services.messages import Messages
 from viewer.services.user_objects import UserObjects
@@ -17,19 +16,8 @@ class KeptObjects:
         self._models = models
         self._objects = objects
         self._messages = messages
-        self._changes = 0  # of the library when its objects were stored last
-        self.names = frozenset[str]()  # of the objects that were stored before
-        for model in models:
-            self.add_model(model)
-        self._add(files.missing(models))
-
-    def add_model(self, model: Model) -> None:
-        """Add the stored objects of an opened model."""
-        self._add(self._files.open(model))
-
-    def _add(self, stored: Iterable[EditableObject]) -> None:
-        self.names |= frozenset(self._objects.match(stored).values())
-        self._changes = self._objects.changes
+        self.names = frozenset(objects.match(files.open(models)).values())  # of the objects that were stored before
+        self._changes = objects.changes  # of the library when its objects were stored last
 
     def tick(self) -> None:
         """Store the objects if the library has changed; call once a frame."""

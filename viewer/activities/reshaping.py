@@ -1,4 +1,4 @@
-"""The parts of the object in the view, and drags along directions, whose edits the worker makes."""
+"""The parts of the object in the view, and drags that move it along directions."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -56,13 +56,22 @@ def shown_box(crop: PanelCrop) -> tuple[float, float, float, float]:
     return crop.left / width, crop.top / height, (crop.left + crop.width) / width, (crop.top + crop.height) / height
 
 
-class _Drag(NamedTuple):
-    """A drag along a direction."""
+class Drag(NamedTuple):
+    """A drag of the shape along a direction, by a handle or a slider."""
 
     gesture: str
+    direction: Direction
+    start: float  # position along the direction when the drag began
     base: Instance  # the object when the drag began: all its edits start from this one, so errors do not add up
     edited: Instance  # the object as edited last
+    pull: Pull | None = None  # of a handle's drag
     to: float = math.nan  # newest position
+
+    @property
+    def is_past_end(self) -> bool:
+        """True while the drag goes farther than the object can follow."""
+        low, high = self.direction.reach(self.base)
+        return self.to < low or self.to > high
 
 
 class Reshaping:
@@ -74,9 +83,7 @@ class Reshaping:
         self._viewport = viewport
         self._searched: ViewRequest | None = None  # image whose parts are known or being found
         self._parts: VisibleParts | None = None
-        self._pull: tuple[Pull, Direction, float] | None = None  # of the handle's drag, with the strength at its start
-        self._drag: _Drag | None = None
-        self._released = False  # the drag ends with the worker's last edit
+        self._drag: Drag | None = None
 
     # Parts
 
@@ -128,75 +135,46 @@ class Reshaping:
             drag: right and down, fractions of the view's shorter side.
             words: of the shape directions.
         """
-        view = self._viewport
-        camera = view.request.crop(view.request.full).camera
-        pixels = drag[0] * view.request.full, drag[1] * view.request.full
-        if self._pull is None:
-            if math.hypot(*drag) < _LEAST or self._is_ending:
-                return
-            instance = self._editor.scene.instance
-            pull = find_pull(instance, words, camera, handle.point, pixels)
-            direction = Direction.principal(instance.model.codes, "shape", pull.direction)
-            self._pull = pull, direction, direction.strength(instance)
-        elif self._drag is None or self._editor.scene.instance.codes.shape is not self._drag.edited.codes.shape:
-            return  # undo or a fit's result shows another shape: the drag is over, though its handle is still held
-        pull, direction, start = self._pull
-        self.move_along(direction, start + pull.amount(pixels), gesture="reshape")
+        full = self._viewport.request.full
+        pixels = drag[0] * full, drag[1] * full
+        now = self._drag
+        if now is None and math.hypot(*drag) >= _LEAST:
+            now = self._pull(handle, pixels, words)
+        # Undo or a fit's result may show another shape while the handle is still held: that ends the drag.
+        if now and now.pull and self._editor.scene.instance.codes.shape_key == now.edited.codes.shape_key:
+            self._move(now, now.start + now.pull.amount(pixels))
+
+    def _pull(self, handle: Handle, pixels: Place, words: Sequence[str]) -> Drag:
+        """Return a handle's drag along the direction that follows its first pixels."""
+        request = self._viewport.request
+        instance = self._editor.scene.instance
+        pull = find_pull(instance, words, request.crop(request.full).camera, handle.point, pixels)
+        direction = Direction.principal(instance.model.codes, "shape", pull.direction)
+        return Drag("reshape", direction, direction.strength(instance), instance, instance, pull)
 
     @property
-    def pulled(self) -> tuple[Direction, float] | None:
-        """The direction that a handle's drag follows, and how far the object has moved along it; None before a drag."""
-        if self._pull is None:
-            return None
-        _, direction, start = self._pull
-        return direction, self._editor.strength(direction) - start
-
-    @property
-    def is_past_end(self) -> bool:
-        """True while a handle is dragged farther than the object can follow."""
-        if self._pull is None or self._drag is None:
-            return False
-        low, high = self._pull[1].reach(self._drag.base)
-        return not low <= self._drag.to <= high
+    def drag(self) -> Drag | None:
+        """The drag of a handle, until it is released; None before its direction is known."""
+        return self._drag if self._drag and self._drag.pull else None
 
     def move_along(self, direction: Direction, to: float, gesture: str) -> None:
-        """Move the object along a direction as part of a drag; of several positions the worker takes the newest.
+        """Move the object along a direction as part of a drag; then call :meth:`release`."""
+        now = self._drag
+        if now is None or now.gesture != gesture:
+            instance = self._editor.scene.instance
+            now = Drag(gesture, direction, direction.strength(instance), instance, instance)
+        self._move(now, to)
 
-        Afterwards call :meth:`release`. Nothing happens while the worker finishes the drag before.
-        """
-        if self._is_ending:
-            return
-        self._released = False
+    def _move(self, drag: Drag, to: float) -> None:
+        """Move the object to a position; the drag starts anew from another object."""
         instance = self._editor.scene.instance
-        if self._drag is None or self._drag.gesture != gesture or self._drag.edited is not instance:
-            self._drag = _Drag(gesture, instance, instance)
-        if to == self._drag.to:
-            return
-        self._drag = drag = self._drag._replace(to=to)
-
-        def keep(moved: Instance) -> None:
-            if self._drag and self._drag.base is drag.base and self._editor.scene.instance is self._drag.edited:
-                self._editor.edit(moved, gesture)
-                self._drag = self._drag._replace(edited=self._editor.scene.instance)
-
-        def ended(error: Exception | None) -> None:
-            self._jobs.reporting("Cannot reshape the object")(error)
-            if self._released:
-                self._end()
-
-        self._jobs.submit(Job("reshape", lambda: (direction.moved(drag.base, to),), keep, ended, urgent=True))
-
-    @property
-    def _is_ending(self) -> bool:
-        return self._released and self._drag is not None
+        if drag.edited is not instance:
+            drag = drag._replace(base=instance)
+        if drag.edited is not instance or to != drag.to:
+            self._editor.edit(drag.direction.moved(drag.base, to), drag.gesture)
+        self._drag = drag._replace(edited=self._editor.scene.instance, to=to)
 
     def release(self) -> None:
-        """End the drag once its last edit is made; the next one is another step of undo."""
-        self._pull = None
-        self._released = True
-        if not self._jobs.busy("reshape"):
-            self._end()
-
-    def _end(self) -> None:
+        """End the drag; the next one is another step of undo."""
         self._drag = None
         self._editor.end_gesture()

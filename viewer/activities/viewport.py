@@ -61,6 +61,9 @@ class Viewport:
         request = self.request
         if (stored := (pictures or {}).get(_picture(request))) is not None:
             height, width = stored.shape[:2]
+            if self.source == "none":  # the view is as large as at the last launch, or says so in its first frame
+                self.settings = replace(self.settings, panel=(width, height))
+                request = self.request
             crop = orbit.fit_to_panel(request.camera, width, height, min(width, height))
             self._show(frame_of(stored, stages=2), crop, request)
         if self.source == "none":
@@ -269,7 +272,8 @@ class Viewport:
         job = RenderJob(request.instance, crop.camera, render, shadow=True)
 
         def rendered(frame: Frame) -> None:
-            self._show(frame, crop, request)
+            if not self._is_coarser(crop.cropped(frame), request):
+                self._show(frame, crop, request)
             self.sharp = frame.final and detail == request.full
             if urgent and frame.stage == 0:
                 self.budget.observe(stages[0], frame.seconds)
@@ -279,6 +283,20 @@ class Viewport:
         ended = self._jobs.reporting("Cannot render the object")
         weight = FIT_WEIGHT if urgent else SHARPENING_WEIGHT
         self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, weight))
+
+    def _is_coarser(self, frame: Frame, request: ViewRequest) -> bool:
+        """Return whether the image on screen, such as that of the last launch, is a sharper one of the same view."""
+        shown = self.frame_request
+        if shown is None or self.frame is None or self.baked_frame:
+            return False
+        if (shown.instance, shown.camera, shown.settings.pan) != (
+            request.instance,
+            request.camera,
+            request.settings.pan,
+        ):
+            return False
+        width, height = self.frame.resolution
+        return height > frame.resolution[1] and abs(width / height * frame.resolution[1] - frame.resolution[0]) <= 1
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
         if request != self.frame_request:  # else a sharper image of the same

@@ -90,7 +90,9 @@ def _draw_object(context: PanelContext, history: FitHistory) -> None:
     preview = photo.preview if photo else fitting.view.preview if history is fitting.history else None
     fits = fitting.running and session.viewport.following
     view = None if fits else session.photo_view  # that of the object on screen
-    pixels = preview.pixels if preview else object_pixels(view.image) if view else photo.pixels if photo else None
+    pixels = preview.pixels if preview else session.whole_photo if view else None
+    if pixels is None:
+        pixels = object_pixels(view.image) if view else photo.pixels if photo else None
     if pixels is not None:
         boxes = preview.boxes if preview else ()
         draw_cut_out(context, pixels, boxes, partial(fitting.choose, history.sources, history.photo_index))

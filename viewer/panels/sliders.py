@@ -22,7 +22,6 @@ _RESET = icons_fontawesome_4.ICON_FA_UNDO
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _PREVIEWS = (0.0, 0.5, 1.0)  # places along a slider
 _INFLUENCE = 96  # px, side of the compared renders
-_MAX_PREVIEWS = 64  # kept previews, more than the sliders of an object show
 _HELP = "Ctrl+click to type, right click for the middle"
 
 
@@ -36,8 +35,6 @@ class SlidersPanel(Panel):
         self._basis: Instance | None = None  # base of the thumbnails: the object before the drag began
         self._compared: tuple[Frame, Frame] | None = None  # the object at less and at more of a direction
         self.influence: CodeInfluence | None = None  # the difference between these
-        self._previews: dict[tuple[Instance, CodeKind, int, float], Instance] = {}
-        self._last_preview = -1  # number of the window's frame that computed one
 
     def draw(self, context: PanelContext) -> None:
         """Draw the buttons (random, reset, locks), the size, then the sliders."""
@@ -100,7 +97,7 @@ class SlidersPanel(Panel):
         editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         instance = editor.scene.instance
-        low, high = (self._preview(context, direction, instance, to, camera) for to in direction.reach(instance))
+        low, high = (_preview(context, direction, instance, to, camera) for to in direction.reach(instance))
         if low is None or high is None:
             return ""
         if self.influence is None or self._compared != (low, high):
@@ -119,26 +116,16 @@ class SlidersPanel(Panel):
         low, high = direction.reach(self._basis)
         for number, place in enumerate(_PREVIEWS):
             camera = orbit.home(model).resized(SIZE, SIZE)
-            frame = self._preview(context, direction, self._basis, low + place * (high - low), camera)
+            frame = _preview(context, direction, self._basis, low + place * (high - low), camera)
             object_tiles.paint_frame(context, frame, corner + ImVec2(1.1 * number * side, 0), side)
         imgui.dummy((1.1 * len(_PREVIEWS) * side, side))
 
-    def _preview(
-        self, context: PanelContext, direction: Direction, instance: Instance, to: float, camera: Camera
-    ) -> Frame | None:
-        """Return the thumbnail of an object moved along a direction, or None until it is rendered.
 
-        A frame of the window moves at most one object, as that takes up to a few tenths of a second.
-        """
-        key = instance, direction.kind, direction.index, to
-        if key not in self._previews:
-            if self._last_preview == imgui.get_frame_count():
-                return None
-            self._last_preview = imgui.get_frame_count()
-            if len(self._previews) >= _MAX_PREVIEWS:
-                self._previews.clear()
-            self._previews[key] = direction.moved(instance, to)
-        return context.session.thumbnails.get(self._previews[key], camera, soon=True)
+def _preview(
+    context: PanelContext, direction: Direction, instance: Instance, to: float, camera: Camera
+) -> Frame | None:
+    """Return the thumbnail of an object moved along a direction, or None until it is rendered."""
+    return context.session.thumbnails.get(direction.moved(instance, to), camera, soon=True)
 
 
 def _draw_lock(context: PanelContext, kind: CodeKind) -> None:

@@ -42,6 +42,7 @@ class ViewPanel(Panel):
         self._welcome = Welcome()
         self._over = OverView()
         self._size_box = SizeBox()
+        self._pans = False  # the middle or right button was pressed in the view, and is held
         self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
         self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
 
@@ -72,9 +73,7 @@ class ViewPanel(Panel):
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
         imgui.set_next_item_allow_overlap()
-        buttons = imgui.ButtonFlags_
-        every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
-        imgui.invisible_button("orbit", size, every)
+        imgui.invisible_button("orbit", size)
         if not self._over.draw(context, corner, size):
             self._react(context, size)
         draw.channels_merge()
@@ -119,20 +118,25 @@ class ViewPanel(Panel):
         editor = context.session.editor
         io = imgui.get_io()
         if imgui.is_item_active() and not imgui.is_item_activated() and any(io.mouse_delta):
-            across, down = io.mouse_delta * ((_FINE if io.key_shift else 1.0) / min(size.x, size.y))
-            if imgui.is_mouse_down(imgui.MouseButton_.left):
-                editor.set_camera(orbit.dragged(context.session.viewport.camera, across, down), gesture="orbit")
-                context.set_preference(newcomer=False)
-            else:
-                context.session.viewport.pan_by(across, down)
+            across, down = _motion(size)
+            editor.set_camera(orbit.dragged(context.session.viewport.camera, across, down), gesture="orbit")
+            context.set_preference(newcomer=False)
         end_gesture(context)
-        if imgui.is_item_hovered():
-            if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
-                context.session.viewport.reset_view()
-            if io.mouse_wheel:
-                self._zoom(context, io.mouse_wheel)
+        if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
+            context.session.viewport.reset_view()
+        if imgui.is_window_hovered() and io.mouse_wheel:  # also over what is drawn over the view
+            self._zoom(context, io.mouse_wheel)
+        self._pan(context, size)
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(context)
+
+    def _pan(self, context: PanelContext, size: ImVec2) -> None:
+        """Move the object while the middle or the right button is held, wherever in the view it was pressed."""
+        buttons = (imgui.MouseButton_.middle, imgui.MouseButton_.right)
+        if self._pans and any(imgui.get_io().mouse_delta):
+            context.session.viewport.pan_by(*_motion(size))
+        is_pressed = imgui.is_window_hovered() and any(map(imgui.is_mouse_clicked, buttons))
+        self._pans = any(map(imgui.is_mouse_down, buttons)) and (self._pans or is_pressed)
 
     def _zoom(self, context: PanelContext, steps: float) -> None:
         """Zoom about the point under the mouse."""
@@ -162,6 +166,12 @@ class ViewPanel(Panel):
         context.set_preference(newcomer=False)
         context.session.editor.set_camera(camera, gesture)
         context.session.editor.end_gesture()
+
+
+def _motion(size: ImVec2) -> ImVec2:
+    """Return the mouse's motion since the last frame, right and down, as fractions of the view's shorter side."""
+    io = imgui.get_io()
+    return io.mouse_delta * ((_FINE if io.key_shift else 1.0) / min(size.x, size.y))
 
 
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:

@@ -1,4 +1,4 @@
-"""Copies of photos to be fitted, which may wait long after their files have changed or gone."""
+"""Copies of photos: of files to be fitted, which may change or go, and of the whole photos of fitted objects."""
 
 import hashlib
 import os
@@ -7,19 +7,25 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import UInt8
+
+from core.models.photo_detail import PhotoView
 from core.runtime.files import atomic_file
-from core.runtime.reading import read_bytes
+from core.runtime.reading import optional, read_bytes
+from viewer.values.cut_out_preview import CutOutPreview, read_compressed
 from viewer.values.fit_history import PhotoSource
 
-_MAX_KEPT = 50  # copies kept beside those of unfinished fits
+_MAX_KEPT = 50  # copies of each kind kept beside those that are needed
 
 
 class PhotoCopies:
-    """Copies photo files into a folder each, named after their content."""
+    """Copies photo files into a folder each, and whole photos into small files, named after their content."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """Copy into ``folder``; None copies nothing."""
         self._folder = folder
+        self._read: tuple[PhotoView, UInt8[np.ndarray, "height width 3"] | None] | None = None  # whole photo read last
 
     def keep(self, source: PhotoSource) -> PhotoSource:
         """Return a photo with a copy of its file; unchanged if the file or the folder denies that."""
@@ -36,10 +42,32 @@ class PhotoCopies:
             return source._replace(copy=copy)
         return source
 
-    def sweep(self, needed: Iterable[PhotoSource]) -> None:
-        """Delete the oldest copies beyond a limit, except those of some photos."""
-        folders = [path for path in self._folder.glob("*") if path.is_dir()] if self._folder else []
-        kept = {source.copy.parent for source in needed if source.copy}
-        for folder in sorted(folders, key=lambda path: path.stat().st_mtime)[:-_MAX_KEPT]:
-            if folder not in kept:
-                shutil.rmtree(folder, ignore_errors=True)
+    def keep_whole(self, view: PhotoView, preview: CutOutPreview) -> None:
+        """Keep the whole photo of which a fitted object holds a view, unless the folder denies that."""
+        self._read = None
+        if path := self._whole_file(view):
+            with suppress(ValueError, OSError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with atomic_file(path) as written:
+                    written.write_bytes(preview.compressed)
+
+    def whole(self, view: PhotoView) -> UInt8[np.ndarray, "height width 3"] | None:
+        """Return the whole photo of a fitted object's view; None if no copy of it is there."""
+        path = self._whole_file(view)
+        if path and (self._read is None or self._read[0].image is not view.image):
+            self._read = view, optional(lambda: read_compressed(path.read_bytes()))
+        return self._read[1] if self._read else None
+
+    def _whole_file(self, view: PhotoView) -> Path | None:
+        return self._folder and self._folder / f"{hashlib.sha256(view.image).hexdigest()[:16]}.webp"
+
+    def sweep(self, needed: Iterable[PhotoSource], views: Iterable[PhotoView] = ()) -> None:
+        """Delete the oldest copies beyond a limit, except those of some photos, and of objects with some views."""
+        paths = sorted(self._folder.glob("*"), key=lambda path: path.stat().st_mtime) if self._folder else []
+        kept = {source.copy.parent for source in needed if source.copy} | set(map(self._whole_file, views))
+        for path in [path for path in paths if path.is_dir()][:-_MAX_KEPT]:
+            if path not in kept:
+                shutil.rmtree(path, ignore_errors=True)
+        for path in [path for path in paths if not path.is_dir()][:-_MAX_KEPT]:
+            if path not in kept:
+                path.unlink(missing_ok=True)

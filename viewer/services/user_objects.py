@@ -1,12 +1,13 @@
 """Fitted objects kept between launches, a file each."""
 
 import json
-import os
 import re
 import secrets
 import threading
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from core.models.scene import Scene, scene_model
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_text, reading, typed
 from viewer.values import orbit
-from viewer.values.objects import EditableObject, unique_name
+from viewer.values.objects import EditableObject, unique_key, unique_name
 
 
 class _Stored(NamedTuple):
@@ -31,7 +32,7 @@ class UserObjects:
     def __init__(self, folder: Path | None = None) -> None:
         """Store in ``folder``; None stores nothing."""
         self._folder = folder
-        self._stored: dict[str, _Stored] = {}  # stored objects of opened models, by name
+        self._stored: dict[str, _Stored] = {}  # by key of the object
         self._lock = threading.Lock()  # held while files are written
 
     def model_files(self) -> dict[str, str]:
@@ -39,52 +40,39 @@ class UserObjects:
         files = self._folder.glob("*.json") if self._folder else ()
         return {model: _model_file(path) for path in files if (model := scene_model(path))}
 
-    def open(self, model: Model) -> tuple[EditableObject, ...]:
-        """Return a model's stored objects, the oldest first; unreadable files are skipped."""
-        return self._read_again(partial(adopted, model), lambda instance: model.shares_codes_with(instance.fingerprint))
+    def open(self, models: OpenModels) -> tuple[EditableObject, ...]:
+        """Return the stored objects, the oldest first, also those of missing models; unreadable files are skipped."""
 
-    def missing(self, models: OpenModels) -> tuple[EditableObject, ...]:
-        """Return the stored objects whose models are missing, the oldest first."""
+        def adopt(instance: Instance) -> Instance:
+            model = models.find(instance.fingerprint)
+            return adopted(model, instance) if model else instance
 
-        def unchanged(instance: Instance) -> Instance:
-            if models.find(instance.fingerprint):
-                raise ValueError("its model is open")
-            return instance
-
-        return self._read_again(unchanged, lambda instance: models.find(instance.fingerprint) is None)
-
-    def _read_again(
-        self, adopt: Callable[[Instance], Instance], is_reread: Callable[[Instance], bool]
-    ) -> tuple[EditableObject, ...]:
-        """Return the objects of all files but unreadable ones and those that ``adopt`` refuses."""
         with self._lock:
-            self._stored = {name: item for name, item in self._stored.items() if not is_reread(item.content.instance)}
-            objects = list[EditableObject]()
+            self._stored = {}
             names = dict[str, str]()  # by name in the file: another window may have used the same name
             files = self._folder.glob("*.json") if self._folder else ()
-            for path in sorted(files, key=lambda path: path.stat().st_mtime):
-                if content := optional(partial(_read, path, adopt)):
-                    names[content.name] = unique_name(content.name, self._stored)
-                    objects.append(content.renamed(names))
-                    self._stored[objects[-1].name] = _Stored(path, objects[-1])
-            return tuple(objects)
+            read = [(path, content) for path in files if (content := optional(partial(_read, path, adopt)))]
+            taken = set[str]()
+            for path, content in sorted(read, key=lambda entry: int(entry[1].key)):
+                names[content.name] = unique_name(content.name, taken)
+                taken.add(names[content.name])
+                item = replace(content.renamed(names), key=unique_key(content.key, self._stored))
+                self._stored[item.key] = _Stored(path, item)
+            return tuple(stored.content for stored in self._stored.values())
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
-        """Store new and changed objects of open models, and delete the files of other objects that were read.
+        """Store new and changed objects of open models, and delete the files of objects that are not given any more.
 
         Raises ``ValueError`` or ``OSError`` on failure.
         """
         if self._folder is None:
             return
         with self._lock:
-            kept = {item.name: item for item in objects}
+            kept = {item.key: item for item in objects}
             for item in kept.values():
                 self._keep(models, item, self._folder)
-            originals = {id(item.original) for item in kept.values()}
-            for name in self._stored.keys() - kept.keys():
-                original = self._stored[name].content.original
-                if models.find(original.fingerprint) or id(original) not in originals:  # else it has another name here
-                    self._stored.pop(name).path.unlink(missing_ok=True)
+            for key in self._stored.keys() - kept.keys():
+                self._stored.pop(key).path.unlink(missing_ok=True)
 
     def update(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
         """Store the edits of stored objects, on any thread; other objects stay as they are. Raises as :meth:`sync`."""
@@ -92,24 +80,24 @@ class UserObjects:
             return
         with self._lock:
             for item in objects:
-                stored = self._stored.get(item.name)
-                if stored and stored.content.original == item.original:
+                if item.key in self._stored:
                     self._keep(models, item, self._folder)
 
     def _keep(self, models: OpenModels, item: EditableObject, folder: Path) -> None:
         """Store an object unless its file has it, or its model is missing."""
-        stored = self._stored.get(item.name)
+        stored = self._stored.get(item.key)
         is_new = stored is None or not _is_same(stored.content, item)
         if is_new and not any(instance.is_missing for instance in item.ends):
             path = stored.path if stored else folder / _file_name(item.name)
             model = item.instance.model
             _write(path, item, model, models.files.get(model.fingerprint, ""))
-            self._stored[item.name] = _Stored(path, item)
+            self._stored[item.key] = _Stored(path, item)
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
     same = first.instance is second.instance and first.unedited is second.unedited
-    return same and (first.confidence, first.version_of) == (second.confidence, second.version_of)
+    values = attrgetter("name", "confidence", "version_of")
+    return same and values(first) == values(second)
 
 
 def _file_name(name: str) -> str:
@@ -124,15 +112,13 @@ def _write(path: Path, item: EditableObject, model: Model, model_file: str) -> N
         "confidence": item.confidence,
         "model_file": model_file,
         "version_of": item.version_of,
+        "key": item.key,
     }
     if item.unedited:
         fields["unedited"] = _scene(item.unedited, model)
     path.parent.mkdir(parents=True, exist_ok=True)
-    before = path.stat() if path.exists() else None
     with atomic_file(path, partial(_read, adopt=partial(adopted, model))) as written:
         written.write_text(json.dumps(fields))
-    if before:  # an edited object keeps its place in the order
-        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
 def _scene(instance: Instance, model: Model) -> dict:
@@ -146,7 +132,8 @@ class _Fields(NamedTuple):
     confidence: float | None = None
     unedited: dict | None = None  # scene of the object as fitted, if it was edited
     model_file: str = ""  # name or path of its model
-    version_of: str = ""  # name of the object that it is a version of
+    version_of: str = ""  # key of the object that it is a version of; in older files its name
+    key: str = ""  # "" in older files, which were made when they were changed last
 
 
 def _model_file(path: Path) -> str:
@@ -162,4 +149,5 @@ def _read(path: Path, adopt: Callable[[Instance], Instance]) -> EditableObject:
         unedited = fields.unedited and adopt(Scene.without_model(json.dumps(fields.unedited)).instance)
         if unedited and unedited.detail == instance.detail:
             unedited = unedited.changed(detail=instance.detail)  # photos take memory
-        return EditableObject(fields.name, instance, True, fields.confidence, unedited, fields.version_of)
+        key = fields.key or str(path.stat().st_mtime_ns)
+        return EditableObject(fields.name, instance, True, fields.confidence, unedited, fields.version_of, key)

@@ -14,15 +14,15 @@ from core.photos.decode import on_white
 from core.photos.detector import Box
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.segmentation import CutOut
+from core.runtime.reading import open_image
 
 _RIVAL, _LEAST = 0.7, 0.25  # prominence relative to the first object's: to ask which is meant, and to draw a box
 _FRAMED = 0.97  # fraction of its bounding box from which a mask is rather a photo in a frame; chairs and cars fill less
 _SURE = 60, 220, 130  # colour of the outline
 _DOUBTFUL = 255, 170, 40  # colour of a doubtful outline
 _THIN = 1 / 300  # half the width of the outline, as a fraction of the photo's longer side
-
-
-_KEPT = 800  # px, longest side of a photo that is kept with a project
+_KEPT = 800  # px, longest side of a photo that is kept with a project or beside an object: 20 to 150 kB
+_MAX_BYTES = 16_000_000  # of the decoded pixels of such a photo
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,12 @@ class CutOutPreview:
         file = io.BytesIO()
         image.save(file, "WEBP", quality=85)
         return file.getvalue()
+
+
+def read_compressed(file: bytes) -> UInt8[np.ndarray, "height width 3"]:
+    """Decode a file of :attr:`CutOutPreview.compressed`. Raises ``ValueError`` if it is none."""
+    with open_image(io.BytesIO(file), most=_MAX_BYTES) as image:
+        return np.array(image.convert("RGB"))
 
 
 def is_doubtful(cut: CutOut) -> bool:

@@ -26,7 +26,7 @@ from core.photos.detector import Box
 from core.photos.photo import Photo
 from core.runtime.numbers import whole
 from core.runtime.reading import field_types, first_line, open_image, reading, typed
-from viewer.values.cut_out_preview import CutOutPreview
+from viewer.values.cut_out_preview import CutOutPreview, read_compressed
 from viewer.values.fit_history import FitRequest, FittedPhoto
 from viewer.values.objects import EditableObject
 from viewer.values.paints import PaintRequest
@@ -200,8 +200,7 @@ def _decode_fitted_photo(record: Any, store: BlobStore) -> FittedPhoto:
 
 
 def _decode_preview(record: Any, store: BlobStore) -> CutOutPreview:
-    with open_image(io.BytesIO(_part(store.photos, record["preview"])), most=_MAX_PHOTO) as image:
-        pixels = np.array(image.convert("RGB"))
+    pixels = read_compressed(_part(store.photos, record["preview"]))
     return CutOutPreview(pixels, decode(tuple[Box, ...], record.get("boxes", []), store))
 
 

@@ -1,6 +1,7 @@
 """The objects of a session: the training objects of open models, and added objects."""
 
 import re
+import time
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -8,8 +9,11 @@ from operator import attrgetter
 import torch
 
 from core.models.model import Instance, Model
+from core.runtime.numbers import abbreviated
 from viewer.values.printable import printable
 from viewer.values.variety import families
+
+_DIGITS = 20  # a key has fewer: ns until the year 2286 have 19
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +25,14 @@ class EditableObject:
     fitted: bool = False  # to a photo
     confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
     unedited: Instance | None = None  # as fitted or opened; None: as left
-    version_of: str = ""  # name of the object that it is a version of
+    version_of: str = ""  # key of the object that it is a version of; in older files its name
+    key: str = ""  # ns since 1970 when it was made: stays if it is renamed, and orders objects; "" in older files
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
             raise ValueError(f"a confidence is 0 to 1, got {self.confidence}")
+        if self.key and not (self.key.isdecimal() and len(self.key) < _DIGITS):
+            raise ValueError(f"an object's key is a number of ns, got {abbreviated(self.key)}")
 
     @property
     def original(self) -> Instance:
@@ -48,7 +55,7 @@ class EditableObject:
 
     def refitted(self, better: "EditableObject") -> "EditableObject":
         """Return the object with the codes and the confidence of a better fit; its edits stay."""
-        left = replace(better, name=self.name, version_of=self.version_of)
+        left = replace(better, name=self.name, version_of=self.version_of, key=self.key)
         return left.left_as(self.instance) if self.unedited else left
 
 
@@ -58,6 +65,7 @@ class ObjectLibrary:
     def __init__(self, models: Iterable[Model]) -> None:
         self._trained: dict[str, EditableObject] = {}
         self._added: dict[str, EditableObject] = {}
+        self._keys: dict[str, str] = {}  # names of added objects by key
         self.removed: frozenset[str] = frozenset()  # names of unlisted added objects, which undo may list again
         self.changes = 0  # number so far
         self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint: names here by names in the model
@@ -101,8 +109,7 @@ class ObjectLibrary:
 
     def root(self, name: str) -> str:
         """Return the name of the object that has this one as a version; its own name if it is no version."""
-        root = self[name].version_of
-        return root if root in self._added else name
+        return self._keys.get(self[name].version_of, name)
 
     def versions(self, name: str) -> list[str]:
         """Return the names of an added object's versions that were not removed, the oldest first."""
@@ -134,8 +141,8 @@ class ObjectLibrary:
             self._add_version(name, instance)
 
     def _add_version(self, name: str, instance: Instance) -> str:
-        root = self.root(name)
-        return self.add(replace(self[name].left_as(instance), name=root, version_of=root))
+        root = self[self.root(name)]
+        return self.add(replace(self[name].left_as(instance), name=root.name, version_of=root.key, key=""))
 
     def name_here(self, name: str, model: str) -> str | None:
         """Return the name here of a model's object with this name in another session; None if there is none.
@@ -164,9 +171,11 @@ class ObjectLibrary:
         return tuple(self._added.values())
 
     def add(self, added: EditableObject) -> str:
-        """Add an object under a unique name and return that name."""
+        """Add an object under a unique name, with a unique key, and return that name."""
         name = unique_name(added.name, self)
-        self._added[name] = replace(added, name=name)
+        key = unique_key(added.key, self._keys)
+        self._added[name] = replace(added, name=name, key=key)
+        self._keys[key] = name
         self.changes += 1
         return name
 
@@ -199,8 +208,7 @@ class ObjectLibrary:
         """Rename an added object and return its new name, made unique."""
         to = unique_name(to, self)
         renamed = (added.renamed({name: to}) for added in self._added.values())
-        self._added = {added.name: added for added in renamed}
-        self.changes += 1
+        self._take({added.name: added for added in renamed})
         return to
 
     def match(self, incoming: Iterable[EditableObject]) -> dict[str, str]:
@@ -209,9 +217,21 @@ class ObjectLibrary:
         Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one, and a
         version only a version: those of an object that became one would be listed nowhere.
         """
+        incoming = sorted(incoming, key=lambda item: bool(item.version_of))
+        names = self._equal(incoming)
+        keys = dict[str, str]()  # by key and, as older files refer to it, by name of the object given
+        for item in incoming:
+            if item.name not in names:
+                root = item.version_of and keys.get(item.version_of, item.version_of)
+                names[item.name] = self.add(replace(item, version_of=root))
+            keys[item.key] = keys[item.name] = self[names[item.name]].key
+        self._take(dict(sorted(self._added.items(), key=lambda entry: int(entry[1].key))))
+        return names
+
+    def _equal(self, incoming: Iterable[EditableObject]) -> dict[str, str]:
+        """Return the names of objects that equal some of ``incoming``, by the names given."""
         before = list(self.ever_added)
         names = dict[str, str]()
-        incoming = tuple(incoming)
         for key in (attrgetter("ends"), attrgetter("original")):
             for item in incoming:
                 equal = [
@@ -222,13 +242,16 @@ class ObjectLibrary:
                     and key(added) == key(item)
                 ]
                 if equal:
-                    nearest = min(equal, key=lambda added: added.name != item.name)
+                    nearest = min(equal, key=lambda added: (added.key != item.key, added.name != item.name))
                     before.remove(nearest)
                     names[item.name] = nearest.name
-        for item in incoming:
-            if item.name not in names:
-                names[item.name] = self.add(item.renamed(names))
         return names
+
+    def _take(self, added: dict[str, EditableObject]) -> None:
+        """Replace the added objects by the same ones in another order or with other names."""
+        self._added = added
+        self._keys = {item.key: name for name, item in added.items()}
+        self.changes += 1
 
 
 def unique_name(name: str, taken: Container[str]) -> str:
@@ -239,3 +262,11 @@ def unique_name(name: str, taken: Container[str]) -> str:
         count += 1
         name = f"{stem} ({count})"
     return name
+
+
+def unique_key(key: str, taken: Container[str]) -> str:
+    """Return a key, the next free one if it is taken; the time now in place of an empty one."""
+    number = int(key or time.time_ns())
+    while str(number) in taken:
+        number += 1
+    return str(number)

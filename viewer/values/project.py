@@ -114,7 +114,8 @@ class _ProjectJson(NamedTuple):
     """The JSON of a project.
 
     The first format had a session per model instead of one project, the second a history without branches, the third
-    objects without a size, the fourth objects without legs or a roof of their own length.
+    objects without a size, the fourth objects without moves and bends, and versions that name their object instead of
+    holding its key.
     """
 
     format: str

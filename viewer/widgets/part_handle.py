@@ -26,7 +26,7 @@ class PartHandle:
 
     def __init__(self) -> None:
         self._lit: tuple[VisibleParts, Handle] | None = None
-        self._pressed_at: ImVec2 | None = None  # px on screen; None while the handle is not held
+        self._is_held = False
         self._hovered = False  # the mouse was over the handle in the last frame
         self._moved = 0.0  # s on the monotonic clock when the mouse moved last
 
@@ -42,10 +42,10 @@ class PartHandle:
         visible, handle = self._lit
         across, down = visible.place_of(handle)
         place = corner + ImVec2(across * size.x, down * size.y)
-        if self._pressed_at is None:
-            _draw_glow(context, visible, handle, corner, size)
+        if self._is_held:
+            place += imgui.get_mouse_drag_delta(0, 0.0)
         else:
-            place += imgui.get_mouse_pos() - self._pressed_at
+            _draw_glow(context, visible, handle, corner, size)
         self._draw_handle(context, handle, place, corner)
 
     def _draw_handle(self, context: PanelContext, handle: Handle, place: ImVec2, corner: ImVec2) -> None:
@@ -70,35 +70,32 @@ class PartHandle:
 
     def _label(self, context: PanelContext, handle: Handle) -> str:
         """Return the part's name and, during a drag, the word of its direction."""
-        pulled = context.session.reshaping.pulled
+        drag = context.session.reshaping.drag
         name = handle.part.capitalize()
-        if self._pressed_at is None or pulled is None:
+        if drag is None:
             return f"{name}  {_DROP}" if _takes_paint(context, handle) else name
-        direction, by = pulled
         words = _words(context)
-        word = words[direction.index] if direction.index < len(words) else ""
-        end = ", no further" if context.session.reshaping.is_past_end else ""
-        return f"{name}: {word if by >= 0 else OPPOSITES.get(word, '')}{end}"
+        word = words[drag.direction.index] if drag.direction.index < len(words) else ""
+        end = ", no further" if drag.is_past_end else ""
+        is_more = context.session.editor.strength(drag.direction) >= drag.start
+        return f"{name}: {word if is_more else OPPOSITES.get(word, '')}{end}"
 
     def _react(self, context: PanelContext, handle: Handle) -> None:
         """React to imgui's last item, a part of the handle."""
         reshaping = context.session.reshaping
-        mouse = imgui.get_mouse_pos()
         self._hovered |= imgui.is_item_hovered() or imgui.is_item_active()
         if imgui.is_item_hovered():
             imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
         is_locked = "shape" in context.session.editor.locked
         usage = [_LOCKED if is_locked else _RESHAPE]
         tooltip("\n".join([*usage, _COLOUR] if _takes_paint(context, handle) else usage))
-        if imgui.is_item_activated():
-            self._pressed_at = mouse
-        elif imgui.is_item_active() and self._pressed_at is not None and not is_locked:
-            drag = (mouse - self._pressed_at) / min(context.view[1] - context.view[0])
+        self._is_held |= imgui.is_item_activated()
+        if self._is_held and imgui.is_item_active() and not is_locked:
+            drag = imgui.get_mouse_drag_delta(0, 0.0) / min(context.view[1] - context.view[0])
             reshaping.drag_handle(handle, (drag.x, drag.y), _words(context))
         if imgui.is_item_deactivated():
-            was_dragged = reshaping.pulled is not None
-            self._pressed_at = None
-            if was_dragged:
+            self._is_held = False
+            if reshaping.drag:
                 reshaping.release()
                 self._lit = None
             elif _takes_paint(context, handle):
@@ -107,10 +104,10 @@ class PartHandle:
 
     def follow_mouse(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Choose the part to light up in the next frame; call after the view's own item, imgui's last one."""
-        if self._pressed_at is not None:
+        if self._is_held:
             if imgui.is_any_mouse_down():
                 return
-            self._pressed_at = None  # released while the view was not drawn, as after Ctrl+N
+            self._is_held = False  # released while the view was not drawn, as after Ctrl+N
         io = imgui.get_io()
         lit = self._lit
         visible = None

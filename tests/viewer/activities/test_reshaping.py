@@ -91,14 +91,14 @@ def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor) -> Non
     past = len(editor.history.past)
     start = editor.strength(direction)
     low, high = direction.reach(editor.scene.instance)
-    assert reshaping.pulled is None
+    assert reshaping.drag is None
     reshaping.drag_handle(_TOP, (0.0, -0.001), _WORDS)  # too short to know where it goes
-    assert reshaping.pulled is None
+    assert reshaping.drag is None
     for up in (0.02, 0.05):
         reshaping.drag_handle(_TOP, (0.0, -up), _WORDS)
         finish(session)
     assert start < editor.strength(direction) < high
-    assert reshaping.pulled is not None and reshaping.pulled[0].index == 2
+    assert reshaping.drag is not None and reshaping.drag.direction.index == 2
     reshaping.drag_handle(_TOP, (0.0, -9.0), _WORDS)
     reshaping.release()  # before the worker has made the last edit
     reshaping.drag_handle(_TOP, (0.0, 9.0), _WORDS)  # too early

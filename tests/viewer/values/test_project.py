@@ -426,6 +426,24 @@ def test_a_project_and_a_scene_with_a_size_open(worker: Worker, backend: Backend
         assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
 
 
+def test_versions_that_name_their_object_stay_with_it(worker: Worker, backend: Backend, tmp_path: Path) -> None:
+    folder = Path("tests/files/745c46f1")
+    shutil.copytree(folder / "mine", tmp_path / "mine")
+    model = load_model("tests/files/1bad02d/model.safetensors")
+    backend = replace(backend, load_model=lambda name: model)
+    for files in (tmp_path, None):
+        session = Session(worker, backend, folder=files)
+        session.open_project(folder / "project.codenerf")
+        objects = session.editor.objects
+        assert session.messages.errors == []
+        assert set(objects.versions("block")) == {"block", "block (2)", "block (3)"}
+        assert objects.versions("opened") == ["opened", "opened (2)"]
+        session.rename("block", "renamed")
+        session.kept_objects.store()
+    session = Session(worker, backend, folder=tmp_path)
+    assert set(session.editor.objects.versions("renamed")) == {"renamed", "block (2)", "block (3)"}
+
+
 def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:
     """Scenes that were opened had a photo of null."""
     with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:

@@ -1,11 +1,13 @@
 """The part under the mouse in the real window."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+from imgui_bundle import imgui
 
 from core.directions.part_map import Handle
 from core.models.part_head import PartHead
@@ -61,7 +63,7 @@ def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, mon
 
     def noted(self: PartHandle, context: PanelContext, handle: Handle) -> str:
         text = label(self, context, handle)
-        labels.add((reshaping.is_past_end, text.split(": ")[-1]))
+        labels.add((reshaping.drag is not None and reshaping.drag.is_past_end, text.split(": ")[-1]))
         return text
 
     monkeypatch.setattr(PartHandle, "_label", noted)
@@ -130,3 +132,37 @@ def test_no_part_lights_up_during_a_fit_or_with_a_tool(
     window.ctx.yield_(20)
     assert not window.exists("View/handle")
     assert window.session.reshaping.parts is None
+
+
+@in_window(part_map=two_parts)
+def test_wheel_and_pan_work_over_a_part_s_handle(window: Driver) -> None:
+    _rest_until_lit(window, 0.05)
+    _zoom_and_pan_over(window, "View/handle", lambda: _rest_until_lit(window, 0.05))
+
+
+@in_window()
+def test_wheel_and_pan_work_over_a_handle_of_the_size(window: Driver) -> None:
+    window.show("Sliders")
+    window.click("Sliders/**/###size handles")
+    names = [f"View/##size {axis} {way}" for axis in range(3) for way in (-1, 1)]
+    window.wait(lambda: any(map(window.exists, names)))
+    _zoom_and_pan_over(window, next(filter(window.exists, names)), lambda: None)
+
+
+def _zoom_and_pan_over(window: Driver, name: str, light_up: Callable[[], None]) -> None:
+    viewport = window.session.viewport
+    for button in (imgui.MouseButton_.middle, imgui.MouseButton_.right):
+        window.ctx.mouse_move(f"//{name}")
+        pan = viewport.settings.pan
+        window.ctx.mouse_down(button)
+        window.ctx.mouse_move_to_pos(imgui.get_mouse_pos() + imgui.ImVec2(40, 20))
+        window.ctx.mouse_up(button)
+        moved = viewport.settings.pan
+        assert moved[0] > pan[0] + 0.03 and moved[1] > pan[1] + 0.01
+        viewport.change(pan=(0.0, 0.0))
+        window.wait()
+        light_up()
+    window.ctx.mouse_move(f"//{name}")
+    distance = viewport.camera.distance
+    window.ctx.mouse_wheel_y(2.0)
+    assert viewport.camera.distance < distance

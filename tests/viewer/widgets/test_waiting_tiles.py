@@ -12,6 +12,7 @@ from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
+from core.models.photo_detail import PhotoView
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from tests.viewer.driver import Drive, Driver, in_window
@@ -20,6 +21,7 @@ from tests.viewer.test_editor import fitted
 from viewer import autosave
 from viewer.services.backend import Backend
 from viewer.services.photo_copies import PhotoCopies
+from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import PhotoSource
 
 
@@ -233,6 +235,27 @@ def test_old_copies_of_photos_are_deleted_but_not_those_that_wait(tmp_path: Path
     copies.sweep(sources[:1])
     assert [source.file == source.copy for source in sources] == [True, False] + 50 * [True]
     assert sources[1].file == photo
+
+
+def test_old_whole_photos_are_deleted_but_not_those_of_objects(tmp_path: Path, model: Model) -> None:
+    copies = PhotoCopies(tmp_path / "photos")
+    pixels = np.full((40, 60, 3), 200, np.uint8)
+    views = [PhotoView(bytes([number]), model.camera(0.0, 0.0)) for number in range(52)]
+    for number, view in enumerate(views):
+        before = set((tmp_path / "photos").glob("*"))
+        copies.keep_whole(view, CutOutPreview(pixels, ()))
+        (path,) = set((tmp_path / "photos").glob("*")) - before
+        os.utime(path, (number, number))
+    copies.sweep((), views[:1])
+    assert [copies.whole(view) is not None for view in views] == [True, False] + 50 * [True]
+    path.write_bytes(b"damaged")
+    assert PhotoCopies(tmp_path / "photos").whole(view) is None
+
+
+def test_a_session_without_a_folder_keeps_no_photo(model: Model) -> None:
+    view = PhotoView(b"", model.camera(0.0, 0.0))
+    PhotoCopies().keep_whole(view, CutOutPreview(np.zeros((4, 4, 3), np.uint8), ()))
+    assert PhotoCopies().whole(view) is None
 
 
 @in_window("both")
