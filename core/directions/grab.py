@@ -10,7 +10,7 @@ from core.directions.words import AXES
 from core.geometry.camera import Camera
 from core.models.model import Instance
 
-_SPEED = 0.1  # of the image's height per standard deviation: more than the surface moves, so that a hand can dose it
+_SPEED = 0.03  # of the image's height per standard deviation: about twice as far as the surface moves
 _NEAREST = (0.1, 0.1, 0.4)  # of the box: nearer to its middle, a point counts as this far away; any may be lifted
 _FEET = 0.5  # of the box below its middle: above it, an object grows upwards, as it stands on the ground
 

@@ -20,7 +20,7 @@ from core.rendering.size import with_side
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture
-_GROWTH = 0.06  # natural logarithm of a side, per standard deviation along a direction named for its size
+_GROWTH = 0.08  # natural logarithm of a side, per standard deviation along a direction named for its size
 _REACH = 1.5  # standard deviations to either side of the mean
 _EDGE = 0.01  # fraction of the points at either end of an axis that count as specks outside the object
 _CORNER = 0.2  # size of a silhouette's corner relative to its width and height

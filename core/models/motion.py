@@ -22,6 +22,7 @@ DIRECTIONS = 6  # the first ones, which have words
 LIMIT = 3.0  # standard deviations to either side
 FOLLOWED = 1.0  # of a code's own way, which photos follow
 TERMS = [(x, y, z) for x in range(4) for y in range(4 - x) for z in range(4 - x - y)]  # exponents of the polynomials
+_YZ_TERMS = [(y, z) for y in range(4) for z in range(4 - y)]
 _CANDIDATES, _POINTS = 40_000, 1500  # random places, and those that are kept beside the surface
 _BESIDE = 2.0  # logit of such a place: the surface is at 0
 _JITTERS = (0.012, 0.012, 0.05)  # scene units around surface points; at each, edited and original field are compared
@@ -47,7 +48,17 @@ class Warp(NamedTuple):
     def origins(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Return the places that points of the edited object came from."""
         extent = points.new_tensor(self.extent)
-        moved = points + _monomials(points, extent) @ points.new_tensor(self.coefficients)
+        table = points.new_zeros(4, len(_YZ_TERMS), 3)
+        table[[x for x, *_ in TERMS], [_YZ_TERMS.index((y, z)) for _, y, z in TERMS]] = points.new_tensor(
+            self.coefficients
+        )
+        # A small product for y and z, and Horner's rule for x: several times faster than a product of all monomials.
+        x, y, z = (points / extent).clamp(-1, 1).reshape(-1, 3).T.contiguous().unbind()
+        powers = [torch.stack([torch.ones_like(value), value, value**2, value**3]) for value in (y, z)]
+        yz = torch.stack([powers[0][b] * powers[1][c] for b, c in _YZ_TERMS])
+        constant, linear, square, cube = (table.mT @ yz).unbind()
+        shift = constant + x * (linear + x * (square + x * cube))
+        moved = points + shift.T.reshape(points.shape)
         return torch.maximum(torch.minimum(moved, extent), -extent)
 
     def firmed(self, density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:

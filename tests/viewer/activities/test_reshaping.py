@@ -1,7 +1,5 @@
 """Parts of finished images, and drags whose edits the worker makes."""
 
-import threading
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -11,7 +9,7 @@ from core.directions.part_map import Box, Handle, PartMap
 from core.geometry.camera import Camera
 from core.models.model import Instance
 from core.models.motion import LIMIT
-from tests.viewer.driver import deliver, finish
+from tests.viewer.driver import finish
 from tests.viewer.stand_ins import two_parts
 from viewer.editor import Editor
 from viewer.session import Session
@@ -96,13 +94,12 @@ def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor) -> Non
     assert reshaping.drag is None
     for up in (0.02, 0.05):
         reshaping.drag_handle(_TOP, (0.0, -up), _WORDS)
-        finish(session)
     assert start < editor.strength(direction) < high
     assert reshaping.drag is not None and reshaping.drag.direction.index == 2
     reshaping.drag_handle(_TOP, (0.0, -9.0), _WORDS)
-    reshaping.release()  # before the worker has made the last edit
-    reshaping.drag_handle(_TOP, (0.0, 9.0), _WORDS)  # too early
-    finish(session)
+    assert reshaping.drag is not None and reshaping.drag.is_past_end
+    reshaping.release()
+    assert reshaping.drag is None
     assert editor.strength(direction) == pytest.approx(high, abs=1e-3)  # no further than a slider
     assert high - low <= 2 * LIMIT + 1e-3
     assert len(editor.history.past) == past + 1
@@ -111,39 +108,14 @@ def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor) -> Non
     assert editor.strength(direction) == pytest.approx(start)
 
 
-def test_of_several_positions_the_worker_takes_the_newest(
-    session: Session, editor: Editor, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    may_go_on = threading.Event()
-    positions = list[float]()
-    moved: Callable[[Direction, Instance, float], Instance] = Direction.moved
-
-    def slowly(direction: Direction, instance: Instance, to: float) -> Instance:
-        positions.append(to)
-        may_go_on.wait(60)
-        return moved(direction, instance, to)
-
-    monkeypatch.setattr(Direction, "moved", slowly)
-    direction = Direction.principal(editor.model.codes, "texture", 0)
-    session.reshaping.move_along(direction, 0.1, "slider")
-    deliver(session, lambda: len(positions) == 1)
-    for to in (0.2, 0.3, 0.4, 0.4):
-        session.reshaping.move_along(direction, to, "slider")
-    may_go_on.set()
-    finish(session)
+def test_a_drag_back_to_its_start_leaves_no_edit(session: Session, editor: Editor) -> None:
+    before = editor.scene.instance
+    direction = Direction.principal(editor.model.codes, "shape", 0)
+    start = editor.strength(direction)
+    for by in (0.1, 0.7, -0.3, 0.0):
+        session.reshaping.move_along(direction, start + by, "slider")
     session.reshaping.release()
-    assert positions == [0.1, 0.4]
-    assert editor.strength(direction) == pytest.approx(0.4, abs=1e-3)
-
-
-def test_an_edit_that_comes_after_an_undo_changes_nothing(session: Session, editor: Editor) -> None:
-    editor.sample()
-    session.reshaping.move_along(Direction.principal(editor.model.codes, "shape", 0), 0.3, "slider")
-    editor.undo()
-    before = editor.scene
-    session.reshaping.release()
-    finish(session)
-    assert editor.scene is before
+    assert editor.scene.instance == before
 
 
 def test_a_held_handle_leaves_another_shape_alone(session: Session, editor: Editor) -> None:
@@ -164,8 +136,7 @@ def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, edit
     finish(session)
     texture = editor.model[2].codes.texture
     editor.set_texture(texture)
-    shape = editor.code("shape")
+    moves = editor.scene.instance.codes.moves
     session.reshaping.drag_handle(_TOP, (0.0, -0.05), _WORDS)
     session.reshaping.release()
-    finish(session)
-    assert editor.code("shape") is not shape and editor.code("texture") is texture
+    assert editor.scene.instance.codes.moves != moves and editor.code("texture") is texture
