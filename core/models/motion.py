@@ -54,7 +54,7 @@ class Warp(NamedTuple):
         )
         # A small product for y and z, and Horner's rule for x: several times faster than a product of all monomials.
         x, y, z = (points / extent).clamp(-1, 1).reshape(-1, 3).T.contiguous().unbind()
-        powers = [torch.stack([torch.ones_like(value), value, value**2, value**3]) for value in (y, z)]
+        powers = [(torch.ones_like(value), value, value * value, value * value * value) for value in (y, z)]
         yz = torch.stack([powers[0][b] * powers[1][c] for b, c in _YZ_TERMS])
         constant, linear, square, cube = (table.mT @ yz).unbind()
         shift = constant + x * (linear + x * (square + x * cube))
