@@ -278,9 +278,15 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         ready = settings.kind != "video" or bool(context.session.editor.playable.keys)
         idle = ready and not exporting.running
         accent = context.palette.accent
-        if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
-            save = partial(exporting.share, settings=_as_in_view(context, settings))
-            name = f"{context.file_name}-{settings.kind}{settings.suffix}"
+        word = KINDS[settings.kind].lower()
+        name = f"{context.file_name}-{settings.kind}{settings.suffix}"
+        save = partial(exporting.share, settings=_as_in_view(context, settings))
+        path = context.files.unused(name)
+        where = f"As {printable(path.name)}\nin {printable(str(path.parent))}"
+        if button(f"{_SAVE}  Save {word}###save here", where, 10, idle, accent):
+            save(path)
+        flow("Save as…")
+        if button("Save as…###save", "Choose name and folder, which is where the next file is saved, too", 0, idle):
             context.files.ask(FileRequest(f"Save the {settings.kind} as", save, (settings.suffix,), True, name))
         if ready and (seconds := exporting.preview.seconds) is not None:
             imgui.same_line()

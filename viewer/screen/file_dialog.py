@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -76,11 +77,26 @@ def is_there(path: Path) -> bool:
     return False
 
 
+def is_taken(path: Path) -> bool:
+    """True if anything has this path."""
+    with suppress(OSError, ValueError):
+        return path.exists()
+    return False
+
+
 def _home() -> Path:
     """Return the user's home, or the current folder for a user without one."""
     with suppress(RuntimeError):
         return Path.home()
     return Path.cwd()
+
+
+def _downloads() -> Path:
+    """Return the user's folder of downloads, where photos come from, or without one the home."""
+    folder = _home() / "Downloads"
+    with suppress(OSError):
+        return folder if folder.is_dir() else folder.parent
+    return folder.parent
 
 
 def has_native() -> bool:
@@ -101,7 +117,13 @@ class FileDialog:
         self._listed: tuple[str, list[Path]] = ("", [])  # typed text and the paths that complete it
         self._fresh = False  # the input line opens in the next frame
         self._to_replace: Path | None = None  # existing file that "Replace" confirms
-        self.folder = _home()  # folder of the last answer
+        self.folder = _downloads()  # folder of the last answer
+
+    def unused(self, name: str) -> Path:
+        """Return the path of a new file in the folder of the last answer, numbered if the name is taken."""
+        path = self.folder / name
+        numbers = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
+        return path if not is_taken(path) else next(numbered for numbered in numbers if not is_taken(numbered))
 
     @property
     def asking(self) -> bool:

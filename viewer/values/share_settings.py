@@ -25,7 +25,7 @@ BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "
 class ShareSettings:
     """Settings of a shared file. Raises ``ValueError`` for an unknown choice."""
 
-    kind: str = "page"  # one of :data:`KINDS`
+    kind: str = "swing"  # one of :data:`KINDS`
     video: str = ".mp4"  # ending of a video's or turntable's name
     picture: str = ".png"  # ending of an image's name
     mesh: str = ".glb"  # ending of a mesh's name

@@ -27,7 +27,7 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
 
 
 def test_a_page_is_written_with_the_objects_name(session: Session, tmp_path: Path) -> None:
-    session.exporting.share(tmp_path / "object.html", ShareSettings())
+    session.exporting.share(tmp_path / "object.html", ShareSettings(kind="page"))
     finish(session, lambda: not session.exporting.running)
     assert session.messages.errors == []
     assert f"<title>{session.names.pair(session.editor.state.mix.a)}</title>" in (tmp_path / "object.html").read_text()
