@@ -40,6 +40,7 @@ class Editor:
         self.history = History.of(State(scene, mix, is_a=True))
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
         self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
+        self.resized = Signal[[]]()  # emitted afterwards if a person stretched the object
         self._generator = generator
 
     # State
@@ -144,6 +145,7 @@ class Editor:
         instance = before.changed(stretch=stretch)
         distance = self.scene.camera.distance * before.codes.scale / instance.codes.scale
         self._edit(Scene(instance, orbit.at_distance(self.scene.camera, distance, self.model)), gesture=gesture)
+        self.resized.emit()
 
     def set_texture(self, texture: Tensor, gesture: str = "") -> None:
         """Give the object another texture code."""

@@ -143,6 +143,7 @@ class Viewport:
     def tick(self) -> None:
         """Bake the object and render the sharp image while nothing changes and no fit runs; call once a frame."""
         now = time.monotonic()
+        self.framing.tick(self.settings.panel)
         request = self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
