@@ -275,6 +275,8 @@ class Viewport:
         def rendered(frame: Frame) -> None:
             if not self._is_coarser(crop.cropped(frame), request):
                 self._show(frame, crop, request)
+            elif self.full_frame and request.settings.offset == (0.0, 0.0):  # a stored image has no shadow
+                self.full_frame = replace(self.full_frame[0], shadow=frame.shadow), self.full_frame[1]
             self.sharp = frame.final and detail == request.full
             if urgent and frame.stage == 0:
                 self.budget.observe(stages[0], frame.seconds)
