@@ -40,6 +40,7 @@ class Editor:
         self.history = History.of(State(scene, mix, is_a=True))
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
         self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
+        self.resized = Signal[[]]()  # emitted afterwards if a person stretched the object
         self._generator = generator
 
     # State
@@ -163,7 +164,10 @@ class Editor:
         """
         edited = self._keeping_locked(edited)
         distance = self.scene.camera.distance * self.scene.instance.codes.scale / edited.codes.scale
+        is_resized = edited.codes.stretch != self.scene.instance.codes.stretch
         self._set_codes(edited, self.state.mix, gesture, orbit.at_distance(self.scene.camera, distance, self.model))
+        if is_resized:
+            self.resized.emit()
 
     # Objects A and B
 

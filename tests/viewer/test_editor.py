@@ -223,7 +223,7 @@ def test_a_fitted_object_is_first_seen_from_its_photo(editor: Editor, model: Mod
 def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) -> None:
     chair = fitted(model)
     UserObjects(tmp_path).sync(open_models(model), [chair])
-    (again,) = UserObjects(tmp_path).open(model)
+    (again,) = UserObjects(tmp_path).open(open_models(model))
     assert again.instance == chair.instance and again.instance.detail == chair.instance.detail
 
 

@@ -143,6 +143,7 @@ class Viewport:
     def tick(self) -> None:
         """Bake the object and render the sharp image while nothing changes and no fit runs; call once a frame."""
         now = time.monotonic()
+        self.framing.tick(self.settings.panel)
         request = self.request
         if self.source == "scene" and not self._jobs.busy("view"):
             if self.settings.baked:
@@ -274,6 +275,8 @@ class Viewport:
         def rendered(frame: Frame) -> None:
             if not self._is_coarser(crop.cropped(frame), request):
                 self._show(frame, crop, request)
+            elif self.full_frame and request.settings.offset == (0.0, 0.0):  # a stored image has no shadow
+                self.full_frame = replace(self.full_frame[0], shadow=frame.shadow), self.full_frame[1]
             self.sharp = frame.final and detail == request.full
             if urgent and frame.stage == 0:
                 self.budget.observe(stages[0], frame.seconds)

@@ -23,9 +23,8 @@ _BUTTONS = {
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }  # icons of buttons, by actions' ids
-_HINT = "Drag to turn    Wheel to zoom    F1 for help"
+_HINT = "Drag to turn    Wheel to zoom    F1 for help"  # between the buttons, if there is room
 _EYE = icons_fontawesome_4.ICON_FA_EYE
-_LOW = 24.0  # em: a lower view has no room for the hint
 _COVERED, _FREE = 4, 6  # divisors of the height: most that may be covered, and what the history may cover in place
 _NARROW = 26.0  # em: a narrower view has buttons without words
 _ENOUGH = 0.5  # fraction of the view's px below which an image counts as a preview
@@ -65,8 +64,6 @@ class ViewPanel(Panel):
         # Buttons first: a press in the frame that moves the mouse onto one is that button's. They are drawn on top.
         draw.channels_split(2)
         draw.channels_set_current(1)
-        if context.preferences.newcomer and size.y > hello_imgui.em_size(_LOW):
-            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
         _draw_buttons(context, corner, size)
         self._size_box.draw(context, corner, size)
         self._over.draw_handle(context, corner, size)
@@ -228,10 +225,14 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
             imgui.same_line(0, 0.3 * em)
         labelled = action == "share" and size.x > _NARROW * em
         action_button(context, action, f"{icon}  Share" if labelled else icon)
+    left = imgui.get_item_rect_max().x
     words = context.session.viewport.settings.mode.capitalize()
     label = f"{_EYE}  {words}" if size.x > _NARROW * em else _EYE
     width = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
-    imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 0.7 * em - width, 0.7 * em))
+    right = corner.x + size.x - 0.7 * em - width
+    if context.preferences.newcomer and right - left > imgui.calc_text_size(_HINT).x + 3 * em:
+        _note(ImVec2((left + right) / 2, corner.y + 0.7 * em + imgui.get_frame_height() / 2), _HINT, 0.3)
+    imgui.set_cursor_screen_pos(ImVec2(right, corner.y + 0.7 * em))
     if button(f"{label}###mode", f"What the view shows: {ACTIONS['next_mode'].hint()}"):
         imgui.open_popup("modes")
     if imgui.begin_popup("modes"):
@@ -241,8 +242,6 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         imgui.end_popup()
 
 
-def _note(centre: ImVec2, text: str) -> None:
-    em = hello_imgui.em_size()
-    room = max(8 * em, imgui.get_content_region_avail().x - 4 * em)
-    half = imgui.calc_text_size(text, wrap_width=room) * 0.5
-    paint_on_plate(centre - half, text, ImVec2(1.0, 0.5) * em, room)
+def _note(centre: ImVec2, text: str, pad: float = 0.5) -> None:
+    """Write a line on a plate, with ``pad`` em above and below."""
+    paint_on_plate(centre - imgui.calc_text_size(text) * 0.5, text, ImVec2(1.0, pad) * hello_imgui.em_size())

@@ -70,6 +70,14 @@ def _expanded(typed: str) -> Path:
     return path
 
 
+def _within(typed: str) -> str:
+    """Return a folder's path with a separator, so that its files are listed; any other text as it is."""
+    with suppress(OSError, ValueError):
+        if _expanded(typed).is_dir() and not typed.endswith(("/", "\\")):
+            return typed + os.sep
+    return typed
+
+
 def is_there(path: Path) -> bool:
     """True if a file exists and is accessible."""
     with suppress(OSError, ValueError):
@@ -186,6 +194,9 @@ class FileDialog:
         chosen = imgui.button(f"{label}###choose", size) or entered
         if chosen and request.save and not asked and is_there(request.path(self._text)):
             self._to_replace = request.path(self._text)
+            chosen = False
+        elif chosen and not request.save and not is_there(request.path(self._text)):
+            self._text = _within(self._text)
             chosen = False
         imgui.same_line()
         cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)

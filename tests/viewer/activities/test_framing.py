@@ -60,6 +60,26 @@ def test_a_view_that_gets_its_size_while_a_fit_begins_is_not_turned_by_a_person(
     assert not nearer.viewport.turned
 
 
+def test_a_stretched_object_moves_away_once_it_is_too_large(session: Session, editor: Editor) -> None:
+    session.jobs.backend = replace(session.jobs.backend, distance=lambda *inputs: 1.5)
+    before = editor.scene.camera
+    assert before.distance < 1.4
+    editor.resize((1.0, 1.0, 1.5), gesture="size box")
+    finish(session)
+    held = editor.scene.camera.distance
+    assert held < 1.4  # the side stays under the mouse that drags it
+    editor.end_gesture()
+    finish(session)
+    assert editor.scene.camera.distance == 1.5
+    editor.undo()
+    finish(session)
+    assert editor.scene.camera == before
+    session.jobs.backend = replace(session.jobs.backend, distance=lambda *inputs: 0.9)
+    editor.resize((1.0, 1.0, 0.9))
+    finish(session)
+    assert editor.scene.camera.distance > 1.0  # an object that fits stays where it is
+
+
 def test_a_zoom_of_a_persons_own_stays_until_home(nearer: Session, editor: Editor, session: Session) -> None:
     zoomed = orbit.zoomed(editor.scene.camera, 3, session.editor.model)
     editor.set_camera(zoomed, gesture="zoom")

@@ -68,6 +68,17 @@ def test_the_way_in_is_in_the_view_until_something_is_made(window: Driver, monke
 
 
 @in_window()
+def test_the_first_hint_is_beside_the_buttons_and_covers_no_part(window: Driver) -> None:
+    low, high = window.context.view
+    images = []
+    for newcomer in (True, False):
+        window.context.set_preference(newcomer=newcomer)
+        images.append(window.capture_view())
+    rows = np.flatnonzero(np.abs(images[0] - images[1]).max((1, 2)) > 20)
+    assert rows.size and rows.max() < 40 < high.y - low.y  # px, where the buttons end
+
+
+@in_window()
 def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(window: Driver) -> None:
     editor = window.session.editor
     ctx = window.ctx

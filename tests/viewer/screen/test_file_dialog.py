@@ -83,5 +83,22 @@ def test_a_click_on_a_folder_and_on_its_file_completes_the_path(window: Driver, 
     assert chosen == [tmp_path / "deep" / "chair.png"]
 
 
+@in_window()
+def test_a_folder_and_a_missing_file_are_no_answer(window: Driver, tmp_path: Path) -> None:
+    chosen = list[Path]()
+    files = window.context.files
+    (tmp_path / "chair.png").touch()
+    files.ask(FileRequest("Photo", chosen.append, (".png",)))
+    for path in (tmp_path / "chairs.png", tmp_path):
+        window.ctx.yield_(3)
+        window.ctx.item_click("//Choose a file###ask/##path")
+        window.ctx.key_chars_replace_enter(str(path))
+        window.ctx.yield_(3)
+        assert files.asking and chosen == []
+    window.click("**/chair.png")  # the folder's files are listed
+    window.click("Choose a file###ask/###choose")
+    assert chosen == [tmp_path / "chair.png"]
+
+
 def test_a_path_with_invalid_characters_does_not_exist() -> None:
     assert not is_there(Path("a\0b"))
