@@ -8,7 +8,7 @@ photo and render disagree: there the shape differs, not the paint.
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -20,12 +20,14 @@ from core.detail.borrowed import BorrowedEnd, borrowed_ends
 from core.detail.filters import blurred, continued, distance, enlarged, levels, resized
 from core.detail.lettering import lettering, without_lettering
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
-from core.detail.repaint import chroma, colour_match, light_share, lightness, moved_paint, repainted, same_hue
+from core.detail.repaint import chroma, colour_match, light_share, moved_paint, repainted, same_hue
 from core.detail.surface import SOLID, SurfaceTexels, surface_colours, surface_normals, surface_texels
 from core.geometry.camera import Camera
+from core.geometry.pixels import lightness
 from core.geometry.rays import camera_rays
-from core.models.model import Instance
+from core.models.model import Instance, Model
 from core.models.motion import warp_to_fitted
+from core.models.paints import PartPaint, as_rgb
 from core.models.photo_detail import PhotoView
 from core.rendering.images import render_steps
 from core.rendering.outline import effective_strength
@@ -62,6 +64,11 @@ _WHEEL = (5.0, 0.15, 0.05)
 _PANE = (2.0, 0.6, 0.9)
 """Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
 _TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
+
+
+def covers_parts(model: Model) -> bool:
+    """Return whether paint covers a part completely: a chair's, but not a car's body, which has lamps and lettering."""
+    return model.part_head is not None and not set(UNPAINTED) <= set(model.part_head.names)
 
 
 def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
@@ -144,8 +151,28 @@ class ComparedPhoto:
             return torch.zeros_like(self.render)
         return self.texels.colours(textured) - self.texels.colours(self.fitted)
 
-    def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
-        """Return the photo repainted, given the change of the render.
+    def repainted(self, textured: Instance) -> Float[Tensor, "3 height width"]:
+        """Return the photo in the texture and the paints of another object.
+
+        Paints cover a part of a chair as in the render; a car's body has lettering, lamps and a grille.
+        """
+        paints = textured.codes.paints if covers_parts(textured.model) else ()
+        change = self.change(textured.changed(paints=()) if paints else textured)
+        photo = self._textured(change) if change.any() else self.photo
+        colours = below = photo.movedim(0, -1)
+        for paint, place in zip(paints, self.texels.memberships(textured) if paints else (), strict=True):
+            below = self._in_photo(paint).over(colours, below, enlarged(place[None], photo)[0])
+        return below.movedim(-1, 0)
+
+    def _in_photo(self, paint: PartPaint) -> PartPaint:
+        """Return a paint for the colours of the photo instead of the render's."""
+        before, colour = (torch.tensor(value)[:, None] for value in (paint.before, paint.colour))
+        offset = self.match.change(before.T).T
+        matched = before + offset
+        return replace(paint, before=as_rgb(matched), colour=as_rgb(matched + moved_paint(colour - before, offset)))
+
+    def _textured(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
+        """Return the photo in another texture, given the change of the render.
 
         Paint is where that changes like the main paint and the photo is calm, unlike in lamps and a grille, and where
         the photo has the main paint's colour. Around such places it changes evenly: a texture is never quite even.
@@ -275,7 +302,7 @@ def _painted_maps(
     weights = []
     for compared in photos:
         change = compared.change(textured)
-        photo = compared.repainted(change) if change.any() else compared.photo
+        photo = compared.repainted(textured)
         weight, near = enlarged(torch.stack((compared.weight, compared.near)), photo)
         fine = torch.cat((photo, packed(weight, near)[None]))
         maps.append(_photo_maps(compared, fine, compared.render + change, textured.model.device))

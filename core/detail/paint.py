@@ -1,7 +1,7 @@
-"""Find the texture code that gives a part of an object a chosen colour: a car's body, a chair's fabric or wood.
+"""Give a part of an object a chosen colour: a car's body, a chair's fabric or wood.
 
-Points on the surface get target colours: the new colour under the existing light where the part is, their own colour
-elsewhere. The search starts at the trained texture nearest to the target and continues by gradient descent.
+The paint itself is exact (:mod:`core.models.paints`). Its constants are measured at points on the surface, so that
+images with photo detail show the colour.
 """
 
 from collections.abc import Generator
@@ -15,26 +15,20 @@ from torch.nn import functional
 
 from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.progressive import Frame
-from core.detail.repaint import lightness, lit_paint, replaced_share
+from core.detail.repaint import lit_paint, replaced_share
 from core.geometry.camera import Camera
-from core.models.latents import Latents
+from core.geometry.pixels import lightness
 from core.models.model import Instance, Model
+from core.models.paints import MATERIALS, MAX_PAINTS, PartPaint, Rgb, as_rgb, contrast, painted
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import effective_strength
 from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
-Rgb = tuple[float, float, float]
-MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that surely has it; metal legs count as wood
 _POINTS = 1500  # points sampled on the surface; more would change the result by less than 1/255
-_TEXTURES = 500  # trained textures tried as the start
-_FEW = 6  # one in six points is compared with trained textures: three times as fast, and the start is as near
-_STEPS = 80  # steps of Adam
-_RATE = 0.06  # learning rate of Adam, in standard deviations of the trained textures
-_PRIOR = 2e-5  # weight of the squared coordinates against squared colour errors
-_DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
+_ROUNDS = 20  # of a contraction, until images show the colour
 _COARSE = 128  # px along an image's shorter side at which a coarse paint asks for parts: 40 ms instead of a second
-_ANOTHER = 0.25  # colour difference from which a part becomes evenly coloured; below, its pattern stays
+_ONE_COLOUR = 0.125  # difference of colours below which materials are distinguished by parts
 
 
 @dataclass(frozen=True)
@@ -42,7 +36,7 @@ class Paint:
     """A colour for a part. Raises ``ValueError`` for a channel out of range."""
 
     colour: Rgb  # sRGB, 0..1
-    part: str = ""  # a part's name or one of :data:`MATERIALS`; '' is the body, or the fabric
+    part: str = ""  # a part's name or one of the materials; '' is the body, or the fabric
 
     def __post_init__(self) -> None:
         if len(self.colour) != 3 or not all(0 <= channel <= 1 for channel in self.colour):
@@ -52,45 +46,38 @@ class Paint:
 def paint(instance: Instance, request: Paint) -> Generator[None, None, Instance]:
     """Return the object repainted so that images with photo detail show the colour; unchanged if they already do.
 
-    Yields None many times. Raises ``ValueError`` for a part that the model does not know.
+    The paint takes the place of the part's earlier one. Yields None many times. Raises ``ValueError`` for a part that
+    the model does not know.
     """
     surface = yield from _surface(instance, request.part)
-    now = surface.now
     goal = torch.tensor(request.colour)
-    colour = goal
-    for _ in range(20):  # find the render's colour for which images show the goal: a contraction
-        colour = (goal - surface.offset(colour)).clamp(0, 1)
-    if float((colour - now).abs().max()) < 0.5 / 255:
+    paints = instance.codes.paints
+    if float((goal - surface.shown(paints)).abs().max()) < 0.5 / 255:
         return instance
-    light = (lightness(surface.colours.T) / lightness(now).clamp_min(0.05)).clamp(_DARKEST, _LIGHTEST)
-    even = ((colour - now).norm() / _ANOTHER).clamp_max(1)
-    painted = torch.lerp(surface.colours + (colour - now), colour * light[:, None].sqrt(), even)
-    goals = torch.lerp(surface.colours, painted.clamp(0, 1), surface.membership[:, None])
-    start = yield from _nearest_texture(instance, surface, goals)
-    return (yield from _refined(surface, goals, start))
+    below = tuple(paint for paint in paints if paint.part != surface.own.part)[1 - MAX_PAINTS :]
+    colour = goal
+    for _ in range(_ROUNDS):
+        paints = *below, replace(surface.own, colour=as_rgb(colour))
+        colour = (colour + goal - surface.shown(paints)).clamp(0, 1)
+    return instance.changed(paints=paints)
 
 
 def paint_colour(instance: Instance, part: str = "") -> Generator[None, None, Rgb]:
     """Return the mean colour of a part in images, sRGB 0..1; yields None many times."""
     surface = yield from _surface(instance, part)
-    red, green, blue = (surface.now + surface.offset(surface.now)).clamp(0, 1).tolist()
-    return red, green, blue
+    return as_rgb(surface.shown(instance.codes.paints))
 
 
 def paint_parts(model: Model) -> tuple[str, ...]:
     """Return the materials and parts of a model's objects that take paint, the usual one first; none is one part."""
     names = model.part_head.names if model.part_head else ()
-    return (*_materials(names), *(name for name in names if name not in UNPAINTED))
-
-
-def _materials(names: tuple[str, ...]) -> dict[str, str]:
-    """The materials of objects with these parts, each with the part that has it for certain."""
-    return MATERIALS if set(MATERIALS.values()) <= set(names) else {}
+    materials = MATERIALS if set(MATERIALS.values()) <= set(names) else ()
+    return (*materials, *(name for name in names if name not in UNPAINTED))
 
 
 @dataclass(frozen=True, eq=False)
 class CoarsePaint:
-    """The paint of a part in an image, which changes at once; its texture is found by :func:`paint`."""
+    """The paint of a part in an image, which changes at once, before :func:`paint` is done."""
 
     image: Float32[np.ndarray, "height width 3"]  # 0..255
     fraction: Float32[np.ndarray, "height width"]  # how much of a change of paint a pixel takes, 0..1.6
@@ -112,10 +99,9 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
     paint = torch.ones(3)
     if bool(opaque.any()):
         points = frame_points(instance, camera, frame, opaque, step).to(instance.model.device)
-        colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
-        membership = _membership(instance, points, colours, part)
-        amount[opaque] = membership.cpu()
-        paint = _mean(colours, membership).cpu()
+        located = _part(instance, points, part)
+        amount[opaque] = located.membership.cpu()
+        paint = located.weight.cpu() @ image[:, ::step, ::step][:, opaque].T
     around = functional.max_pool2d(amount[None], 3, 1, 1)[0]
     amount = torch.where(opaque, amount, around)[None, None]  # edges are as their neighbours
     amount = functional.interpolate(amount, frame.opacity.shape, mode="bilinear", align_corners=False)[0, 0]
@@ -136,137 +122,91 @@ def frame_points(
 
 
 @dataclass(frozen=True, eq=False)
-class _Surface:
-    """Points on an object's surface."""
+class _Part:
+    """A part of an object at points on the surface."""
 
-    instance: Instance
     features: Float[Tensor, "points width"]
     direction_bias: Float[Tensor, "points width"]
-    colours: Float[Tensor, "points 3"]  # in the current texture
+    colours: Float[Tensor, "points 3"]  # of the network
     membership: Float[Tensor, "points"]  # of the part, 0..1
+    weight: Float[Tensor, "points"]  # of points in the part's mean colour
+    own: PartPaint  # the part's own colour
+
+
+@torch.no_grad()
+def _part(instance: Instance, points: Float[Tensor, "points 3"], part: str) -> _Part:
+    """Find a part or a material at points. Raises ``ValueError`` for one that the model does not know."""
+    model = instance.model
+    names = paint_parts(model)
+    if part and not names:
+        raise ValueError(f"this model has no parts, so it cannot paint {part}")
+    part = part or next(iter(names), "")
+    if part not in (*names, *(model.part_head.names if model.part_head else ("",))):
+        raise ValueError(f"a {model.noun or 'object'} has {', '.join(names)}, but no {part}")
+    folded = FoldedField.of(instance.changed(paints=()))
+    features = folded.density(pad_rows(points))[1][: len(points)]
+    towards = folded.direction_bias(-functional.normalize(points, dim=-1))
+    colours = folded.colour(features, towards).clamp(0, 1)
+    parts = model.part_head.parts(features) if model.part_head else {}
+    own = PartPaint(part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _materials_colours(part, colours, parts))
+    membership = own.membership(colours, parts)
+    weight = _lit(colours, membership)
+    colour = as_rgb(weight @ colours)
+    return _Part(features, towards, colours, membership, weight, replace(own, colour=colour, before=colour))
+
+
+def _materials_colours(
+    part: str, colours: Float[Tensor, "points 3"], parts: dict[str, Float[Tensor, "points"]]
+) -> tuple[Rgb, Rgb] | None:
+    """Return the colours of a material and of the opposite one; None for other parts, and if they are much alike."""
+    if part not in MATERIALS:
+        return None
+    (opposite,) = MATERIALS.keys() - {part}
+    places = (parts[MATERIALS[name]] for name in (part, opposite))
+    own, opposed = (as_rgb(_lit(colours, place) @ colours) for place in places)
+    return (own, opposed) if contrast(own, opposed) > _ONE_COLOUR else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface(_Part):
+    """A part at points all over an object, with what images add to it."""
+
+    instance: Instance
     fitted: Float[Tensor, "3"]  # mean colour of the part in the texture fitted to the photos
     matched: Float[Tensor, "3"]  # difference of the photos' colour from it
 
-    def coloured(self, codes: Latents) -> Float[Tensor, "points 3"]:
-        """Return the colours in the texture of some codes; differentiable."""
-        model = self.instance.model
-        return model.field.colour(self.features, self.direction_bias, model.biases(codes)[1])
-
-    def every(self, step: int) -> "_Surface":
-        """Return every ``step``-th point."""
-        names = ("features", "direction_bias", "colours", "membership")
-        return replace(self, **{name: getattr(self, name)[::step] for name in names})
-
-    @property
-    def now(self) -> Float[Tensor, "3"]:
-        """Mean colour of the part in the current texture."""
-        return _mean(self.colours, self.membership)
-
-    def offset(self, colour: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
-        """Return how much images differ from a render with this colour (:func:`core.detail.repaint.repainted`)."""
-        return (1 - replaced_share(colour - self.fitted)) * self.matched
+    def shown(self, paints: tuple[PartPaint, ...]) -> Float[Tensor, "3"]:
+        """Return the mean colour of the part in images with paints (:func:`core.detail.repaint.repainted`)."""
+        colours = painted(self.colours, self.features, self.instance.model.part_head, paints)
+        render = self.weight @ colours
+        return (render + (1 - replaced_share(render - self.fitted)) * self.matched).clamp(0, 1)
 
 
 def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
     """Sample points on an object's surface with their membership of a part."""
-    model = instance.model
     points, _ = surface_points(instance.unmoved)
     yield None
     if not len(points):
         raise ValueError("the object has no surface that takes paint")
     points = points[torch.linspace(0, len(points) - 1, min(_POINTS, len(points))).long()]
-    with torch.no_grad():
-        features = model.field.density(points, instance.biases[0])[1]
-        towards = model.field.direction_bias(-functional.normalize(points, dim=-1))
-        surface = _Surface(instance, features, towards, points, points[:, 0], torch.zeros(3), torch.zeros(3))
-        colours = surface.coloured(instance.codes).clamp(0, 1)
-        membership = _membership(instance.unmoved, points, colours, part)
-        surface = replace(surface, colours=colours, membership=membership, fitted=_mean(colours, membership))
-    if not effective_strength(instance):
-        return surface
-    assert instance.detail is not None
-    photos = yield from compared_photos(instance)
-    with torch.no_grad():
-        fitted = _mean(surface.coloured(instance.detail.fitted).clamp(0, 1), membership)
+    found = _part(instance.unmoved, points, part)
+    matched = torch.zeros(3)
+    fitted = found.weight @ found.colours
+    if effective_strength(instance):
+        photos = yield from compared_photos(instance)
+        fitted_texture = FoldedField.of(instance.unmoved.with_texture(instance.fitted))
+        fitted = found.weight @ fitted_texture.colour(found.features, found.direction_bias).clamp(0, 1)
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
-    return replace(surface, fitted=fitted, matched=matched)
+    return _Surface(**vars(found), instance=instance, fitted=fitted, matched=matched)
 
 
-def _mean(colours: Float[Tensor, "points 3"], weight: Float[Tensor, "points"]) -> Float[Tensor, "3"]:
-    """Return the weighted mean of the lighter half: undersides and gaps are dark."""
-    light = lightness(colours.T)
-    order = light.argsort(descending=True)
+def _lit(colours: Float[Tensor, "points 3"], membership: Float[Tensor, "points"]) -> Float[Tensor, "points"]:
+    """Return weights, of sum 1, of a part's lighter half: without undersides, gaps and edges to other parts."""
+    certain = (2 * membership - 1).clamp_min(0)
+    weight = certain if certain.any() else membership
+    order = lightness(colours.T).argsort(descending=True)
     lit = order[weight[order].cumsum(0) <= weight.sum() / 2]
-    lit = lit if len(lit) else order[:1]
-    return (weight[lit, None] * colours[lit]).sum(0) / weight[lit].sum().clamp_min(1e-6)
-
-
-def _membership(
-    instance: Instance, points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"], part: str
-) -> Float[Tensor, "points"]:
-    """Return each point's membership of a part, 0..1; for a material, by similarity to its colour."""
-    head = instance.model.part_head
-    if head is None:
-        if part:
-            raise ValueError(f"this model has no parts, so it cannot paint {part}")
-        return torch.ones_like(points[:, 0])
-    folded = FoldedField.of(instance)
-    features = folded.density(pad_rows(points))[1][: len(points)]
-    memberships = dict(zip(head.names, head(features).T, strict=True))
-    materials = _materials(head.names)
-    names = paint_parts(instance.model)
-    part = part or names[0]
-    if part in memberships:
-        return memberships[part]
-    if part not in materials:
-        raise ValueError(f"a {instance.model.noun or 'object'} has {', '.join(names)}, but no {part}")
-    (opposite,) = materials.keys() - {part}
-    own_colour = _mean(colours, memberships[materials[part]])
-    opposite_colour = _mean(colours, memberships[materials[opposite]])
-    contrast = (own_colour - opposite_colour).norm()
-    if float(contrast) < _ANOTHER / 2:  # materials of one colour are separated by parts
-        return 1 - memberships["legs"] if part == "fabric" else memberships["legs"]
-    nearer = (colours - opposite_colour).norm(dim=-1) - (colours - own_colour).norm(dim=-1)
-    return (0.5 + 2 * nearer / contrast).clamp(0, 1)
-
-
-def _nearest_texture(
-    instance: Instance, surface: _Surface, goals: Float[Tensor, "points 3"]
-) -> Generator[None, None, Instance]:
-    """Return the object with its own texture, or with the trained one nearest to the goals."""
-    model = instance.model
-    valid = model.codes.valid
-    tried = valid[:: max(1, len(valid) // _TEXTURES)]
-    best = instance
-    least = torch.inf
-    sparse = surface.every(_FEW)
-    for candidate in (instance, *(instance.with_texture(model[index]) for index in tried)):
-        with torch.no_grad():
-            error = float((sparse.coloured(candidate.codes) - goals[::_FEW]).square().mean())
-        if error < least:
-            best = candidate
-            least = error
-        yield None
-    return best
-
-
-def _refined(surface: _Surface, goals: Float[Tensor, "points 3"], start: Instance) -> Generator[None, None, Instance]:
-    """Return the best object of a gradient descent over the texture code from ``start``; offsets stay."""
-    space = start.model.codes.texture_space
-    coordinates = space.coordinates(start.codes.texture).clone().requires_grad_()
-    best = start
-    least = torch.inf
-    optimiser = torch.optim.Adam([coordinates], _RATE)
-    for _ in range(_STEPS):
-        with torch.enable_grad():
-            texture = space.code(coordinates)
-            colours = surface.coloured(start.changed(texture=texture).codes)
-            loss = (colours - goals).square().mean() + _PRIOR * coordinates.square().sum()
-            optimiser.zero_grad()
-            loss.backward()
-        if float(loss.detach()) < least:
-            best = start.changed(texture=texture.detach().clone())
-            least = float(loss.detach())
-        optimiser.step()
-        yield None
-    return best
+    weights = torch.zeros_like(weight)
+    weights[lit] = weight[lit]
+    weights[order[:1]] += 1e-6
+    return weights / weights.sum()

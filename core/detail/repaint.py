@@ -10,8 +10,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.detail.lookup import ColourMatch, smooth_step
+from core.geometry.pixels import lightness
 
-_LIGHTNESS = 0.299, 0.587, 0.114
 _OTHER_HUE = 0.06, 0.16  # difference of chroma over lightness: paint up to the first, not paint from the second
 _LIGHTER = 1.6  # largest ratio to the render's lightness that light explains
 _LETTERING = 0.08, 0.25  # lightness above that: a highlight up to the first, lettering from the second
@@ -20,12 +20,6 @@ _GREY = 0.1  # weight of lightness against chroma, which white light does not ch
 _BLACK = 0.05  # lightness of the darkest paint
 _RIDGE = 0.03  # relative weight of unchanged colours: a car of one colour says little about others
 _ROBUST = 0.15  # scale of the residuals' Cauchy weights
-
-
-def lightness(colours: Float[Tensor, "3 *places"]) -> Float[Tensor, "*places"]:
-    """Return the luma (Rec. 601) of sRGB colours."""
-    red, green, blue = colours
-    return _LIGHTNESS[0] * red + _LIGHTNESS[1] * green + _LIGHTNESS[2] * blue
 
 
 def repainted(

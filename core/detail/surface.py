@@ -39,6 +39,16 @@ class SurfaceTexels(NamedTuple):
         image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
         return continued(image, self.pixel)
 
+    def memberships(self, instance: Instance) -> Float[Tensor, "paints h w"]:
+        """Return where an object's paints are, extrapolated likewise."""
+        head = instance.model.part_head
+        parts = {name: probability.cpu() for name, probability in head.parts(self.features).items()} if head else {}
+        colours = self.colours(instance.changed(paints=()))[:, self.pixel].T
+        image = torch.zeros(len(instance.codes.paints), *self.pixel.shape)
+        for number, paint in enumerate(instance.codes.paints):
+            image[number, self.pixel] = paint.membership(colours, parts)
+        return continued(image, self.pixel)
+
 
 def surface_texels(
     instance: Instance, rays: Rays, source: Rendered
@@ -52,9 +62,9 @@ def surface_texels(
     texels = SurfaceTexels(pixel, features, rays.directions[pixel].to(folded.device))
     parts = dict[str, Tensor]()
     if head := instance.model.part_head:
-        for name, probability in zip(head.names, head(features).cpu().T, strict=True):
+        for name, probability in head.parts(features).items():
             parts[name] = torch.zeros(pixel.shape)
-            parts[name][pixel] = probability
+            parts[name][pixel] = probability.cpu()
     return texels, parts
 
 

@@ -21,6 +21,7 @@ from core.geometry.camera import Camera
 from core.models.codes import mixed_moves, mixed_stretch
 from core.models.latents import Latents
 from core.models.model import Instance
+from core.models.paints import mixed_paints
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
@@ -208,17 +209,19 @@ class _Run:
         if len(self.knots) == 1:
             return nearest
         latents = {name: path(seconds) for name, path in self._paths.items()}
-        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(**self._deformation(seconds))
+        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(**self._edits(seconds))
 
-    def _deformation(self, seconds: float) -> dict[str, Any]:
-        """Interpolate moves, bends and stretches linearly, which passes no limit between two knots."""
+    def _edits(self, seconds: float) -> dict[str, Any]:
+        """Interpolate moves, bends, stretches and paints linearly, which passes no limit between two knots."""
         times = [time for time, _ in self.knots]
         last = min(bisect_right(times, seconds), len(times) - 1)
         first, second = (instance.codes for _, instance in self.knots[last - 1 : last + 1])
         amount = (seconds - times[last - 1]) / (times[last] - times[last - 1])
         stretch = mixed_stretch(first.stretch, second.stretch, amount)
         moves = mixed_moves(first.moves, second.moves, amount)
-        return {"stretch": stretch, "moves": moves, "bend": mixed_bend(first.bend, second.bend, amount)}
+        bend = mixed_bend(first.bend, second.bend, amount)
+        paints = mixed_paints(first.paints, second.paints, amount)
+        return {"stretch": stretch, "moves": moves, "bend": bend, "paints": paints}
 
     @cached_property
     def _paths(self) -> dict[str, Callable[[float], Tensor]]:

@@ -1,8 +1,10 @@
-"""Images as arrays: conversion to bytes, and the bounding box of a mask."""
+"""Images as arrays: conversion to bytes, lightness of colours, and the bounding box of a mask."""
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
+
+_LIGHTNESS = 0.299, 0.587, 0.114
 
 
 def to_bytes(image: Float[Tensor | np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape"]:
@@ -14,6 +16,12 @@ def to_bytes(image: Float[Tensor | np.ndarray, "*shape"]) -> UInt8[np.ndarray, "
     """
     values = image.detach().cpu().numpy() if isinstance(image, Tensor) else image
     return (np.clip(values, 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def lightness(colours: Float[Tensor, "3 *places"]) -> Float[Tensor, "*places"]:
+    """Return the luma (Rec. 601) of sRGB colours."""
+    red, green, blue = colours
+    return _LIGHTNESS[0] * red + _LIGHTNESS[1] * green + _LIGHTNESS[2] * blue
 
 
 def bounding_box(mask: Bool[Tensor | np.ndarray, "height width"]) -> tuple[int, int, int, int]:

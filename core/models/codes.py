@@ -1,7 +1,7 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from torch import Tensor
 from core.geometry.bend import Bend, mixed_bend
 from core.geometry.camera import Factors
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
+from core.models.paints import MAX_PAINTS, PartPaint, mixed_paints
 from core.models.photo_detail import PhotoDetail
 
 __all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", "farthest_first"]
@@ -38,9 +39,13 @@ class Codes(Latents):
     """Standard deviations by which the surface moved along the first shape directions (:mod:`core.models.motion`)."""
     bend: Bend | None = None
     """Legs or roof relative to the natural ones (:mod:`core.rendering.part_size`); it comes before the stretch."""
+    paints: tuple[PartPaint, ...] = ()
+    """Of the parts, the last one uppermost. They belong to the texture; a photo takes them, too."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if len(self.paints) > MAX_PAINTS:
+            raise ValueError(f"an object has at most {MAX_PAINTS} paints, got {len(self.paints)}")
         if self.moves is not None:
             if not all(map(math.isfinite, self.moves)):
                 raise ValueError(f"moves must be finite, got {self.moves}")
@@ -71,6 +76,11 @@ class Codes(Latents):
     def shape_key(self) -> tuple[float, ...]:
         """All numbers of the shape, of its moves and of its bend, as a comparable key."""
         return super().shape_key + (self.moves or ()) + tuple(vars(self.bend).values() if self.bend else ())
+
+    @property
+    def texture_key(self) -> tuple[Hashable, ...]:
+        """All numbers of the texture, and the paints, as a comparable key."""
+        return super().texture_key + self.paints
 
     @property
     def is_sized(self) -> bool:
@@ -120,17 +130,19 @@ class Codes(Latents):
             mixed_stretch(self.stretch, second.stretch, shape),
             mixed_moves(self.moves, second.moves, shape),
             mixed_bend(self.bend, second.bend, shape),
+            mixed_paints(self.paints, second.paints, texture),
         )
 
     def taking(self, kind: CodeKind, source: "Codes") -> "Codes":
         """Return these codes with the shape or the texture of another object, offsets included.
 
-        A shape comes with its photo detail and its size.
+        A shape comes with its photo detail and its size, a texture with its paints.
         """
-        if kind == "shape":
-            names = "shape", "shape_offsets", "detail", "stretch", "moves", "bend"
-            return replace(self, **{name: getattr(source, name) for name in names})
-        return replace(self, texture=source.texture, texture_offsets=source.texture_offsets)
+        names = {
+            "shape": ("shape", "shape_offsets", "detail", "stretch", "moves", "bend"),
+            "texture": ("texture", "texture_offsets", "paints"),
+        }[kind]
+        return replace(self, **{name: getattr(source, name) for name in names})
 
 
 def mixed_moves(

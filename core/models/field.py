@@ -111,10 +111,22 @@ class Field(nn.Module):
         self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         """Return logits of the density, and features, from the activations of the first layer."""
+        features = self.feature_layer(self._shape_activations(y, shape_bias))
+        return self.density_layer(features)[..., 0].float(), features
+
+    def activations(
+        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> Float[Tensor, "*batch width"]:
+        """Return the activations that features are linear in, as part heads take them; arguments as :meth:`density`."""
+        first = self.point_layer(encode(points, self.config.position_frequencies)).relu()
+        return self._shape_activations(first, shape_bias)
+
+    def _shape_activations(
+        self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> Float[Tensor, "*batch width"]:
         for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
             y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
-        features = self.feature_layer(y)
-        return self.density_layer(features)[..., 0].float(), features
+        return y
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
         """Return the direction's contribution to the texture part's first layer, including that layer's bias.

@@ -5,6 +5,7 @@ of those biases; offsets lead off it, to objects unlike the training objects (:m
 """
 
 import base64
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -41,7 +42,7 @@ class Latents:
         return _key(self.shape, self.shape_offsets)
 
     @property
-    def texture_key(self) -> tuple[float, ...]:
+    def texture_key(self) -> tuple[Hashable, ...]:
         """All numbers of the texture, as a comparable key."""
         return _key(self.texture, self.texture_offsets)
 

@@ -19,6 +19,7 @@ from core.models.field import Field
 from core.models.latents import CodeKind, Latents
 from core.models.model_file import Words, read_model_file, rendering_tensors, write_model_file
 from core.models.occupied_cells import find_occupied_cells
+from core.models.paints import PartPaint
 from core.models.part_head import PartHead
 from core.models.photo_detail import PhotoDetail
 from core.models.view_bank import ViewBank
@@ -331,7 +332,9 @@ class Instance:
         """Return an object of the same model."""
         return Instance(self.model, codes)
 
-    def changed(self, **fields: Tensor | PhotoDetail | tuple[float, ...] | Bend | None) -> "Instance":
+    def changed(
+        self, **fields: Tensor | PhotoDetail | tuple[float, ...] | Bend | tuple[PartPaint, ...] | None
+    ) -> "Instance":
         """Return the object with other values of some fields of its codes (:class:`core.models.codes.Codes`)."""
         return self.with_codes(replace(self.codes, **fields))  # type: ignore[arg-type]
 

@@ -33,7 +33,11 @@ class PartHead:
         if not bool(torch.isfinite(self.weight).all() and torch.isfinite(self.bias).all()):
             raise ValueError("the weights of a part head must be finite")
 
-    def __call__(self, features: Float[Tensor, "points width"]) -> Float[Tensor, "points parts"]:
+    def __call__(self, features: Float[Tensor, "*points width"]) -> Float[Tensor, "*points parts"]:
         """Return each part's probability from features of :meth:`core.rendering.folded_field.FoldedField.density`."""
         device = features.device
-        return functional.linear(features.float(), self.weight.to(device), self.bias.to(device)).softmax(1)
+        return functional.linear(features.float(), self.weight.to(device), self.bias.to(device)).softmax(-1)
+
+    def parts(self, features: Float[Tensor, "*points width"]) -> dict[str, Float[Tensor, "*points"]]:
+        """Return the probabilities of :meth:`__call__` by the part's name."""
+        return dict(zip(self.names, self(features).unbind(-1), strict=True))

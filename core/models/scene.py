@@ -20,6 +20,7 @@ from core.models.codes import Codes
 from core.models.latents import read_offsets
 from core.models.missing import MissingInstance, adopted
 from core.models.model import Instance, Model
+from core.models.paints import PartPaint
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
@@ -64,6 +65,8 @@ class Scene:
             content["moves"] = codes.moves
         if codes.bend:
             content["bend"] = vars(codes.bend)
+        if codes.paints:
+            content["paints"] = [vars(paint) for paint in codes.paints]
         if codes.detail:
             content["detail"] = codes.detail.to_json()
         return json.dumps(content, indent=1)
@@ -100,6 +103,7 @@ class Scene:
             content.stretch,
             content.moves,
             content.bend,
+            content.paints,
         )
         return cls(MissingInstance(content.model, codes), content.camera)
 
@@ -158,6 +162,7 @@ class _SceneJson(NamedTuple):
     stretch: Factors | None = None
     moves: tuple[float, ...] | None = None
     bend: Bend | None = None
+    paints: tuple[PartPaint, ...] = ()
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

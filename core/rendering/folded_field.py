@@ -8,6 +8,7 @@ from torch import Tensor
 
 from core.models.model import Instance
 from core.models.motion import warp_of
+from core.models.paints import painted
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
 from core.runtime.layers import relu_
@@ -29,6 +30,8 @@ class FoldedField:
         self._bend = instance.codes.bend
         self._warp = warp_of(instance)
         self._outline = outline(instance)
+        self._part_head = model.part_head
+        self._paints = instance.codes.paints
         with torch.no_grad():
             shape, texture = instance.biases
             self._shape = tuple(shape.to(self.dtype).unbind(-2))
@@ -65,8 +68,9 @@ class FoldedField:
     def colour(
         self, features: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
     ) -> Float[Tensor, "points 3"]:
-        """Return rgb from :meth:`density`'s features and the bias of each point's viewing direction."""
-        return folded_colour(self.field, self._weights, features, direction_bias, self._texture)
+        """Return rgb, painted, from :meth:`density`'s features and the bias of each point's viewing direction."""
+        colours = folded_colour(self.field, self._weights, features, direction_bias, self._texture)
+        return painted(colours, features, self._part_head, self._paints)
 
 
 @lru_cache(maxsize=8)

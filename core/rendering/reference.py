@@ -12,6 +12,7 @@ from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
 from core.models.model import Instance, Model
 from core.models.motion import Warp, warp_of
+from core.models.paints import PartPaint, painted
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
 from core.runtime.pool import map_pieces
@@ -61,6 +62,7 @@ def render_rays(
     bound: Outline | None = None,
     bend: Bend | None = None,
     warp: Warp | None = None,
+    paints: tuple[PartPaint, ...] = (),
 ) -> Rendered:
     """Evaluate Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
@@ -68,6 +70,7 @@ def render_rays(
         shape_bias, texture_bias: from the field; broadcast against (*batch, samples, blocks, width).
         bound: outline that bounds the density.
         bend, warp: of the object, in whose space the rays are; the bend is undone first.
+        paints: of the object's parts.
     """
     depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
@@ -76,6 +79,8 @@ def render_rays(
     origins = warp.origins(points) if warp else points
     density, colours = model.field.radiance(origins, direction_bias, shape_bias, texture_bias)
     density = warp.firmed(density) if warp else density
+    if paints:
+        colours = painted(colours, model.field.activations(origins, shape_bias), model.part_head, paints)
     if bound is not None:
         density = density * bound.factor(points)
     weights, transmittance = compositing_weights(density, edges)
@@ -102,7 +107,7 @@ def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rend
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     model = instance.model
     rays = exact_rays(model, instance.local_camera(camera))
-    bounded = *instance.biases, outline(instance), instance.codes.bend, warp_of(instance)
+    bounded = *instance.biases, outline(instance), instance.codes.bend, warp_of(instance), instance.codes.paints
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
     bands = map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts)

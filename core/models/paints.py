@@ -1,0 +1,128 @@
+"""Paints of an object's parts: exact changes of its colours, which no texture code can express.
+
+A code finds the colour of one part only together with others'. Therefore a paint keeps the code and maps the network's
+colour of each point to another one: the paint under the light that the network shows there, by the point's membership
+of the part.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.geometry.pixels import lightness
+from core.models.part_head import PartHead
+
+Rgb = tuple[float, float, float]
+MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that surely has it; metal legs count as wood
+MAX_PAINTS = 16  # of an object
+_DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
+_ANOTHER = 0.25  # colour difference from which a part becomes evenly coloured; below, its pattern stays
+_SHARP = 2.0  # change of a material's membership over the difference between the two materials' colours
+
+
+@dataclass(frozen=True)
+class PartPaint:
+    """A paint on a part. Raises ``ValueError`` for numbers out of range."""
+
+    part: str  # a part's name or one of :data:`MATERIALS`; '' is the whole object
+    colour: Rgb  # sRGB 0..1, mean of the part's lighter half
+    before: Rgb  # the same in the network's colours
+    materials: tuple[Rgb, Rgb] | None = None
+    """the network's colours of a material and of the opposite one; None: the part alone tells where the paint is"""
+    share: float = 1.0  # 0..1, of the paint in a mix of objects
+
+    def __post_init__(self) -> None:
+        colours = (self.colour, self.before, *(self.materials or ()))
+        if not all(len(colour) == 3 and all(map(math.isfinite, colour)) for colour in colours):
+            raise ValueError(f"a paint has three finite channels, got {colours}")
+        if not all(0 <= number <= 1 for number in (*self.colour, self.share)):
+            raise ValueError(f"a paint's channels and its share are 0 to 1, got {self.colour} and {self.share}")
+        if self.materials and contrast(*self.materials) == 0:
+            raise ValueError("materials of one colour cannot be distinguished")
+
+    def membership(
+        self, colours: Float[Tensor, "*places 3"], parts: Mapping[str, Float[Tensor, "*places"]]
+    ) -> Float[Tensor, "*places"]:
+        """Return each place's membership of the part, 0..1.
+
+        Args:
+            colours: the network's.
+            parts: probabilities of the model's parts; a part that the model lacks has no place.
+        """
+        if self.materials:
+            own, opposite = (colours.new_tensor(colour) for colour in self.materials)
+            nearer = (colours - opposite).norm(dim=-1) - (colours - own).norm(dim=-1)
+            return (0.5 + _SHARP * nearer / contrast(*self.materials)).clamp(0, 1)
+        if self.part == "":
+            return torch.ones_like(colours[..., 0])
+        legs = parts.get("legs", torch.zeros_like(colours[..., 0]))
+        materials = {"fabric": 1 - legs, "wood": legs} if "legs" in parts else {}  # of one colour
+        return {**materials, **parts}.get(self.part, torch.zeros_like(legs))
+
+    def over(
+        self,
+        colours: Float[Tensor, "*places 3"],
+        below: Float[Tensor, "*places 3"],
+        membership: Float[Tensor, "*places"],
+    ) -> Float[Tensor, "*places 3"]:
+        """Return colours with the paint.
+
+        Args:
+            colours: of the object itself, which tell light and pattern.
+            below: the same in earlier paints.
+        """
+        colour, before = (colours.new_tensor(value) for value in (self.colour, self.before))
+        light = lightness(colours.movedim(-1, 0)) / lightness(before).clamp_min(0.05)
+        evenly = colour * light.clamp(_DARKEST, _LIGHTEST).sqrt()[..., None]
+        even = ((colour - before).norm() / _ANOTHER).clamp_max(1)
+        painted = torch.lerp(colours + (colour - before), evenly, even).clamp(0, 1)
+        return torch.lerp(below, painted, (self.share * membership)[..., None])
+
+
+def painted(
+    colours: Float[Tensor, "*places 3"],
+    activations: Float[Tensor, "*places width"],
+    head: PartHead | None,
+    paints: Sequence[PartPaint],
+) -> Float[Tensor, "*places 3"]:
+    """Return the network's colours in paints, the last one uppermost.
+
+    Args:
+        activations: features of :meth:`core.rendering.folded_field.FoldedField.density`.
+    """
+    parts = head.parts(activations) if head and paints else {}
+    below = colours
+    for paint in paints:
+        below = paint.over(colours, below, paint.membership(colours, parts))
+    return below
+
+
+def as_rgb(colour: Float[Tensor, "*one 3"]) -> Rgb:
+    """Return a colour as numbers, limited to 0..1."""
+    red, green, blue = (round(channel, 5) for channel in colour.flatten().clamp(0, 1).tolist())
+    return red, green, blue
+
+
+def contrast(first: Rgb, second: Rgb) -> float:
+    """Return the distance of two colours."""
+    return math.dist(first, second)
+
+
+def mixed_paints(first: tuple[PartPaint, ...], second: tuple[PartPaint, ...], amount: float) -> tuple[PartPaint, ...]:
+    """Return the paints between two objects: the second's cover the first's by ``amount``, 0..1.
+
+    A part painted in both objects passes from one paint to the other and shows no colour of the network between.
+    """
+    if amount in (0, 1) or first == second:
+        return second if amount == 1 else first
+    above = [replace(paint, share=amount * paint.share) for paint in second]
+    covered = {paint.part: paint.share for paint in above}
+    below = (
+        replace(paint, share=min(1.0, (1 - amount) * paint.share / (1 - covered.get(paint.part, 0.0))))
+        for paint in first
+    )
+    return (*below, *above)[-MAX_PAINTS:]
