@@ -134,10 +134,6 @@ class Editor:
         instance = self.scene.instance.changed(detail=detail)
         self._edit(replace(self.scene, instance=instance), gesture=gesture)
 
-    def set_texture(self, texture: Tensor, gesture: str = "") -> None:
-        """Give the object another texture code."""
-        self._set_codes(self.scene.instance.changed(texture=texture), self.state.mix, gesture)
-
     def reset(self) -> None:
         """Return to object A without its edits and without any of B, except locked parts; its edits are a version."""
         self.objects.keep(self.state.version_of, self.scene.instance)

@@ -125,9 +125,9 @@ class Session:
 
     def close(self) -> None:
         """Cancel all jobs of the activities."""
-        for activity in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
+        for activity in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting, self.painting):
             activity.close()
-        self.jobs.cancel("paint", "paint colour", "coarse paint", "parts", "reshape", "size")
+        self.jobs.cancel("parts", "reshape", "size")
         self.exporting.cancel()
 
     # Models and their objects
@@ -311,7 +311,6 @@ class Session:
             self.models.files,
             self.originals,
             self.project_path,
-            self.painting.unfinished,
         )
 
     @property
@@ -321,14 +320,13 @@ class Session:
         fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         named = self.editor.history, self.project_path, self.originals
-        return (*named, *fit, steps, *self.painting.unfinished, *self.editor.objects.ever_added)
+        return (*named, *fit, steps, *self.editor.objects.ever_added)
 
     def restore(self, project: Project) -> None:
         """Take a project's objects, undo history and fits, as :meth:`Editor.restore`; report missing models."""
         self._add_models()
         self.editor.restore(project)
         self._restore_fits(project.fit, project.pending)
-        self.painting.take_over(project.paints)
         self.originals = project.originals
         self._tell_missing(project)
         if self.viewport.source != "none":

@@ -151,14 +151,14 @@ class ComparedPhoto:
             return torch.zeros_like(self.render)
         return self.texels.colours(textured) - self.texels.colours(self.fitted)
 
-    def repainted(self, textured: Instance) -> Float[Tensor, "3 height width"]:
+    def painted(self, textured: Instance) -> Float[Tensor, "3 height width"]:
         """Return the photo in the texture and the paints of another object.
 
         Paints cover a part of a chair as in the render; a car's body has lettering, lamps and a grille.
         """
         paints = textured.codes.paints if covers_parts(textured.model) else ()
         change = self.change(textured.changed(paints=()) if paints else textured)
-        photo = self._textured(change) if change.any() else self.photo
+        photo = self.repainted(change) if change.any() else self.photo
         colours = below = photo.movedim(0, -1)
         for paint, place in zip(paints, self.texels.memberships(textured) if paints else (), strict=True):
             below = self._in_photo(paint).over(colours, below, enlarged(place[None], photo)[0])
@@ -171,8 +171,8 @@ class ComparedPhoto:
         matched = before + offset
         return replace(paint, before=as_rgb(matched), colour=as_rgb(matched + moved_paint(colour - before, offset)))
 
-    def _textured(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
-        """Return the photo in another texture, given the change of the render.
+    def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
+        """Return the photo repainted, given the change of the render.
 
         Paint is where that changes like the main paint and the photo is calm, unlike in lamps and a grille, and where
         the photo has the main paint's colour. Around such places it changes evenly: a texture is never quite even.
@@ -302,7 +302,7 @@ def _painted_maps(
     weights = []
     for compared in photos:
         change = compared.change(textured)
-        photo = compared.repainted(textured)
+        photo = compared.painted(textured)
         weight, near = enlarged(torch.stack((compared.weight, compared.near)), photo)
         fine = torch.cat((photo, packed(weight, near)[None]))
         maps.append(_photo_maps(compared, fine, compared.render + change, textured.model.device))

@@ -37,8 +37,8 @@ class PartPaint:
 
     def __post_init__(self) -> None:
         colours = (self.colour, self.before, *(self.materials or ()))
-        if not all(len(colour) == 3 and all(map(math.isfinite, colour)) for colour in colours):
-            raise ValueError(f"a paint has three finite channels, got {colours}")
+        if not all(math.isfinite(channel) for colour in colours for channel in colour):
+            raise ValueError(f"a paint's colours must be finite, got {colours}")
         if not all(0 <= number <= 1 for number in (*self.colour, self.share)):
             raise ValueError(f"a paint's channels and its share are 0 to 1, got {self.colour} and {self.share}")
         if self.materials and contrast(*self.materials) == 0:

@@ -442,7 +442,7 @@ def test_the_next_launch_shows_the_whole_photo_of_every_object(
     for name, (width, height) in sizes.items():
         session.editor.show_object(session.editor.objects.version(name, session.editor.objects[name].instance))
         assert session.whole_photo.shape == (height, width, 3)
-    session.editor.set_texture(session.editor.code("texture") + 0.1)
+    session.editor.edit(session.editor.scene.instance.changed(texture=session.editor.code("texture") + 0.1))
     assert session.whole_photo.shape == (height, width, 3)  # an edit keeps the photo
     session.editor.show_object("object 3")
     assert session.whole_photo is None

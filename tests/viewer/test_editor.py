@@ -95,7 +95,8 @@ def test_shape_and_texture_slide_from_a_to_b_independently(editor: Editor) -> No
 
 def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
     editor.show_object("object 1")
-    editor.set_texture(edited := editor.code("texture") + 0.1)
+    edited = editor.code("texture") + 0.1
+    editor.edit(editor.scene.instance.changed(texture=edited))
     for amount in (0.1, 0.6, 0.0):
         editor.mix_both(amount, amount, gesture="pad")
     assert torch.equal(editor.code("texture"), edited)
@@ -230,7 +231,7 @@ def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) 
 def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, model: Model) -> None:
     chair = fitted(model)
     name = editor.add_and_show(chair, editor.scene.camera)
-    editor.set_texture(editor.code("texture") + 1.0)
+    editor.edit(editor.scene.instance.changed(texture=editor.code("texture") + 1.0))
     edited = editor.scene.instance
     better = replace(
         chair, instance=chair.instance.changed(texture=chair.instance.codes.texture + 0.1), confidence=0.95
@@ -247,7 +248,7 @@ def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, mode
 @pytest.mark.parametrize("end", ("show again", "show another", "reset", "add", "undo and redo"))
 def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Editor, model: Model, end: str) -> None:
     name = editor.add_and_show(fitted(model), editor.scene.camera)
-    editor.set_texture(editor.code("texture") + 1.0, gesture="paint")
+    editor.edit(editor.scene.instance.changed(texture=editor.code("texture") + 1.0), gesture="paint")
     edited = editor.scene.instance
     if end == "show again":
         editor.show_object(name)
@@ -269,7 +270,7 @@ def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: M
         editor = Editor(open_models(model), model, torch.Generator())
         editor.add_and_show(chair, editor.scene.camera)
         if texture:
-            editor.set_texture(chair.instance.codes.texture + texture)
+            editor.edit(editor.scene.instance.changed(texture=chair.instance.codes.texture + texture))
         return editor
 
     chair = fitted(model)

@@ -218,7 +218,7 @@ def saved_stool(session: Session, stools: Model, path: Path) -> tuple[int, int]:
     editor = session.editor
     editor.show_object(editor.objects.add(EditableObject("stool", stools[1], True)))
     for shift in (1.0, 2.0):
-        editor.set_texture(stools.codes[1].texture + shift)
+        editor.edit(editor.scene.instance.changed(texture=stools.codes[1].texture + shift))
         editor.undo()
     (branch,) = editor.history.branches()
     editor.redo()
@@ -315,7 +315,7 @@ def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
     stools = replace(random_model(9), category="stools")
     editor = Editor(open_models(model, stools), model, torch.Generator())
     editor.show_object(editor.objects.add(EditableObject("stool", stools[1], True)))
-    editor.set_texture(stools.codes[1].texture + 1.0)
+    editor.edit(editor.scene.instance.changed(texture=stools.codes[1].texture + 1.0))
     Project(editor.history, editor.objects.ever_added).save(tmp_path / "a.codenerf", editor.models)
 
     editor = Editor(open_models(model), model, torch.Generator())

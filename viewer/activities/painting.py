@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import torch
-from torch import Tensor
 
 from core.detail.paint import CoarsePaint, Paint, Rgb, paint_parts
 from core.detail.progressive import Frame
@@ -15,7 +15,17 @@ from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_WEIGHT, Jobs
 from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
-from viewer.values.paints import PaintRequest
+
+
+class _Choice(NamedTuple):
+    """A paint for an object."""
+
+    instance: Instance
+    paint: Paint
+
+    def suits(self, instance: Instance) -> bool:
+        """Return whether the paint suits another object: one of the same texture code, in any shape and paint."""
+        return torch.equal(self.instance.codes.texture, instance.codes.texture)
 
 
 class Painting:
@@ -26,8 +36,8 @@ class Painting:
         self._editor = editor
         self._viewport = viewport
         self._part = ""  # chosen part
-        self._choice: PaintRequest | None = None  # its texture is not found yet
-        self._earlier: tuple[PaintRequest, ...] = ()  # of other parts of its object, likewise, painted before it
+        self._choice: _Choice | None = None  # the latest; the object does not have it yet
+        self._due: tuple[_Choice, ...] = ()  # of different parts, released; the object is being painted with the first
         self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._shown: tuple[CoarsePaint, Rgb] | None = None  # on screen
         self._measured: tuple[Instance, str, Rgb | None] | None = None  # object, part, and the part's colour if known
@@ -56,13 +66,11 @@ class Painting:
         instance = self._editor.scene.instance
         part = self.part
         choice = self._choice
-        if choice and part == choice.paint.part and torch.equal(instance.codes.texture, choice.instance.codes.texture):
+        if choice and part == choice.paint.part and choice.suits(instance):
             return choice.paint.colour
         before, of_part, colour = self._measured or (None, "", None)
         if before != instance or of_part != part:
-            is_same = (
-                before is not None and of_part == part and torch.equal(before.codes.texture, instance.codes.texture)
-            )
+            is_same = before and of_part == part and before.codes.texture_key == instance.codes.texture_key
             colour = colour if is_same else None
             view = self._viewport
             if view.full_frame and view.frame_request and view.frame_request.instance == instance:
@@ -90,54 +98,27 @@ class Painting:
     @property
     def is_original(self) -> bool:
         """True if the object has its original paint: its photo's or, without a photo, object A's."""
-        return bool((self._editor.code("texture") == self._original).all())
+        return self._editor.scene.instance == self._original
 
     @property
-    def _original(self) -> Tensor:
+    def _original(self) -> Instance:
+        """The object in its original paint."""
         instance = self._editor.scene.instance
-        return instance.detail.texture if instance.detail else self._editor.original.codes.texture
-
-    @property
-    def unfinished(self) -> tuple[PaintRequest, ...]:
-        """The paints that the object is about to take, in order."""
-        return (*self._earlier, self._choice) if self._choice and self._released else self._earlier
-
-    def take_over(self, unfinished: tuple[PaintRequest, ...]) -> None:
-        """Continue with paints of an earlier run, unless their object was undone."""
-        states = (self._editor.state, *self._editor.history.past)
-        instances = [state.scene.instance for state in states]
-        for request in unfinished:
-            if request.instance in instances:
-                kept = instances[instances.index(request.instance)]
-                self._choose(PaintRequest(kept, request.paint))
-                self.release()
+        return instance.with_texture(instance.fitted if instance.detail else self._editor.original)
 
     def restore(self) -> None:
         """Restore the original paint."""
-        self._editor.set_texture(self._original)
+        self._set_due(())
+        self._choice = self._viewport.repainted = None
+        self._editor.edit(self._original)
 
     def paint(self, colour: Rgb) -> None:
         """Show the part in a colour, sRGB 0..1, coarsely; :meth:`release` gives it to the object."""
-        self._choose(PaintRequest(self._editor.scene.instance, Paint(colour, self.part)))
-        self.tick()
-
-    def _choose(self, choice: PaintRequest) -> None:
-        """Choose a paint; released paints of other parts are found again before it."""
-        self._jobs.cancel("paint")
-        instance = choice.instance
-        part = choice.paint.part
-        self._earlier = tuple(
-            request if request.instance is instance else request._replace(instance=instance)
-            for request in self.unfinished
-            if request.paint.part != part and self._is_paintable(request.instance, instance)
-        )
-        self._choice = choice
+        self._choice = choice = _Choice(self._editor.scene.instance, Paint(colour, self.part))
+        self._set_due(tuple(due for due in self._due if due.paint.part != choice.paint.part))
         self._released = False
         self._shown = None
-
-    def _is_paintable(self, chosen: Instance, now: Instance) -> bool:
-        """Return whether a paint chosen for an object suits it now: it was not undone, and has the same texture."""
-        return self._is_reachable(chosen) and torch.equal(chosen.codes.texture, now.codes.texture)
+        self.tick()
 
     def _is_reachable(self, instance: Instance) -> bool:
         """Return whether an object is on screen or can be reached by undo."""
@@ -145,38 +126,56 @@ class Painting:
         return any(state.scene.instance is instance for state in states)
 
     def release(self) -> None:
-        """End a drag over colours: the object takes the last one, a step of undo, after paints of other parts."""
-        if self._released or self._choice is None:
-            return
-        self._released = True
-        choice = self._choice
-        requests = self.unfinished
+        """End a drag over colours: the object takes the last one, a step of undo."""
+        if not self._released and self._choice:
+            self._released = True
+            self._set_due((*self._due, self._choice))
 
-        def stream() -> Iterator[list[Instance] | None]:
-            painted = [choice.instance]
-            for request in requests:
-                painted.append((yield from self._jobs.backend.paint(painted[-1], request.paint)))
-            yield painted[1:]
+    def _set_due(self, due: tuple[_Choice, ...]) -> None:
+        """Set the paints that the object is about to take, in order."""
+        before = self._due[:1]
+        self._due = due
+        if due[:1] != before:
+            self._jobs.cancel("paint")
+            if due:
+                self._begin(due[0])
 
-        def keep(painted: list[Instance]) -> None:
+    def _begin(self, choice: _Choice) -> None:
+        """Begin to paint an object; one that was reshaped meanwhile takes the paint, too."""
+
+        def stream() -> Iterator[Instance | None]:
+            yield (yield from self._jobs.backend.paint(choice.instance, choice.paint))
+
+        def keep(painted: Instance) -> None:
+            now = self._editor.scene.instance
             if not self._is_reachable(choice.instance):
                 return  # undone meanwhile
-            if not self._is_paintable(choice.instance, self._editor.scene.instance):
+            if not choice.suits(now):
                 self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
-                return
-            for instance in painted:
-                self._editor.set_texture(instance.codes.texture)
-            self._jobs.cancel("paint colour")  # of the object before
-            self._measured = self._editor.scene.instance, choice.paint.part, choice.paint.colour
+            elif now.codes.paints != choice.instance.codes.paints:  # of another part
+                again = choice._replace(instance=now)
+                self._choice = again if self._choice is choice else self._choice
+                self._set_due((again, *self._due[1:]))
+            else:
+                self._editor.edit(now.with_texture(painted))
+                self._jobs.cancel("paint colour")  # of the object before
+                self._measured = self._editor.scene.instance, choice.paint.part, choice.paint.colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)
-            self._choice = None
-            self._earlier = ()
-            if self._editor.scene.instance is choice.instance:
-                self._viewport.repainted = None
+            if self._choice is choice:
+                self._choice = None
+                if self._editor.scene.instance is choice.instance:
+                    self._viewport.repainted = None
+            self._set_due(tuple(due for due in self._due if due is not choice))
 
         self._jobs.submit(Job("paint", stream, keep, ended, urgent=True))
+
+    def close(self) -> None:
+        """Stop painting."""
+        self._set_due(())
+        self._choice = self._coarse = None
+        self._jobs.cancel("paint colour", "coarse paint")
 
     def tick(self) -> None:
         """Show the frame on screen in the chosen paint until the object has it; call once a frame."""
@@ -184,18 +183,19 @@ class Painting:
         view = self._viewport
         if choice is None or not view.full_frame or not view.frame_request or view.source != "scene":
             return
-        if self._editor.scene.instance is not choice.instance or view.frame_request.instance is not choice.instance:
+        instance = self._editor.scene.instance
+        if not choice.suits(instance) or view.frame_request.instance is not instance:
             return
         frame, crop = view.full_frame
         part = choice.paint.part
         if self._coarse is None or self._coarse[:2] != (frame, part):
-            self._find_coarse(frame, crop.camera, choice)
+            self._find_coarse(frame, crop.camera, choice._replace(instance=instance))
         elif self._coarse[2] and self._shown != (self._coarse[2], choice.paint.colour):
             self._shown = self._coarse[2], choice.paint.colour
             view.repainted = replace(frame, image=self._coarse[2].repainted(choice.paint.colour))
 
-    def _find_coarse(self, frame: Frame, camera: Camera, choice: PaintRequest) -> None:
-        """Begin to find where a frame of the chosen object, seen from ``camera``, has paint."""
+    def _find_coarse(self, frame: Frame, camera: Camera, choice: _Choice) -> None:
+        """Begin to find where a frame of an object, seen from ``camera``, takes a paint."""
         self._coarse = frame, choice.paint.part, None
         find = self._jobs.backend.coarse_paint
 

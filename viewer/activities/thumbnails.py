@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class _Key(NamedTuple):
 
     model: str
     shape: tuple[float, ...]
-    texture: tuple[float, ...]
+    texture: tuple[Hashable, ...]
     camera: Camera
     samples: int
     detail: PhotoDetail | None

@@ -29,7 +29,6 @@ from core.runtime.reading import field_types, first_line, open_image, reading, t
 from viewer.values.cut_out_preview import CutOutPreview, read_compressed
 from viewer.values.fit_history import FitRequest, FittedPhoto
 from viewer.values.objects import EditableObject
-from viewer.values.paints import PaintRequest
 
 
 class Original(NamedTuple):
@@ -41,14 +40,9 @@ class Original(NamedTuple):
 
 
 _SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
-_OF_AN_INSTANCE = Scene, View, EditableObject, PaintRequest, FitStep, Hypothesis
+_OF_AN_INSTANCE = Scene, View, EditableObject, FitStep, Hypothesis
 """Types with a field ``instance``, which files call ``codes``: codes with the fingerprint of their model."""
-_SEPARATE = (
-    EditableObject,
-    FitRequest,
-    Original,
-    PaintRequest,
-)  # types of items of which an unreadable one leaves the others
+_SEPARATE = EditableObject, FitRequest, Original  # types of items of which an unreadable one leaves the others
 _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
 
 

@@ -2,10 +2,8 @@
 
 import colorsys
 import re
-from typing import NamedTuple
 
-from core.detail.paint import Paint, Rgb
-from core.models.model import Instance
+from core.models.paints import Rgb
 
 _CAR = {
     "White": "#f2f2ee", "Silver": "#b9bdc1", "Grey": "#6d7277", "Black": "#1b1c1f",
@@ -26,13 +24,6 @@ _OF = {"wood": _WOOD, "legs": _WOOD, "fabric": _FABRIC, "seat": _FABRIC, "back":
 _GREYS = 0.1  # fraction of the square's width
 _VIVID = 0.85  # saturation of the hues
 _HEX = re.compile("#[0-9a-f]{6}")
-
-
-class PaintRequest(NamedTuple):
-    """A paint for an object, whose texture is to be found."""
-
-    instance: Instance
-    paint: Paint
 
 
 def paints_of(part_name: str) -> dict[str, str]:

@@ -21,7 +21,6 @@ from viewer.values.encoding import BlobStore, Original, decode, encode, readable
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.history import History, Mix, Pair, State, Step
 from viewer.values.objects import EditableObject, unique_name
-from viewer.values.paints import PaintRequest
 
 SUFFIX = ".codenerf"
 _JSON, _TENSORS = "project.json", "tensors.safetensors"
@@ -43,13 +42,12 @@ class Project:
     model_files: dict[str, str] = field(default_factory=dict)  # the same, and of missing models, by fingerprint
     originals: tuple[Original, ...] = ()  # files of which something could not be read
     path: Path | None = None  # file that a person saved it to, only in autosaved sessions
-    paints: tuple[PaintRequest, ...] = ()  # a chosen paint whose texture is being searched for
 
     @property
     def is_empty(self) -> bool:
         """True if nothing was made, edited or begun."""
         made = len(self.history.steps) > 1 or self.fit.sources or self.pending
-        return not (made or self.objects or self.originals or self.paints)
+        return not (made or self.objects or self.originals)
 
     def shared(self) -> "Project":
         """Return the project for other machines: paths are names, except those of photos not yet read."""
@@ -114,8 +112,8 @@ class _ProjectJson(NamedTuple):
     """The JSON of a project.
 
     The first format had a session per model instead of one project, the second a history without branches, the third
-    objects without a size, the fourth objects without moves and bends, and versions that name their object instead of
-    holding its key.
+    objects without a size, the fourth objects without moves, bends and paints, and versions that name their object
+    instead of holding its key.
     """
 
     format: str

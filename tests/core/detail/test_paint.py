@@ -1,4 +1,4 @@
-"""Paint of a tiny model, whose textures are a few colours, and of shipped models with parts."""
+"""Paint of a tiny model and of shipped models with parts."""
 
 from dataclasses import replace
 
@@ -31,23 +31,38 @@ def difference(first: torch.Tensor, second: torch.Tensor) -> float:
     return float((first - second).abs().max())
 
 
-def test_the_same_paint_changes_nothing_and_another_textures_paint_is_reached(tiny: Model) -> None:
+RED, BLUE = (0.75, 0.19, 0.16), (0.2, 0.35, 0.65)
+
+
+def painted(instance: Instance, colour: tuple[float, float, float], part: str = "") -> Instance:
+    """The object with a paint on a part."""
+    return run_to_end(paint(instance, Paint(colour, part)))
+
+
+def test_a_paint_is_reached_and_the_same_paint_changes_nothing(tiny: Model) -> None:
     instance = tiny[0]
-    assert run_to_end(paint(instance, Paint(run_to_end(paint_colour(instance))))) == instance
-    goal = colour(instance.changed(texture=tiny.codes[3].texture))
-    painted = run_to_end(paint(instance, Paint(tuple(goal.tolist()))))
-    assert difference(colour(painted), goal) < min(0.03, difference(colour(instance), goal))
-    assert torch.equal(painted.codes.shape, instance.codes.shape)
+    assert painted(instance, run_to_end(paint_colour(instance))) == instance
+    red = painted(instance, RED)
+    assert difference(colour(red), torch.tensor(RED)) < 0.02
+    assert painted(red, RED) == red
+    assert red.with_texture(instance) == instance
+
+
+@pytest.mark.parametrize("part", ["seat", "back", "legs", "fabric"])
+def test_a_part_takes_any_colour_in_place_of_its_former_one(part: str) -> None:
+    instance = load_model("chairs")[2]
+    blue = painted(instance, BLUE, part)
+    assert difference(colour(blue, part), torch.tensor(BLUE)) < 0.02
+    assert painted(painted(instance, RED, part), BLUE, part) == blue
+    assert torch.equal(blue.codes.texture, instance.codes.texture)
 
 
 def test_a_cars_body_is_painted_and_its_glass_and_wheels_are_not(cars: Model) -> None:
     instance = cars[cars.codes.valid[0]]
-    red = Paint((0.75, 0.19, 0.16))
-    painted = run_to_end(paint(instance, red))
-    assert difference(colour(painted), torch.tensor(red.colour)) < 0.08
-    body, *unpainted = (difference(colour(painted, name), colour(instance, name)) for name in ("body", *_UNPAINTED))
+    red = painted(instance, RED)
+    assert difference(colour(red), torch.tensor(RED)) < 0.02
+    body, *unpainted = (difference(colour(red, name), colour(instance, name)) for name in ("body", *_UNPAINTED))
     assert body > 3 * max(unpainted)
-    assert (render_frame(painted, cars.camera(1.0, 0.3)).image != 255).any()
 
 
 def test_a_coarse_paint_colours_the_body_in_a_frame_and_leaves_its_glass_and_wheels(cars: Model) -> None:
@@ -58,8 +73,8 @@ def test_a_coarse_paint_colours_the_body_in_a_frame_and_leaves_its_glass_and_whe
     assert body.fraction.sum() > 1.2 * sum(coarse.fraction.sum() for coarse in unpainted)
     assert (body.fraction[frame.opacity == 0] == 0).all()
     assert np.array_equal(body.repainted(body.colour), frame.image)
-    painted = body.repainted((0.9, 0.1, 0.1)).astype(int)[body.fraction > 0.7]
-    assert (painted[:, 0] - painted[:, 1]).mean() > 100
+    red = body.repainted((0.9, 0.1, 0.1)).astype(int)[body.fraction > 0.7]
+    assert (red[:, 0] - red[:, 1]).mean() > 100
 
 
 def test_nothing_has_paint_in_a_frame_without_an_object(tiny: Model) -> None:
@@ -71,8 +86,8 @@ def test_nothing_has_paint_in_a_frame_without_an_object(tiny: Model) -> None:
 @pytest.mark.parametrize(("material", "own", "opposite"), [("fabric", "seat", "legs"), ("wood", "legs", "seat")])
 def test_painting_a_material_of_a_chair_keeps_the_other(material: str, own: str, opposite: str) -> None:
     instance = _two_coloured(load_model("chairs"))
-    painted = run_to_end(paint(instance, Paint((0.2, 0.35, 0.65), material)))
-    change, kept = (difference(colour(painted, name), colour(instance, name)) for name in (own, opposite))
+    blue = painted(instance, BLUE, material)
+    change, kept = (difference(colour(blue, name), colour(instance, name)) for name in (own, opposite))
     assert change > 3 * kept
 
 

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from core.detail.lookup import ColourMatch
 from core.detail.repaint import colour_match, light_share, moved_paint, repainted, replaced_share, same_hue
+from core.geometry.pixels import lightness
 
 WHITE = (0.85, 0.86, 0.88)
 RED = (0.75, 0.19, 0.16)

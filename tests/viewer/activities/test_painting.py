@@ -6,6 +6,7 @@ import torch
 
 from core.detail.paint import Paint
 from core.models.model import Instance
+from core.models.paints import PartPaint
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted
@@ -138,9 +139,8 @@ def test_two_parts_painted_in_a_row_are_both_painted(
 
     def paint(instance: Instance, chosen: Paint) -> Generator[None, None, Instance]:
         yield None
-        texture = instance.codes.texture.clone()
-        texture[0 if chosen.part == "seat" else 1] = chosen.colour[0]
-        return instance.changed(texture=texture)
+        added = PartPaint(chosen.part, chosen.colour, (0.5, 0.5, 0.5))
+        return instance.changed(paints=(*instance.codes.paints, added))
 
     painted.jobs.backend = replace(painted.jobs.backend, paint=paint)
     painting = painted.painting
@@ -151,9 +151,13 @@ def test_two_parts_painted_in_a_row_are_both_painted(
     painting.part = "legs"
     for red in (0.3, 0.6):
         painting.paint((red, 0.0, 0.0))
-    assert [request.paint.part for request in painting.unfinished] == ["seat"]  # saved if the program ends now
     painting.release()
     finish(painted)
-    assert editor.code("texture")[:2].tolist() == pytest.approx([0.1, 0.6])
+    paints = editor.scene.instance.codes.paints
+    assert [(added.part, added.colour[0]) for added in paints] == [("seat", 0.1), ("legs", 0.6)]
     assert len(editor.history.past) == past + 2
-    assert painting.unfinished == ()
+    painting.paint((0.9, 0.0, 0.0))
+    painting.release()
+    painting.restore()
+    finish(painted)
+    assert painting.is_original and editor.scene.instance.codes.paints == ()

@@ -135,7 +135,7 @@ def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, edit
     session.reshaping.drag_handle(_TOP, (0.0, -0.02), _WORDS)
     finish(session)
     texture = editor.model[2].codes.texture
-    editor.set_texture(texture)
+    editor.edit(editor.scene.instance.changed(texture=texture))
     moves = editor.scene.instance.codes.moves
     session.reshaping.drag_handle(_TOP, (0.0, -0.05), _WORDS)
     session.reshaping.release()

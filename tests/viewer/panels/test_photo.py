@@ -1,5 +1,4 @@
 import math
-import shutil
 import threading
 import time
 from collections.abc import Iterator
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from core.detail.paint import Paint
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Instance, Model
 from core.models.photo_detail import Erasure
@@ -28,7 +26,6 @@ from tests.viewer.stand_ins import (
     quick_photo,
 )
 from tests.viewer.test_editor import fitted
-from viewer import autosave
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.fit_history import PhotoSource
@@ -371,34 +368,6 @@ def test_several_photos_agree_or_not_by_a_dot(
         assert dots == [words]
 
     drive(act, replace(backend, fit=rated, frame_photo=told))
-
-
-def test_a_paint_that_is_computed_when_the_program_is_killed_is_found_at_the_next_launch(
-    drive: Drive, backend: Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(autosave, "EVERY", 0.0)
-    colour = rgb(next(iter(paints_of("").values())))
-
-    def endless_paint(instance: Instance, paint: Paint) -> Iterator[None]:
-        while True:
-            time.sleep(0.01)
-            yield None
-
-    def first(window: Driver) -> None:
-        window.show("Photo")
-        window.click("Photo/###swatch 1")
-        window.wait(lambda: window.context.autosave.is_up_to_date)
-        shutil.copytree(tmp_path / "config", tmp_path / "killed", ignore=shutil.ignore_patterns(".*"))
-
-    def second(window: Driver) -> None:
-        editor = window.session.editor
-        window.wait()
-        assert editor.scene.instance.codes.texture[:3].tolist() == pytest.approx(colour)
-        window.undo()
-        assert editor.scene.instance == editor.original
-
-    drive(first, replace(backend, paint=endless_paint), folder=tmp_path / "config")
-    drive(second, folder=tmp_path / "killed")
 
 
 def test_a_swatch_never_shows_the_colour_of_another_object(drive: Drive, backend: Backend) -> None:
