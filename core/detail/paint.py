@@ -189,15 +189,15 @@ def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
     if not len(points):
         raise ValueError("the object has no surface that takes paint")
     points = points[torch.linspace(0, len(points) - 1, min(_POINTS, len(points))).long()]
-    found = _part(instance.unmoved, points, part)
+    located = _part(instance.unmoved, points, part)
     matched = torch.zeros(3)
-    fitted = found.weight @ found.colours
+    fitted = located.weight @ located.colours
     if effective_strength(instance):
         photos = yield from compared_photos(instance)
         fitted_texture = FoldedField.of(instance.unmoved.with_texture(instance.fitted))
-        fitted = found.weight @ fitted_texture.colour(found.features, found.direction_bias).clamp(0, 1)
+        fitted = located.weight @ fitted_texture.colour(located.features, located.direction_bias).clamp(0, 1)
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
-    return _Surface(**vars(found), instance=instance, fitted=fitted, matched=matched)
+    return _Surface(**vars(located), instance=instance, fitted=fitted, matched=matched)
 
 
 def _lit(colours: Float[Tensor, "points 3"], membership: Float[Tensor, "points"]) -> Float[Tensor, "points"]:

@@ -31,7 +31,8 @@ def difference(first: torch.Tensor, second: torch.Tensor) -> float:
     return float((first - second).abs().max())
 
 
-RED, BLUE = (0.75, 0.19, 0.16), (0.2, 0.35, 0.65)
+RED = (0.75, 0.19, 0.16)
+BLUE = (0.2, 0.35, 0.65)
 
 
 def painted(instance: Instance, colour: tuple[float, float, float], part: str = "") -> Instance:
