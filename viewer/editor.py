@@ -309,6 +309,12 @@ class Editor:
         if self.history.gesture:
             self._go(self.history.without_gesture())
 
+    def cancel_gesture(self) -> None:
+        """End the drag and return to the state before it."""
+        if self.history.gesture:
+            self.end_gesture()
+            self.undo()
+
     def undo(self) -> None:
         """Undo a step, if any; states that cannot be shown are skipped."""
         self._go(self._nearest(History.undone))
