@@ -364,7 +364,7 @@ class App:
             self._save_preferences()
 
     def _close_top(self, context: PanelContext) -> None:
-        """On Esc, undo a drag, close open menus and lists, else the help, else Share; modal dialogs close themselves."""
+        """On Esc undo a drag, else close open menus and lists, the help or Share; modal dialogs close themselves."""
         if not imgui.is_key_pressed(imgui.Key.escape):
             return
         if self.session.editor.history.gesture:

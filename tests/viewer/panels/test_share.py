@@ -47,7 +47,7 @@ def test_files_are_saved_in_one_click_beside_the_last_one(window: Driver, tmp_pa
         window.click("Share/###save here")
         window.wait(lambda count=count: len(list(tmp_path.iterdir())) == count and not window.session.exporting.running)
     names = sorted(path.stem for path in tmp_path.glob("*.png"))
-    assert len(names) == 2 and names[1] == f"{names[0]} 2" and names[0].endswith("-picture")
+    assert len(names) == 2 and names[1] == f"{names[0]}-2" and names[0].endswith("-picture")
 
 
 def test_a_page_is_saved_in_four_actions_and_begins_like_its_preview(
