@@ -179,6 +179,8 @@ class Editor:
         if self.is_missing(name):
             return
         self.end_gesture()  # the object itself may be on screen
+        if self.state.mixed_from:
+            self.objects.keep(self.state.mixed_from, self.scene.instance)
         instance = self.objects[name].instance
         pair = Pair(name, name)
         camera = self.scene.camera
