@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 
+from core.geometry.bend import Bend
 from core.models import library
 from core.models.library import load_model
 from core.models.missing import MissingInstance
@@ -161,7 +162,7 @@ def test_files_name_objects_as_before_codes_with_the_fingerprint_of_their_model(
     with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
         project = json.loads(file.read("project.json"))["project"]
     (model,) = models
-    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "stretch", "model"]
+    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "stretch", "bend", "model"]
     scene = project["history"]["steps"][0]["state"]["scene"]
     for holder in (scene, *project["objects"], *project["fit"]["steps"]):
         assert "instance" not in holder and list(holder["codes"]) == names
@@ -424,6 +425,23 @@ def test_a_project_and_a_scene_with_a_size_open(worker: Worker, backend: Backend
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
+
+
+def test_a_project_and_a_scene_with_longer_legs_open(worker: Worker, backend: Backend) -> None:
+    folder = Path("tests/files/dcc43e31")
+    model = load_model("tests/files/1bad02d/model.safetensors")
+    session = Session(worker, replace(backend, load_model=lambda name: model))
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    bend = Bend(-0.375, -0.0625, 0.0625, 0.375)
+    sized = editor.scene.instance
+    assert (sized.codes.bend, sized.codes.stretch) == (bend, (1.0, 1.0, 1.25))
+    editor.undo()
+    assert not editor.scene.instance.codes.is_sized
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert editor.scene.instance == sized
 
 
 def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:
