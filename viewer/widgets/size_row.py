@@ -34,7 +34,12 @@ def draw_size(context: PanelContext) -> None:
         imgui.same_line(0, gap)
     chosen = context.tool == "size"
     colour = context.palette.accent if chosen else None
-    if button(f"{_HANDLES}###size handles", "Drag the sides of a box around the object", icon, colour=colour):
+    if button(
+        f"{_HANDLES}###size handles",
+        "Drag the sides of a box around the object, and its legs or roof",
+        icon,
+        colour=colour,
+    ):
         context.tool = "turn" if chosen else "size"
     imgui.same_line(0, gap)
     if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=editor.scene.instance.codes.is_sized):
