@@ -72,7 +72,10 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("reset", "Reset", "", "the object without its edits"),
         Gesture("Lock", "protect shape or texture from changes"),
         Gesture("Hover over a slider", "see the result, the pixels that change, and whether the outline moves"),
-        Gesture("Size", "drag or type width, depth and height in cm; the button shows a box with handles in the view"),
+        Gesture(
+            "Size",
+            "drag or type width, depth, height, legs or roof in cm; a button shows a box to drag",
+        ),
         Gesture("Ctrl+click", "type a value"),
         Gesture("Right click", "set the direction to 0"),
     ),

@@ -97,12 +97,14 @@ def _probabilities(instance: Instance, points: Float[Tensor, "points 3"]) -> Flo
     head = instance.model.part_head
     if head is None or not len(points):
         return np.ones((len(points), len(head.names) if head else 1), np.float32)
-    features = FoldedField.of(instance).density(pad_rows(points.to(instance.model.device)))[1][: len(points)]
+    folded = FoldedField.of(instance)
+    features = folded.density(pad_rows(points.to(instance.model.device)))[1][: len(points)]
     probabilities = head(features).cpu()
     if "seat" not in head.names:
         return probabilities.numpy()
     is_seat = probabilities.argmax(1) == head.names.index("seat")
-    above = points[:, 2] - (points[is_seat, 2].median() if is_seat.any() else 0.0)
+    heights = folded.origins(points)[:, 2]
+    above = heights - (heights[is_seat].median() if is_seat.any() else 0.0)
     for index, name in enumerate(head.names if is_seat.any() else ()):
         low, high = ABOVE_SEAT.get(name, (-math.inf, math.inf))
         probabilities[(above < low) | (above > high), index] = 0.0

@@ -115,11 +115,10 @@ def _plane_handle(
     instance: Instance, natural: Bounds, projection: "_Projection", box: Bounds, portion: Portion
 ) -> list[_Handle]:
     """Return the handle on the plane's line, at its right; none as seen from above."""
-    corners = projection.on_screen(*_ring(box))
-    right = max(range(4), key=lambda number: corners[number].x)
-    x, y, z = _ring(box)[right]
-    (above,) = projection.on_screen((x, y, z + _STEP))
-    motion = (above - corners[right]) / _STEP
+    across, along, _ = projection.camera.pose()[:3, 0].tolist()
+    x, y, z = max(_ring(box), key=lambda corner: across * corner[0] + along * corner[1])
+    place, above = projection.on_screen((x, y, z), (x, y, z + _STEP))
+    motion = (above - place) / _STEP
     if not projection.shows(motion):
         return []
     length = natural.bent(instance.codes.bend).stretched(instance.codes.factors).length(portion)
@@ -131,7 +130,7 @@ def _plane_handle(
     def resized(moved: float) -> Instance:
         return with_portion(instance, natural, max(0.01, 1 + growth * moved) * length)
 
-    return [_Handle(portion.name, portion.name.capitalize(), length, corners[right], motion, resized)]
+    return [_Handle(portion.name, portion.name.capitalize(), length, place, motion, resized)]
 
 
 def _ring(box: Bounds) -> list[tuple[float, float, float]]:
