@@ -300,11 +300,11 @@ class Session:
         used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
         kept = self.kept_objects.names
         saved = {added.name for added in objects.ever_added if added.name in used or added.name not in kept}
-        saved |= {objects.root(name) for name in saved}
+        roots = {objects.root(name) for name in saved}
         fit = FitHistory() if fitting.running and not fitting.results.checking else fitting.history
         return Project(
             history.without_gesture(),
-            tuple(added for added in objects.ever_added if added.name in saved),
+            tuple(added for added in objects.ever_added if objects.root(added.name) in roots),
             fit if fit.sources else self._waiting[0],
             (*fitting.pending, *self._waiting[1]),
             self.models.names,

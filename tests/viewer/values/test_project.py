@@ -69,8 +69,9 @@ def test_a_saved_project_is_loaded_completely(
     assert len(loaded.history.future) == 1
     assert loaded.history.now.timeline.length == 4.0
     assert loaded.history.future[0].timeline.length == 7.0
-    (before,) = saved.objects
-    (after,) = loaded.objects
+    before, mixed = saved.objects
+    after, mixed_again = loaded.objects
+    assert mixed_again.instance == mixed.instance and mixed.version_of == before.key
     assert (after.name, after.confidence) == ("block", before.confidence)
     assert after.instance == before.instance
     assert after.fitted
