@@ -267,7 +267,7 @@ class Session:
     def whole_photo(self) -> UInt8[np.ndarray, "height width 3"] | None:
         """The whole photo of :attr:`photo_view` with the outline of the cut-out, if a copy is there."""
         view = self.photo_view
-        return self._photo_copies.whole(view) if view else None
+        return self._photo_copies.photo_of(view) if view else None
 
     @property
     def photo_camera(self) -> Camera | None:

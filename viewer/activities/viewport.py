@@ -289,10 +289,10 @@ class Viewport:
 
     def _is_coarser(self, frame: Frame, request: ViewRequest) -> bool:
         """Return whether the image on screen, such as that of the last launch, is a sharper one of the same view."""
-        shown = self.frame_request
-        if shown is None or self.frame is None or self.baked_frame:
+        current = self.frame_request
+        if current is None or self.frame is None or self.baked_frame:
             return False
-        if (shown.instance, shown.camera, shown.settings.pan) != (
+        if (current.instance, current.camera, current.settings.pan) != (
             request.instance,
             request.camera,
             request.settings.pan,
