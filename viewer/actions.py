@@ -133,7 +133,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("smaller_text", "Smaller text", "Ctrl+-", "smaller text"),
         Action("dark", "Dark or light", "", "dark or light colours"),
         Action("reset_layout", "Reset layout", "", "the panels as at first"),
-        Gesture("Esc", "close what is on top: a menu, a dialog, the help"),
+        Gesture("Esc", "undo the drag, or close what is on top: a menu, a dialog, the help"),
         Gesture("Ctrl+Tab", "the next panel; there Tab and arrow keys move between controls, and Space presses one"),
         Action("help", "Find…", "Ctrl+K, F1, ?", "search keys, panels, objects and view modes; Enter runs the first"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
