@@ -22,7 +22,7 @@ def size_of(instance: Instance) -> Size:
 
 
 def bounds_of(instance: Instance) -> Bounds:
-    """Return the bounds of an object's surface, with its stretch; as :func:`size_of`."""
+    """Return the bounds of an object's bent and stretched surface; as :func:`size_of`."""
     return natural_bounds(instance).bent(instance.codes.bend).stretched(instance.codes.factors)
 
 
@@ -128,11 +128,11 @@ def with_portion(instance: Instance, natural: Bounds, length: float, keeps_heigh
     usual = natural.length(portion) / natural.size[2]
     least = max(usual / MAX_BEND, 1 - (1 - usual) * MAX_BEND)
     most = min(usual * MAX_BEND, 1 - (1 - usual) / MAX_BEND)
-    share = max(least, min(most, length / (bounds.size[2] if keeps_height else rest + length)))
-    height = bounds.size[2] if keeps_height else rest / (1 - share)
+    fraction = max(least, min(most, length / (bounds.size[2] if keeps_height else rest + length)))
+    height = bounds.size[2] if keeps_height else rest / (1 - fraction)
     low = natural.low[2]
     high = natural.high[2]
-    moved = low + (high - low) * (share if portion.is_below else 1 - share)
+    moved = low + (high - low) * (fraction if portion.is_below else 1 - fraction)
     stretch = with_side(factors, 2, height / natural.size[2])
     return instance.changed(bend=Bend(low, natural.plane, moved, high), stretch=stretch)
 
