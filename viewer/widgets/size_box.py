@@ -165,7 +165,7 @@ class _Projection(NamedTuple):
         return bool((motion.x**2 + motion.y**2) ** 0.5 > _SHORT * across)
 
     def sides(self, bounds: Bounds) -> list[_Side]:
-        """Return the sides of a box that face the camera and move across its line of sight."""
+        """Return the top of a box and the sides that face the camera, unless they move along its line of sight."""
         eye = self.camera.pose()[:3, 3].tolist()
         middle = [(low + high) / 2 for low, high in zip(bounds.low, bounds.high, strict=True)]
         sides = []
@@ -175,7 +175,8 @@ class _Projection(NamedTuple):
                 beside = [*face[:axis], face[axis] + outwards * _STEP, *face[axis + 1 :]]
                 place, moved = self.on_screen(face, beside)
                 motion = (moved - place) / _STEP
-                if self.shows(motion) and outwards * (eye[axis] - face[axis]) > 0:
+                is_top = (axis, outwards) == (2, 1)
+                if self.shows(motion) and (is_top or outwards * (eye[axis] - face[axis]) > 0):
                     sides.append(_Side(axis, outwards, face[axis], place, motion))
         return sides
 
