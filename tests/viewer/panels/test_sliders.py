@@ -97,6 +97,10 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     assert editor.scene.instance.codes.stretch[:2] == (1.0, 1.0)
     window.undo()
     assert editor.state == before
+    editor.set_camera(replace(editor.scene.camera, elevation=0.0))
+    window.ctx.yield_(2)
+    assert window.exists("View/**/##size 2 1")  # the top, also from below
+    editor.undo()
     window.drag("View/orbit", 60, 0)
     assert editor.scene.instance == before.scene.instance  # beside the handles, the object turns
     editor.lock("shape", True)
