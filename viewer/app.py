@@ -364,10 +364,12 @@ class App:
             self._save_preferences()
 
     def _close_top(self, context: PanelContext) -> None:
-        """On Esc, close open menus and lists, else the help, else Share; modal dialogs close themselves."""
+        """On Esc undo a drag, else close open menus and lists, the help or Share; modal dialogs close themselves."""
         if not imgui.is_key_pressed(imgui.Key.escape):
             return
-        if self._popup_open:
+        if self.session.editor.history.gesture:
+            self.session.editor.cancel_gesture()
+        elif self._popup_open:
             imgui.internal.close_popups_except_modals()
         elif context.help_open:
             context.help_open = False

@@ -175,6 +175,8 @@ class Editor:
         if self.is_missing(name):
             return
         self.end_gesture()  # the object itself may be on screen
+        if self.state.mixed_from:
+            self.objects.keep(self.state.mixed_from, self.scene.instance)
         instance = self.objects[name].instance
         pair = Pair(name, name)
         camera = self.scene.camera
@@ -304,6 +306,12 @@ class Editor:
         """End the drag: the next edit is another step."""
         if self.history.gesture:
             self._go(self.history.without_gesture())
+
+    def cancel_gesture(self) -> None:
+        """End the drag and return to the state before it."""
+        if self.history.gesture:
+            self.end_gesture()
+            self.undo()
 
     def undo(self) -> None:
         """Undo a step, if any; states that cannot be shown are skipped."""

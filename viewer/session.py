@@ -117,7 +117,6 @@ class Session:
         self.jobs.worker.deliver()
         self._add_models()
         self.viewport.tick()
-        self.painting.tick()
         self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
@@ -267,7 +266,7 @@ class Session:
     def whole_photo(self) -> UInt8[np.ndarray, "height width 3"] | None:
         """The whole photo of :attr:`photo_view` with the outline of the cut-out, if a copy is there."""
         view = self.photo_view
-        return self._photo_copies.whole(view) if view else None
+        return self._photo_copies.photo_of(view) if view else None
 
     @property
     def photo_camera(self) -> Camera | None:
@@ -300,11 +299,11 @@ class Session:
         used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
         kept = self.kept_objects.names
         saved = {added.name for added in objects.ever_added if added.name in used or added.name not in kept}
-        saved |= {objects.root(name) for name in saved}
+        roots = {objects.root(name) for name in saved}
         fit = FitHistory() if fitting.running and not fitting.results.checking else fitting.history
         return Project(
             history.without_gesture(),
-            tuple(added for added in objects.ever_added if added.name in saved),
+            tuple(added for added in objects.ever_added if objects.root(added.name) in roots),
             fit if fit.sources else self._waiting[0],
             (*fitting.pending, *self._waiting[1]),
             self.models.names,

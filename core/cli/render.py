@@ -135,8 +135,7 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
         for name, amount in chosen.edit:
             limit = most(instance, words, name)
             if amount > limit:
-                noun = instance.model.noun
-                say(f"{name}={amount:g}: ends at {limit:.2g}, beyond which this {noun} would fall to pieces")
+                say(f"{name}={amount:g}: ends at {limit:.2g}")
             instance = moved(instance, words, name, amount)
     for part, colour in chosen.paint:
         instance = run_to_end(paint(instance, Paint(colour, part)))

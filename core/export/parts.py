@@ -57,8 +57,9 @@ def _label_faces(
     middles = vertices[faces].mean(1)
     inside = middles - _DEPTH * normals / np.maximum(area[:, None], 1e-12)
     probability = _probability(head, folded, inside)
-    low = vertices.min(0)
-    places = (middles - low) / (vertices.max(0) - low)
+    middles, ends = (folded.origins(torch.from_numpy(points).float()).numpy() for points in (middles, vertices))
+    low = ends.min(0)
+    places = (middles - low) / (ends.max(0) - low)
     above = np.zeros(len(faces))
     if "seat" in head.names:
         facing_up = probability[:, head.names.index("seat")] * np.maximum(normals[:, 2], 0.0)

@@ -45,8 +45,10 @@ class Bend:
 
     def _shifted(self, points: Float[Tensor, "*batch 3"], start: float, end: float) -> Float[Tensor, "*batch 3"]:
         heights = points[..., 2]
-        shares = torch.minimum((heights - self.low) / (start - self.low), (self.high - heights) / (self.high - start))
-        return torch.cat((points[..., :2], (heights + (end - start) * shares.clamp_min(0))[..., None]), -1)
+        fractions = torch.minimum(
+            (heights - self.low) / (start - self.low), (self.high - heights) / (self.high - start)
+        )
+        return torch.cat((points[..., :2], (heights + (end - start) * fractions.clamp_min(0))[..., None]), -1)
 
 
 def mixed_bend(first: Bend | None, second: Bend | None, amount: float) -> Bend | None:
@@ -55,7 +57,7 @@ def mixed_bend(first: Bend | None, second: Bend | None, amount: float) -> Bend |
         bend = first or second
         if bend is None:
             return None
-        share = amount if first is None else 1 - amount
-        return Bend(bend.low, bend.plane, bend.plane + share * (bend.moved - bend.plane), bend.high)
+        fraction = amount if first is None else 1 - amount
+        return Bend(bend.low, bend.plane, bend.plane + fraction * (bend.moved - bend.plane), bend.high)
     numbers = zip(vars(first).values(), vars(second).values(), strict=True)
     return Bend(*((1 - amount) * start + amount * end for start, end in numbers))

@@ -25,13 +25,13 @@ TERMS = [(x, y, z) for x in range(4) for y in range(4 - x) for z in range(4 - x 
 _YZ_TERMS = [(y, z) for y in range(4) for z in range(4 - y)]
 _CANDIDATES, _POINTS = 40_000, 1500  # random places, and those that are kept beside the surface
 _BESIDE = 2.0  # logit of such a place: the surface is at 0
-_JITTERS = (0.012, 0.012, 0.05)  # scene units around surface points; at each, edited and original field are compared
+_JITTERS = (0.012, 0.012, 0.05)  # scene units around surface points, for the way back
 _STEP = 0.5  # standard deviations to either side, for the speed of the surface
 _SPEED = 0.04  # scene units per standard deviation: faster than this, a part appears or vanishes
 _ROUNDS = 4  # of robust least squares
 _END = 0.03  # fraction of the surface's points at an end of the object
 _UNITS = (1, 0, 0), (0, 1, 0), (0, 0, 1)  # exponents of the coordinates
-_STRAIN = 0.6  # greatest growth of lengths at the end of a direction: space must not fold
+_STRAIN = 0.6  # greatest growth of lengths, at the end of a direction and of several: space must not fold
 _NEARLY_ALL = 0.98
 _SOLID = 22.0  # optical depth of half the scene's box from which a place is solid: ln 2 for a cell of 64
 _RIDGE = 1e-4  # of the velocity's coefficients
@@ -104,12 +104,12 @@ def moved_along(instance: Instance, direction: int, to: float) -> Instance:
 def reach(instance: Instance, direction: int) -> tuple[float, float]:
     """Return the ends of an object's way along a shape direction: coordinates in standard deviations.
 
-    It is the same before and after edits. An object unlike the training objects looks odd earlier, so its way is
-    shorter.
+    It is the same before and after edits. A code that moves alone goes as far from the mean.
     """
-    space = instance.model.codes.shape_space
-    middle = float(space.coordinates(instance.codes.shape)[direction])
-    return middle - LIMIT, middle + LIMIT
+    code = float(instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction])
+    if direction >= DIRECTIONS or not supports_motion(instance.model):
+        return min(-LIMIT, code), max(LIMIT, code)
+    return code - LIMIT, code + LIMIT
 
 
 def warp_of(instance: Instance) -> Warp | None:
@@ -158,30 +158,26 @@ def _untextured(latents: Latents) -> Latents:
 def _warp(model: Model, origin: Latents, steps: tuple[float, ...]) -> Warp:
     """Return the map back from an object moved by steps along the first directions (standard deviations)."""
     with torch.inference_mode(False), torch.no_grad():  # cached
-        points = _points(motion(model, origin))
-        moved = _moved_points(model, origin, steps)
-        terms = _monomials(moved, model.extent_tensor)
+        extent = model.extent_tensor
+        surface, velocities = motion(model, origin)
+        velocity = torch.einsum("d,dtc->tc", torch.tensor(steps), velocities)
+        strain = _strain(velocity, surface, extent)
+        velocity = velocity * min(1.0, _STRAIN / strain)  # several moves together end no later than one
+        points = _points(surface)
+        moved = points
+        for _ in range(_SUBSTEPS):
+            moved = moved + _monomials(moved, extent) @ velocity / _SUBSTEPS
+        terms = _monomials(moved, extent)
         normal = terms.T @ terms + _RIDGE * len(points) * torch.eye(len(TERMS))
         coefficients = torch.linalg.solve(normal, terms.T @ (points - moved))
-    shrunk = _STRAIN * sum(map(abs, steps)) / LIMIT
-    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())), shrunk)
+    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())), min(strain, _STRAIN))
 
 
-def _moved_points(model: Model, origin: Latents, steps: tuple[float, ...]) -> Float[Tensor, "points 3"]:
-    place = motion(model, origin)
-    extent = model.extent_tensor
-    velocity = torch.einsum("d,dtc->tc", torch.tensor(steps), place.velocities)
-    points = _points(place)
-    for _ in range(_SUBSTEPS):
-        points = points + _monomials(points, extent) @ velocity / _SUBSTEPS
-    return points
-
-
-def _points(place: Motion) -> Float[Tensor, "points 3"]:
+def _points(surface: Float[Tensor, "points 3"]) -> Float[Tensor, "places 3"]:
     """Return random points around an object's surface, the same at every call."""
     generator = torch.Generator().manual_seed(1)
-    shifts = [jitter * torch.randn(place.surface.shape, generator=generator) for jitter in _JITTERS]
-    return torch.cat([place.surface + shift for shift in shifts])
+    shifts = [jitter * torch.randn(surface.shape, generator=generator) for jitter in _JITTERS]
+    return torch.cat([surface + shift for shift in shifts])
 
 
 @lru_cache(maxsize=8)

@@ -119,13 +119,13 @@ def _plane(instance: Instance) -> float | None:
     return float(points[:, 2].median())
 
 
-def _is_of(instance: Instance, part: str, points: Float[Tensor, "points 3"]) -> Bool[Tensor, "points"]:
+def _is_of(instance: Instance, name: str, points: Float[Tensor, "points 3"]) -> Bool[Tensor, "points"]:
     """Mark the points inside a part."""
     head = instance.model.part_head
     assert head is not None
     density, features = FoldedField.of(instance).density(pad_rows(points))
     is_inside = density[: len(points)] * (2 * max(instance.model.extent) / CELLS) > _SOLID
-    return is_inside & (head(features[: len(points)]).argmax(1) == head.names.index(part))
+    return is_inside & (head(features[: len(points)]).argmax(1) == head.names.index(name))
 
 
 @torch.inference_mode()

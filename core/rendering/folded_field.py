@@ -42,6 +42,10 @@ class FoldedField:
         """Return the folded field of an object, cached: its renders, bakes and meshes share it."""
         return _folded(instance.unstretched, matmul_dtype(instance.model.device.type))
 
+    def origins(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
+        """Return the places in the natural object that points come from."""
+        return self._bend.origins(points) if self._bend else points
+
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """Return the activations of the first layer, at points before a bend; unless moved, they depend on no code."""
         return relu_(self._weights.position(self._warp.origins(points) if self._warp else points))
@@ -50,7 +54,7 @@ class FoldedField:
         self, points: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Return density per scene unit, bounded by the outline of photos, and features for :meth:`colour`."""
-        points = self._bend.origins(points) if self._bend else points
+        points = self.origins(points)
         density, features = self.unbounded_density(self.first_layer(points))
         return density if self._outline is None else density * self._outline.factor(points), features
 

@@ -22,7 +22,7 @@ def size_of(instance: Instance) -> Size:
 
 
 def bounds_of(instance: Instance) -> Bounds:
-    """Return the bounds of an object's surface, with its stretch; as :func:`size_of`."""
+    """Return the bounds of an object's bent and stretched surface; as :func:`size_of`."""
     return natural_bounds(instance).bent(instance.codes.bend).stretched(instance.codes.factors)
 
 
@@ -50,9 +50,7 @@ def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
         return instance.natural
     if len(size) != 3 or not all(LIMITS[0] <= side <= LIMITS[1] for side in size):  # false for NaN
         raise ValueError(f"a size is three lengths from {LIMITS[0]:g} to {LIMITS[1]:g} cm, got {described(size)}")
-    if instance.model.white_from_network:
-        raise ValueError("objects of a model that paints the background have no size")
-    natural = natural_bounds(instance)
+    natural = _measured(instance)
     x, y, z = (side / before for side, before in zip(size, natural.bent(instance.codes.bend).size, strict=True))
     factors = sorted((x, y, z))
     if factors[0] < STRETCH[0] or factors[-1] > STRETCH[1] or factors[-1] > MAX_DISTORTION * factors[0]:
@@ -61,6 +59,12 @@ def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
             f"{STRETCH[1]:g} at most, and not one by {MAX_DISTORTION:g} times as much as another"
         )
     return instance.changed(stretch=(x, y, z))
+
+
+def _measured(instance: Instance) -> Bounds:
+    if instance.model.white_from_network:
+        raise ValueError("objects of a model that paints the background have no size")
+    return natural_bounds(instance)
 
 
 def with_side(stretch: Factors, axis: int, factor: float) -> Factors:
@@ -96,7 +100,7 @@ def portion_sized(instance: Instance, name: str, length: float, keeps_height: bo
         [60.0, 58.0, 92.0]
     """
     portion = portion_of(instance.model)
-    natural = natural_bounds(instance)
+    natural = _measured(instance)
     if portion is None or portion.name != name or natural.plane is None:
         noun = instance.model.noun or "object"
         reach = f"only its {portion.name}" if portion and natural.plane is not None else "only the whole of it"
@@ -124,11 +128,11 @@ def with_portion(instance: Instance, natural: Bounds, length: float, keeps_heigh
     usual = natural.length(portion) / natural.size[2]
     least = max(usual / MAX_BEND, 1 - (1 - usual) * MAX_BEND)
     most = min(usual * MAX_BEND, 1 - (1 - usual) / MAX_BEND)
-    share = max(least, min(most, length / (bounds.size[2] if keeps_height else rest + length)))
-    height = bounds.size[2] if keeps_height else rest / (1 - share)
+    fraction = max(least, min(most, length / (bounds.size[2] if keeps_height else rest + length)))
+    height = bounds.size[2] if keeps_height else rest / (1 - fraction)
     low = natural.low[2]
     high = natural.high[2]
-    moved = low + (high - low) * (share if portion.is_below else 1 - share)
+    moved = low + (high - low) * (fraction if portion.is_below else 1 - fraction)
     stretch = with_side(factors, 2, height / natural.size[2])
     return instance.changed(bend=Bend(low, natural.plane, moved, high), stretch=stretch)
 

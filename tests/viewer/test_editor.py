@@ -228,6 +228,18 @@ def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) 
     assert again.instance == chair.instance and again.instance.detail == chair.instance.detail
 
 
+def test_a_mix_stays_as_a_version_of_a_when_another_object_is_shown(editor: Editor, model: Model) -> None:
+    name = editor.add_and_show(fitted(model), editor.scene.camera)
+    editor.set_b("object 4")
+    editor.mix_both(0.5, 0.25)
+    mixed = editor.scene.instance
+    editor.show_object("object 2")
+    assert [editor.objects[version].instance for version in editor.objects.versions(name)][1:] == [mixed]
+    editor.mix_both(0.5, 0.25)  # of an object that keeps no edits
+    editor.show_object(name)
+    assert len(editor.objects.versions(name)) == 2
+
+
 def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, model: Model) -> None:
     chair = fitted(model)
     name = editor.add_and_show(chair, editor.scene.camera)

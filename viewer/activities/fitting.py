@@ -396,7 +396,7 @@ class Fitting:
         views = step.instance.detail.views if step.instance.detail else ()
         for view, fitted in zip(views, self.history.photos, strict=False):
             if fitted.preview:
-                self._copies.keep_whole(view, fitted.preview)
+                self._copies.keep_photo(view, fitted.preview)
 
     def _with_detail(self, step: FitStep) -> FitStep:
         """Return a stopped fit's step with photo detail, which only full fits end with."""

@@ -68,8 +68,9 @@ class Names:
         if instance.is_missing or root.original.is_missing:
             return "edited"
         shape = _direction_word(instance, root.original, self._words.of_shape(instance.model))
-        codes, before = instance.codes, root.original.codes
-        size = "resized" if (codes.stretch, codes.bend) != (before.stretch, before.bend) else ""
+        codes = instance.codes
+        original = root.original.codes
+        size = "resized" if (codes.stretch, codes.bend) != (original.stretch, original.bend) else ""
         return ", ".join(filter(None, (self._paint_word(instance, root.original), shape or size))) or "edited"
 
     def _paint_word(self, instance: Instance, original: Instance) -> str:

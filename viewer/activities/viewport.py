@@ -41,7 +41,6 @@ class Viewport:
         self.frame: Frame | None = None  # newest frame, cropped to the view
         self.frame_request: ViewRequest | None = None  # inputs of :attr:`frame`
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
-        self.repainted: Frame | None = None  # :attr:`full_frame` in a paint that the object does not have yet
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw, as large as the shown one
@@ -289,10 +288,10 @@ class Viewport:
 
     def _is_coarser(self, frame: Frame, request: ViewRequest) -> bool:
         """Return whether the image on screen, such as that of the last launch, is a sharper one of the same view."""
-        shown = self.frame_request
-        if shown is None or self.frame is None or self.baked_frame:
+        current = self.frame_request
+        if current is None or self.frame is None or self.baked_frame:
             return False
-        if (shown.instance, shown.camera, shown.settings.pan) != (
+        if (current.instance, current.camera, current.settings.pan) != (
             request.instance,
             request.camera,
             request.settings.pan,
@@ -302,8 +301,6 @@ class Viewport:
         return height > frame.resolution[1] and abs(width / height * frame.resolution[1] - frame.resolution[0]) <= 1
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
-        if request != self.frame_request:  # else a sharper image of the same
-            self.repainted = None
         self.full_frame = (frame, crop)
         self.frame = crop.cropped(frame)
         self.sharp = False

@@ -62,6 +62,7 @@ class ShareDialog:
     def __init__(self) -> None:
         self._composite: tuple[Image, Background | None, np.ndarray] | None = None  # image, background, both as one
         self._more = False  # further choices are unfolded
+        self._height = 0.0  # px of preview and choices, at least: the button below stays where it is
 
     def draw(self, context: PanelContext) -> None:
         """Draw the dialog while it is open."""
@@ -69,6 +70,7 @@ class ShareDialog:
         if not context.share_open:
             exporting.preview.close()
             exporting.films.close()
+            self._height = 0.0
             return
         visible, context.share_open = begin_dialog("Share")
         if visible:
@@ -83,6 +85,7 @@ class ShareDialog:
         if changed.kind not in FILMS:
             context.session.exporting.films.close()
         imgui.spacing()
+        top = imgui.get_cursor_pos_y()
         room = imgui.get_main_viewport().work_size.x / em - _LABEL - _WIDTH - 3
         self._draw_preview(context, _as_in_view(context, changed), min(_SIDE, room) * em)
         imgui.same_line(0, em)
@@ -93,6 +96,10 @@ class ShareDialog:
         else:
             changed = self._draw_choices(context, changed)
         imgui.end_group()
+        used = imgui.get_cursor_pos_y() - top
+        self._height = max(self._height, used)
+        if used < self._height:
+            imgui.dummy((0, self._height - used - imgui.get_style().item_spacing.y))
         imgui.spacing()
         _draw_foot(context, changed)
         if changed != settings:
@@ -200,13 +207,20 @@ def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> 
             texture = context.images.texture(frame, context.palette)
             imgui.get_window_draw_list().add_image(texture, place, place + size)
     chosen = _draw_toggles(chosen, {kind: (f"{FILMS[kind]}###{kind}", _ABOUT[kind]) for kind in kinds}, width)
-    if (shares := previews.photo_shares(chosen)) is not None:
-        photo, mirrored = shares
-        imgui.text_disabled(f"Photo {photo:.0%}, mirror image {mirrored:.0%}, model {1 - photo - mirrored:.0%}")
+    if editor.scene.instance.detail:
+        imgui.text_disabled(_sources(previews.photo_shares(chosen)))
         tooltip("Sources of the colours in this film. What neither the photo nor its mirror image shows is the model's")
     if previews.moving:
         context.session.jobs.worker.wake()
     return settings if chosen == film.kind else replace(settings, kind=chosen)
+
+
+def _sources(shares: tuple[float, float] | None) -> str:
+    """Describe the fractions of a film's colours that come from the photo and from its mirror image."""
+    if shares is None:
+        return "Comparing with the photo …"
+    photo, mirrored = shares
+    return f"Photo {photo:.0%}, mirror image {mirrored:.0%}, model {1 - photo - mirrored:.0%}"
 
 
 def _draw_form(settings: ShareSettings, instance: Instance) -> ShareSettings:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.detail.paint import CoarsePaint, Paint, Rgb, coarse_paint, paint, paint_colour
+from core.detail.paint import Paint, paint, paint_colour
 from core.detail.progressive import Frame, RenderJob, render_progressively
 from core.directions.part_map import Box, PartMap, part_map
 from core.directions.words import Words, direction_words
@@ -20,6 +20,7 @@ from core.gl.baked_field import BakedField
 from core.gl.baking import bake
 from core.models.library import load_model
 from core.models.model import Instance, Model
+from core.models.paints import Rgb
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
@@ -52,7 +53,6 @@ class Backend:
     bake: Callable[[Instance], Iterator[BakedField | None]] = bake
     part_map: Callable[[Instance, Camera, Frame, Box], PartMap] = part_map
     paint_colour: Callable[[Instance, str], Generator[None, None, Rgb]] = paint_colour
-    coarse_paint: Callable[[Instance, Camera, Frame, str], CoarsePaint] = coarse_paint
     paint: Callable[[Instance, Paint], Generator[None, None, Instance]] = paint
     distance: Callable[[Instance, Camera, float], float] = filling_distance
     bounds: Callable[[Instance], Bounds] = natural_bounds

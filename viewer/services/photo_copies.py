@@ -42,29 +42,29 @@ class PhotoCopies:
             return source._replace(copy=copy)
         return source
 
-    def keep_whole(self, view: PhotoView, preview: CutOutPreview) -> None:
+    def keep_photo(self, view: PhotoView, preview: CutOutPreview) -> None:
         """Keep the whole photo of which a fitted object holds a view, unless the folder denies that."""
         self._read = None
-        if path := self._whole_file(view):
+        if path := self._photo_file(view):
             with suppress(ValueError, OSError):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with atomic_file(path) as written:
                     written.write_bytes(preview.compressed)
 
-    def whole(self, view: PhotoView) -> UInt8[np.ndarray, "height width 3"] | None:
+    def photo_of(self, view: PhotoView) -> UInt8[np.ndarray, "height width 3"] | None:
         """Return the whole photo of a fitted object's view; None if no copy of it is there."""
-        path = self._whole_file(view)
+        path = self._photo_file(view)
         if path and (self._read is None or self._read[0].image is not view.image):
             self._read = view, optional(lambda: read_compressed(path.read_bytes()))
         return self._read[1] if self._read else None
 
-    def _whole_file(self, view: PhotoView) -> Path | None:
+    def _photo_file(self, view: PhotoView) -> Path | None:
         return self._folder and self._folder / f"{hashlib.sha256(view.image).hexdigest()[:16]}.webp"
 
     def sweep(self, needed: Iterable[PhotoSource], views: Iterable[PhotoView] = ()) -> None:
         """Delete the oldest copies beyond a limit, except those of some photos, and of objects with some views."""
         paths = sorted(self._folder.glob("*"), key=lambda path: path.stat().st_mtime) if self._folder else []
-        kept = {source.copy.parent for source in needed if source.copy} | set(map(self._whole_file, views))
+        kept = {source.copy.parent for source in needed if source.copy} | set(map(self._photo_file, views))
         for path in [path for path in paths if path.is_dir()][:-_MAX_KEPT]:
             if path not in kept:
                 shutil.rmtree(path, ignore_errors=True)

@@ -67,9 +67,18 @@ class State:
     @property
     def version_of(self) -> str:
         """Name of the object of which the codes are a version; "" for mixes, samples and frames of the timeline."""
+        return "" if self.mix.shape or self.mix.texture else self._a
+
+    @property
+    def mixed_from(self) -> str:
+        """Name of the object A that has some of B in it; "" for other codes."""
+        return self._a if self.mix.shape or self.mix.texture else ""
+
+    @property
+    def _a(self) -> str:
+        """Name of object A; "" if its shape and texture have two names, and for samples and frames of the timeline."""
         shape, texture = self.mix.a
-        unmixed = shape == texture and not (self.mix.shape or self.mix.texture)
-        return shape if self.is_a and unmixed else ""
+        return shape if self.is_a and shape == texture else ""
 
     def renamed(self, names: Mapping[str, str]) -> State:
         """Return the state with objects renamed from keys to values of ``names``."""

@@ -135,7 +135,7 @@ class ObjectLibrary:
 
     def keep(self, name: str, instance: Instance) -> None:
         """Keep codes of an added object as a version that edits of the object leave; nothing for any other object."""
-        if name not in self._added or instance == self[self.root(name)].original:
+        if name not in self._added or name in self.removed or instance == self[self.root(name)].original:
             return
         if not set(self.named(name, instance)) - {name}:
             self._add_version(name, instance)

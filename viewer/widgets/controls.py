@@ -23,14 +23,24 @@ OVERLAY_FLAGS = (
     | imgui.WindowFlags_.no_move
 )  # of a small, fixed window over the view
 
-_LINE = 40  # em, the longest line of a tooltip
+_LINE, _ROOM = 40, 5  # em, the longest line of a tooltip, and least room above an item for a tooltip
 
 
-def tooltip(text: str) -> None:
-    """Add a tooltip, if there is text, to imgui's last item, hidden while the item is dragged."""
-    if text and not imgui.is_item_active() and imgui.begin_item_tooltip():
+def tooltip(text: str, above: bool = True) -> None:
+    """Add a tooltip, if there is text, to imgui's last item, hidden while the item is dragged.
+
+    It is above the item, where there is room, so that what follows stays in sight.
+    """
+    if not text or imgui.is_item_active() or not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+        return
+    screen = imgui.get_main_viewport().size
+    top = imgui.get_item_rect_min().y - hello_imgui.em_size(0.3)
+    if above and top > hello_imgui.em_size(_ROOM):
+        mouse = imgui.get_mouse_pos().x
+        imgui.set_next_window_pos(ImVec2(mouse, top), imgui.Cond_.always, (mouse / screen.x, 1))  # within the screen
+    if imgui.begin_tooltip():
         _keep_off_messages()
-        imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * imgui.get_main_viewport().work_size.x))
+        imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * screen.x))
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()

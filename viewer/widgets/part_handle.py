@@ -88,7 +88,9 @@ class PartHandle:
             imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
         is_locked = "shape" in context.session.editor.locked
         usage = [_LOCKED if is_locked else _RESHAPE]
-        tooltip("\n".join([*usage, _COLOUR] if _takes_paint(context, handle) else usage))
+        tooltip(
+            "\n".join([*usage, _COLOUR] if _takes_paint(context, handle) else usage), above=False
+        )  # the name is there
         self._is_held |= imgui.is_item_activated()
         if self._is_held and imgui.is_item_active() and not is_locked:
             drag = imgui.get_mouse_drag_delta(0, 0.0) / min(context.view[1] - context.view[0])

@@ -115,11 +115,10 @@ def _plane_handle(
     instance: Instance, natural: Bounds, projection: "_Projection", box: Bounds, portion: Portion
 ) -> list[_Handle]:
     """Return the handle on the plane's line, at its right; none as seen from above."""
-    corners = projection.on_screen(*_ring(box))
-    right = max(range(4), key=lambda number: corners[number].x)
-    x, y, z = _ring(box)[right]
-    (above,) = projection.on_screen((x, y, z + _STEP))
-    motion = (above - corners[right]) / _STEP
+    across, along, _ = projection.camera.pose()[:3, 0].tolist()
+    x, y, z = max(_ring(box), key=lambda corner: across * corner[0] + along * corner[1])
+    place, above = projection.on_screen((x, y, z), (x, y, z + _STEP))
+    motion = (above - place) / _STEP
     if not projection.shows(motion):
         return []
     length = natural.bent(instance.codes.bend).stretched(instance.codes.factors).length(portion)
@@ -131,7 +130,7 @@ def _plane_handle(
     def resized(moved: float) -> Instance:
         return with_portion(instance, natural, max(0.01, 1 + growth * moved) * length)
 
-    return [_Handle(portion.name, portion.name.capitalize(), length, corners[right], motion, resized)]
+    return [_Handle(portion.name, portion.name.capitalize(), length, place, motion, resized)]
 
 
 def _ring(box: Bounds) -> list[tuple[float, float, float]]:
@@ -166,7 +165,7 @@ class _Projection(NamedTuple):
         return bool((motion.x**2 + motion.y**2) ** 0.5 > _SHORT * across)
 
     def sides(self, bounds: Bounds) -> list[_Side]:
-        """Return the sides of a box that face the camera and move across its line of sight."""
+        """Return the top of a box and the sides that face the camera, unless they move along its line of sight."""
         eye = self.camera.pose()[:3, 3].tolist()
         middle = [(low + high) / 2 for low, high in zip(bounds.low, bounds.high, strict=True)]
         sides = []
@@ -176,7 +175,8 @@ class _Projection(NamedTuple):
                 beside = [*face[:axis], face[axis] + outwards * _STEP, *face[axis + 1 :]]
                 place, moved = self.on_screen(face, beside)
                 motion = (moved - place) / _STEP
-                if self.shows(motion) and outwards * (eye[axis] - face[axis]) > 0:
+                is_top = (axis, outwards) == (2, 1)
+                if self.shows(motion) and (is_top or outwards * (eye[axis] - face[axis]) > 0):
                     sides.append(_Side(axis, outwards, face[axis], place, motion))
         return sides
 

@@ -14,6 +14,7 @@ from viewer.widgets.text import heading
 SIDES = "Width", "Depth", "Height"
 _HANDLES = icons_fontawesome_4.ICON_FA_ARROWS_ALT
 _NATURAL = icons_fontawesome_4.ICON_FA_UNDO
+_BOX = "Drag the sides of a box around the object, and its legs or roof"
 _SPEED = 0.5  # % of a length per px of a drag
 _FINE = 20.0  # cm below which a length has a decimal
 
@@ -34,7 +35,7 @@ def draw_size(context: PanelContext) -> None:
         imgui.same_line(0, gap)
     chosen = context.tool == "size"
     colour = context.palette.accent if chosen else None
-    if button(f"{_HANDLES}###size handles", "Drag the sides of a box around the object", icon, colour=colour):
+    if button(f"{_HANDLES}###size handles", _BOX, icon, colour=colour):
         context.tool = "turn" if chosen else "size"
     imgui.same_line(0, gap)
     if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=editor.scene.instance.codes.is_sized):

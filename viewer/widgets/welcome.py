@@ -9,7 +9,7 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption
 
-_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6  # em: width of the card, space around and within it
+_WIDEST, _MARGIN, _PADDING = 32.0, 0.7, 0.6  # em: width of the card, space around and within it
 _SMALL, _SAMPLE = 11.0, 3.0  # em: width of the small card, and side of a sample photo
 _LOW = 18.0  # em: in a lower view the large card would hide the object
 _GAP, _LEAST = 0.6, 7.0  # em: gap between photos, and least width of the button beside them
@@ -90,7 +90,8 @@ def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
     room = imgui.get_content_region_avail().x
     if not paths:
         return
-    across = len(paths) if room > len(paths) * (_SAMPLE * em + gap) else -(-len(paths) // 2)
+    needed = len(paths) * (_SAMPLE * em + gap) - gap
+    across = len(paths) if room > needed - 1 else -(-len(paths) // 2)  # half a pixel may be lost to rounding
     side = min(object_tiles.THUMBNAIL * em, (room - gap * (across - 1)) / across, largest)
     for number, path in enumerate(paths):
         if number % across:

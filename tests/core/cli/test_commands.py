@@ -147,6 +147,21 @@ def test_a_size_in_centimetres_is_that_of_the_mesh_and_of_pictures():
     np.testing.assert_allclose(high - low, (0.60, 1.20, 0.58), atol=1e-3)
 
 
+def test_legs_in_centimetres_are_those_of_the_mesh_and_of_pictures(capsys: pytest.CaptureFixture[str]):
+    options = "--object 999 --resolution 24"
+    run(f"mesh {options} --legs-cm 50 --out tall.glb")
+    run(f"mesh {options} --size-cm 60x58x92 --legs-cm 50 --out split.glb")
+    low, high = trimesh.load_scene("split.glb", process=False).bounds
+    np.testing.assert_allclose(high - low, (0.60, 0.92, 0.58), atol=1e-3)
+    low, high = trimesh.load_scene("tall.glb", process=False).bounds
+    assert 0.95 < (high - low)[1] < 1.05  # 90 cm, with legs of 40 cm
+    run("render --object 999 --legs-cm 50 --size 32 --out tall.png")
+    run("mesh --scene tall.png --resolution 24 --out again.glb")
+    np.testing.assert_allclose(trimesh.load_scene("again.glb", process=False).bounds, (low, high), atol=2e-3)
+    for bad in ("--legs-cm 0", "--legs-cm nan", "--roof-cm 50", "--legs-cm 4000", "--model cars --legs-cm 50"):
+        assert bad.split()[-2][2:6] in refused(capsys, f"mesh {options} {bad} --out a.glb")
+
+
 @pytest.mark.parametrize("size", ["0x58x92", "60x-5x92", "nanx58x92", "60x58", "1x2x3x4x5", "1e6x1e6x1e6", "60x58x5e4"])
 def test_other_sizes_are_refused(size: str, capsys: pytest.CaptureFixture[str]):
     tiny_model().save(Path("m.safetensors"))

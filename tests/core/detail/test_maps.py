@@ -10,6 +10,7 @@ from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.detail.maps import ComparedPhoto, detail_maps, paint_weight
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
 from core.detail.surface import SurfaceTexels, surface_normals
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
@@ -27,6 +28,7 @@ from tests.conftest import no_opengl
 from tests.core.baked_reference import render_baked
 
 SIZE = 192
+BEND = Bend(-0.35, -0.02, 0.1, 0.35)
 SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"
 
 
@@ -167,19 +169,21 @@ def test_every_stage_shows_photo_detail(instance: Instance, camera: Camera) -> N
 
 
 @pytest.mark.parametrize(
-    ("azimuth", "covers", "edited", "stretch"),
+    ("azimuth", "covers", "edited", "size"),
     [
-        (1.4, False, False, None),
-        (1.4, False, True, None),
-        (1.2, False, False, (1.5, 1.0, 0.8)),
-        (np.pi - 1.1, False, False, None),
-        (np.pi - 1.1, True, False, None),
+        (1.4, False, False, {}),
+        (1.4, False, True, {}),
+        (1.2, False, False, {"stretch": (1.5, 1.0, 0.8)}),
+        (1.2, False, True, {"stretch": (1.0, 1.0, 1.2), "bend": BEND}),
+        (np.pi - 1.1, False, False, {"bend": BEND}),
+        (np.pi - 1.1, False, False, {}),
+        (np.pi - 1.1, True, False, {}),
     ],
 )
 def test_opengl_and_the_processor_draw_the_same_photo_detail(
-    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool, stretch: Factors | None
+    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool, size: dict[str, Factors | Bend]
 ) -> None:
-    instance = moved_along(instance, 0, 9.0) if edited else instance.changed(stretch=stretch)
+    instance = (moved_along(instance, 0, 9.0) if edited else instance).changed(**size)
     *_, shadowed = filter(None, bake(instance))
     assert shadowed.detail is not None and (shadowed.detail.warp is not None) == edited
     baked = replace(shadowed, shadow=None)

@@ -52,7 +52,7 @@ def test_without_words_for_sizes_a_drag_follows_the_first_direction(stool: Insta
     assert only_wider.direction == 0
 
 
-def test_a_tenth_of_the_image_is_a_standard_deviation(stool: Instance) -> None:
+def test_three_hundredths_of_the_image_are_a_standard_deviation(stool: Instance) -> None:
     pull = find_pull(stool, _WORDS, _FRONT, (0.0, 0.0, 0.3), (0.0, -8.0))
-    assert pull.amount((0.0, -12.8)) == pytest.approx(-1.0, abs=0.01)
+    assert pull.amount((0.0, -3.84)) == pytest.approx(-1.0, abs=0.01)
     assert Pull(2, (10.0, -20.0)).amount((20.0, 10.0)) == pytest.approx(0.0)

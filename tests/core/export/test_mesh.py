@@ -20,7 +20,8 @@ from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.rendering import fast
-from core.rendering.size import sized
+from core.rendering.bounds import natural_bounds
+from core.rendering.size import portion_sized, sized
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import unchecked_shapes
@@ -269,6 +270,31 @@ def test_a_sized_object_measures_its_size(name: str, texture: int, tiny: Model, 
     list(export_mesh(stool, tmp_path / name, MeshSettings(32, metres=0.46, texture=texture)))
     low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
     np.testing.assert_allclose(high - low, np.array(expected) / 2, atol=1e-4)
+
+
+def test_legs_of_a_mesh_are_as_long_as_they_were_sized(tmp_path: Path):
+    chair = load_model("chairs")[999]
+    split = portion_sized(sized(chair, (60.0, 58.0, 92.0)), "legs", 45.0, keeps_height=True)
+    with use_dtype(torch.float32):
+        list(export_mesh(split, tmp_path / "chair.glb", MeshSettings(64)))
+        natural = run_to_end(extract_mesh(chair, 64)).vertices
+    scene = trimesh.load_scene(tmp_path / "chair.glb", process=False)
+    written = scene.to_geometry().vertices @ WORLD_FROM_GLTF.T
+    np.testing.assert_allclose(np.ptp(written, axis=0), (0.60, 0.58, 0.92), atol=1e-4)
+
+    def underside(vertices: np.ndarray) -> float:
+        """The height of the seat's underside in its middle, above the ground."""
+        low, high = vertices.min(0), vertices.max(0)
+        under = (np.abs(vertices - (low + high) / 2)[:, :2] < 0.1 * (high - low)[:2]).all(1)
+        return float(np.median(np.sort(vertices[under, 2])[:20]) - low[2])
+
+    low, high = natural[:, 2].min(), natural[:, 2].max()
+    seat = low + underside(natural)
+    plane = natural_bounds(chair).plane
+    below = 0.45 * (seat - low) / (plane - low)
+    expected = below if seat < plane else 0.92 - 0.47 * (high - seat) / (high - plane)
+    assert underside(written) == pytest.approx(expected, abs=2e-3)
+    assert expected == pytest.approx(0.45, abs=0.01)
 
 
 def test_normals_are_those_of_the_stretched_surface(tiny: Model, tmp_path: Path):

@@ -16,6 +16,7 @@ from PIL import Image
 from core.detail.lookup import DetailMaps
 from core.export.page import MAX_BYTES, write_page
 from core.export.page import page as page_text
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
@@ -56,15 +57,16 @@ def drawn(browser: Chromium, azimuth: float, elevation: float) -> Float[np.ndarr
 
 
 STRETCH = 1.0, 1.5, 0.7
+BEND = Bend(-0.35, -0.02, 0.1, 0.35)
 
 
 @pytest.mark.parametrize(
-    "side, views, stretch",
+    "side, views, stretch, bend",
     [
-        ("mirrored", CAMERAS, None),
-        ("soft", CAMERAS[:2], None),
-        (None, CAMERAS[:2], None),
-        ("mirrored", CAMERAS[:3], STRETCH),
+        ("mirrored", CAMERAS, None, None),
+        ("soft", CAMERAS[:2], None, None),
+        (None, CAMERAS[:2], None, None),
+        ("mirrored", CAMERAS[:3], STRETCH, BEND),
     ],
 )
 def test_pages_show_the_programs_own_render(
@@ -75,9 +77,10 @@ def test_pages_show_the_programs_own_render(
     side: OtherSide | None,
     views: list[tuple[float, float]],
     stretch: Factors | None,
+    bend: Bend | None,
 ) -> None:
     instance = tiny[0] if side is None else striped(tiny, camera.resized(192, 192))
-    instance = instance.changed(stretch=stretch)
+    instance = instance.changed(stretch=stretch, bend=bend)
     if instance.detail and side:
         instance = instance.with_detail(replace(instance.detail, other_side=side))
     path = tmp_path / "object.html"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
 from core.gl.baked_field import BakedField
 from core.gl.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
@@ -63,6 +64,18 @@ def test_a_stretched_object_has_the_same_texels_and_another_picture(tiny: Model,
     assert psnr(image, exact.colour) > 40
     assert fine.shadow.height == pytest.approx(natural.shadow.height * stool.codes.proportions[2])
     assert fine.shadow.reach[0] == pytest.approx(natural.shadow.reach[0] * stool.codes.proportions[0])
+
+
+def test_a_bent_object_is_baked_as_it_is_rendered(tiny: Model) -> None:
+    bend = Bend(-0.35, -0.05, 0.1, 0.35)
+    stool = tiny[0].changed(bend=bend, stretch=(1.0, 1.0, 1.3))
+    camera = tiny.camera(0.7, 0.4).resized(96, 64)
+    *_, fine = filter(None, bake(stool))
+    *_, natural = filter(None, bake(tiny[0]))
+    assert psnr(render_baked(fine, camera).colour, render_exact(stool, camera).colour) > 40
+    assert psnr(render_baked(natural, camera).colour, render_exact(stool, camera).colour) < 35
+    ground = float(bend.bent(torch.tensor([0.0, 0.0, natural.shadow.height]))[2])
+    assert fine.shadow.height == pytest.approx(ground * stool.codes.proportions[2], abs=0.005)
 
 
 @pytest.mark.parametrize("perspective", [True, False])

@@ -107,6 +107,8 @@ def test_a_distortion_is_limited(tiny: Model) -> None:
 def test_a_network_that_paints_the_background_has_no_sizes() -> None:
     with pytest.raises(ValueError, match="paints the background"):
         sized(random_model(white_from_network=True)[0], (60.0, 60.0, 60.0))
+    with pytest.raises(ValueError, match="paints the background"):
+        portion_sized(random_model(white_from_network=True)[0], "legs", 45.0)
 
 
 @pytest.mark.parametrize("stretch", [(1.6, 1.0, 1.0), (1.0, 1.0, 1.5), (1.0, 1.5, 0.8)])

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from core.detail.progressive import Frame
+from core.geometry.bend import Bend
 from core.models.codes import Entry
 from core.models.model import Instance, Model, Words
 from tests.conftest import open_models, random_model
@@ -77,6 +78,7 @@ def test_versions_are_named_by_what_differs_and_a_persons_name_wins(names: Names
     assert names.version(name, low) == "red, lower"
     assert names.version(name, fitted.changed(texture=fitted.codes.texture + 0.2)) == "repainted"
     assert names.version(name, fitted.changed(stretch=(1.2, 1.0, 1.0))) == "resized"
+    assert names.version(name, fitted.changed(bend=Bend(-0.4, 0.0, 0.1, 0.4))) == "resized"
     version = objects.version(name, low)
     assert names.label(version) == "Car, red, lower"
     objects.rename(version, "My own")

@@ -43,17 +43,29 @@ def test_a_menu_and_the_question_for_a_file_are_drawn_over_messages(window: Driv
     window.press(imgui.Key.escape)
 
 
+def _tooltip(window: Driver) -> imgui.internal.Window | None:
+    box = window.ctx.window_info("//##Tooltip_00", imgui.test_engine.TestOpFlags_.no_error).window
+    return box if box is not None and box.active and not box.hidden else None
+
+
+@in_window()
+def test_a_tooltip_covers_neither_its_button_nor_what_follows(window: Driver) -> None:
+    window.context.share()
+    window.ctx.yield_(3)
+    window.ctx.mouse_move("//Share/###page")
+    window.wait(lambda: _tooltip(window) is not None)
+    box = _tooltip(window)
+    assert box.pos.y + box.size.y <= window.ctx.item_info("//Share/###page").rect_full.min.y
+    assert box.pos.x >= 0 and box.pos.x + box.size.x <= imgui.get_main_viewport().size.x
+
+
 @in_window()
 def test_no_tooltip_covers_a_message(window: Driver) -> None:
-    def tooltip() -> imgui.internal.Window | None:
-        box = window.ctx.window_info("//##Tooltip_00", imgui.test_engine.TestOpFlags_.no_error).window
-        return box if box is not None and box.active and not box.hidden else None
-
     window.session.messages.notify("wrong " * 60, MessageKind.PROBLEM)
     window.ctx.yield_(3)
     window.ctx.mouse_move("//Messages/###dismiss 0")
-    window.wait(lambda: tooltip() is not None)
-    box = tooltip()
+    window.wait(lambda: _tooltip(window) is not None)
+    box = _tooltip(window)
     messages = window.ctx.window_info("//Messages").window
     assert box.pos.y + box.size.y <= messages.pos.y
 

@@ -54,8 +54,11 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: M
     window.ctx.mouse_move_to_pos(dot + ImVec2(4 * inset, 0))
     assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
     assert editor.state.mix.texture == pytest.approx(0, abs=0.02)
+    window.press(imgui.Key.escape)
+    window.ctx.mouse_move_to_pos(dot + ImVec2(5 * inset, 0))  # still held: the drag is over
+    assert editor.state.mix == before.mix
     window.ctx.mouse_up(0)
-    window.undo()
+    assert editor.state.mix == before.mix and not editor.history.gesture
     window.click("Mix/mix pad")
     assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
     assert editor.state.mix.texture == pytest.approx(0.5, abs=0.05)

@@ -38,7 +38,19 @@ def choose(window: Driver, name: str, label: str) -> None:
     window.click(f"**/{label}")
 
 
-def test_a_page_is_saved_in_three_actions_and_begins_like_its_preview(
+@in_window()
+def test_files_are_saved_in_one_click_beside_the_last_one(window: Driver, tmp_path: Path) -> None:
+    window.context.files.folder = tmp_path
+    window.press(imgui.Key.mod_ctrl, imgui.Key.e)
+    window.click("Share/###picture")
+    for count in (1, 2):
+        window.click("Share/###save here")
+        window.wait(lambda count=count: len(list(tmp_path.iterdir())) == count and not window.session.exporting.running)
+    names = sorted(path.stem for path in tmp_path.glob("*.png"))
+    assert len(names) == 2 and names[1] == f"{names[0]}-2" and names[0].endswith("-picture")
+
+
+def test_a_page_is_saved_in_four_actions_and_begins_like_its_preview(
     drive: Drive, tmp_path: Path, real_backend: Backend, model: Model
 ) -> None:
     block = filled(model, 100.0)
@@ -47,11 +59,12 @@ def test_a_page_is_saved_in_three_actions_and_begins_like_its_preview(
         exporting = window.session.exporting
         window.drag("View/orbit", 90, -20)
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 1
+        window.click("Share/###page")  # 2
         window.wait(lambda: exporting.preview.image is not None and not exporting.preview.stale)
         preview = Image.fromarray(exporting.preview.image)
         assert not window.exists("Share/###small") and not window.exists("Share/###more")
-        window.click("Share/###save")  # 2
-        window.type(str(tmp_path / "block"))  # 3
+        window.click("Share/###save")  # 3
+        window.type(str(tmp_path / "block"))  # 4
         window.wait(lambda: (tmp_path / "block.html").exists() and not exporting.running)
         assert window.session.messages.errors == []
         poster = re.search(r'src="data:image/webp;base64,([^"]*)"', (tmp_path / "block.html").read_text())

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -5,8 +6,11 @@ import torch
 from imgui_bundle import imgui
 
 from core.models.codes import CODE_KINDS
+from core.models.part_head import PartHead
+from core.rendering.bounds import Bounds, portion_of
 from tests.viewer.driver import Driver, in_window
 from viewer.panels.sliders import SlidersPanel
+from viewer.services.backend import Backend
 from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 
@@ -93,6 +97,10 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     assert editor.scene.instance.codes.stretch[:2] == (1.0, 1.0)
     window.undo()
     assert editor.state == before
+    editor.set_camera(replace(editor.scene.camera, elevation=0.0))
+    window.ctx.yield_(2)
+    assert window.exists("View/**/##size 2 1")  # the top, also from below
+    editor.undo()
     window.drag("View/orbit", 60, 0)
     assert editor.scene.instance == before.scene.instance  # beside the handles, the object turns
     editor.lock("shape", True)
@@ -102,6 +110,95 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     assert editor.scene.instance == before.scene.instance
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"
+
+
+@pytest.fixture
+def legged(backend: Backend) -> Backend:
+    """Stand-ins whose model has chairs with a seat."""
+    head = PartHead(("seat", "legs"), torch.zeros(2, 16), torch.zeros(2))
+    model = replace(backend.load_model("chairs"), part_head=head)
+    return replace(backend, load_model=lambda name: model)
+
+
+@in_window("legged")
+def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
+    editor = window.session.editor
+    sizing = window.session.sizing
+    legs = portion_of(editor.model)
+    window.show("Sliders")
+    window.wait(lambda: sizing.bounds is not None)
+    before = editor.state
+
+    def lengths() -> tuple[float, float]:
+        """The legs and the height in cm."""
+        codes = editor.scene.instance.codes
+        bounds = sizing.bounds.bent(codes.bend).stretched(codes.factors)
+        return bounds.length(legs), bounds.size[2]
+
+    assert lengths() == pytest.approx((36, 90))
+    window.set("Sliders/**/##Legs", 48.0)
+    window.ctx.yield_(2)
+    assert lengths() == pytest.approx((48, 102), abs=0.01)
+    assert len(editor.history.past) == 1 and editor.state.change_from(before) == "size"
+    window.set("Sliders/**/##Height", 51.0)
+    window.ctx.yield_(2)
+    assert lengths() == pytest.approx((24, 51), abs=0.01)
+    window.click("Sliders/**/###natural size")
+    assert editor.scene.instance == before.scene.instance
+    past = len(editor.history.past)
+    window.drag("Sliders/**/##Legs", 40)
+    assert lengths()[0] > 38 and lengths()[1] - lengths()[0] == pytest.approx(54)
+    assert len(editor.history.past) == past + 1  # a drag is one step
+    window.undo()
+    assert editor.scene.instance == before.scene.instance
+    window.set("Sliders/**/##Legs", 1e5)  # as far as they go
+    window.ctx.yield_(2)
+    assert 100 < lengths()[0] < 1e4 and window.session.messages.errors == []
+
+
+@in_window("legged")
+def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
+    editor = window.session.editor
+    window.show("Sliders")
+    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.set("Sliders/**/##Width", 65.0)  # with the first edit, the history covers a part of the view
+    window.ctx.yield_(2)
+    before = editor.state
+
+    def height() -> float:
+        """The handle's px from the top."""
+        return window.ctx.item_info("//View/**/##size legs").rect_full.get_center().y
+
+    window.click("Sliders/**/###size handles")
+    window.ctx.yield_(2)
+    start = height()
+    window.drag("View/**/##size legs", 0, -30)
+    window.ctx.yield_(2)
+    assert height() == pytest.approx(start - 30, abs=6)
+    assert editor.scene.instance.codes.bend.moved > editor.scene.instance.codes.bend.plane
+    assert len(editor.history.past) == 2
+    window.undo()
+    assert editor.state == before
+    editor.lock("shape", True)
+    window.ctx.yield_(2)
+    assert not window.exists("View/**/##size legs")
+
+
+@in_window()
+def test_an_object_without_parts_has_no_field_for_legs(window: Driver) -> None:
+    window.show("Sliders")
+    window.wait(lambda: window.session.sizing.bounds is not None)
+    assert window.exists("Sliders/**/##Height") and not window.exists("Sliders/**/##Legs")
+
+
+@in_window("legged", bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3), 150.0))
+def test_an_object_whose_legs_have_no_end_has_no_field_for_them(window: Driver) -> None:
+    window.show("Sliders")
+    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.click("Sliders/**/###size handles")
+    window.ctx.yield_(2)
+    assert window.exists("View/**/##size 2 1") and not window.exists("View/**/##size legs")
+    assert not window.exists("Sliders/**/##Legs")
 
 
 @in_window()

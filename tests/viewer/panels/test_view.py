@@ -67,10 +67,18 @@ def test_the_way_in_is_in_the_view_until_something_is_made(window: Driver, monke
     assert not window.exists("View/**/###fit_image") and window.exists("Library/**/###fit_image")
 
 
+@in_window(size=(900, 600))
+def test_the_card_of_a_low_window_leaves_room_for_the_object(window: Driver) -> None:
+    low, high = window.context.view
+    assert 0 < window.context.covered < 0.25 * (high.y - low.y)
+    assert window.session.viewport.settings.covered == round(window.context.covered)
+
+
 @in_window()
 def test_the_first_hint_is_beside_the_buttons_and_covers_no_part(window: Driver) -> None:
     low, high = window.context.view
     images = []
+    window.wait(lambda: window.session.viewport.sharp)
     for newcomer in (True, False):
         window.context.set_preference(newcomer=newcomer)
         images.append(window.capture_view())

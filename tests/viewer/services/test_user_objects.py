@@ -120,7 +120,7 @@ def test_versions_of_two_windows_stay_with_their_own_objects(tmp_path: Path, mod
     library.match(UserObjects(tmp_path).open(open_models(model)))
     for root, version in zip((fitted, second), versions, strict=True):
         (name,) = (added.name for added in library.added if added.instance == root.instance)
-        assert [library[each].instance for each in library.versions(name)] == [root.instance, version.instance]
+        assert [library[item].instance for item in library.versions(name)] == [root.instance, version.instance]
 
 
 def test_a_copied_file_is_another_object_once(tmp_path: Path, model: Model, fitted: EditableObject) -> None:

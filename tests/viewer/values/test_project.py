@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 
+from core.geometry.bend import Bend
 from core.models import library
 from core.models.library import load_model
 from core.models.missing import MissingInstance
@@ -68,8 +69,9 @@ def test_a_saved_project_is_loaded_completely(
     assert len(loaded.history.future) == 1
     assert loaded.history.now.timeline.length == 4.0
     assert loaded.history.future[0].timeline.length == 7.0
-    (before,) = saved.objects
-    (after,) = loaded.objects
+    before, mixed = saved.objects
+    after, mixed_again = loaded.objects
+    assert mixed_again.instance == mixed.instance and mixed.version_of == before.key
     assert (after.name, after.confidence) == ("block", before.confidence)
     assert after.instance == before.instance
     assert after.fitted
@@ -443,6 +445,23 @@ def test_versions_that_name_their_object_stay_with_it(worker: Worker, backend: B
         session.kept_objects.store()
     session = Session(worker, backend, folder=tmp_path)
     assert set(session.editor.objects.versions("renamed")) == {"renamed", "block (2)", "block (3)"}
+
+
+def test_a_project_and_a_scene_with_longer_legs_open(worker: Worker, backend: Backend) -> None:
+    folder = Path("tests/files/dcc43e31")
+    model = load_model("tests/files/1bad02d/model.safetensors")
+    session = Session(worker, replace(backend, load_model=lambda name: model))
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    bend = Bend(-0.375, -0.0625, 0.0625, 0.375)
+    sized = editor.scene.instance
+    assert (sized.codes.bend, sized.codes.stretch) == (bend, (1.0, 1.0, 1.25))
+    editor.undo()
+    assert not editor.scene.instance.codes.is_sized
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert editor.scene.instance == sized
 
 
 def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_background_and_shadow_follow_the_format() -> None:
 
 def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera.resized(60, 30), focal=300.0))
-    settings = ShareSettings(size=40, wide=True, background="transparent", view_background=((1, 2, 3),) * 2)
+    settings = ShareSettings("page", size=40, wide=True, background="transparent", view_background=((1, 2, 3),) * 2)
     (view,) = settings.views(near, Timeline())
     assert (view.camera.width, view.camera.height) == (40, 40)
     corners = torch.cartesian_prod(*(torch.tensor([-side, side]) for side in model.extent))

@@ -225,14 +225,16 @@ def test_versions_are_tiles_under_their_object(window: Driver, photo: Path) -> N
     window.click("**/Make it B")
     window.ctx.yield_(3)
     assert window.exists("Mix/mix pad") and editor.objects[editor.state.mix.b].instance == versions[2]
-    window.drag("Mix/mix pad", 100)  # a mix of two versions is none
+    window.drag("Mix/mix pad", 100)
+    mixed = editor.scene.instance
     assert editor.objects.states("block") == versions
     window.click("Library/**/version 1 of block")
+    assert editor.objects.states("block") == [*versions, mixed]
     window.click("Library/**/version 2 of block", 1)
     window.click("**/###remove object")
-    assert editor.objects.states("block") == versions[:2]
+    assert editor.objects.states("block") == [*versions[:2], mixed]
     window.undo()
-    assert editor.objects.states("block") == versions
+    assert editor.objects.states("block") == [*versions, mixed]
 
 
 def test_versions_and_their_names_last(drive: Drive, photo: Path, tmp_path: Path) -> None:

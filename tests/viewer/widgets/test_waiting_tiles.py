@@ -243,19 +243,19 @@ def test_old_whole_photos_are_deleted_but_not_those_of_objects(tmp_path: Path, m
     views = [PhotoView(bytes([number]), model.camera(0.0, 0.0)) for number in range(52)]
     for number, view in enumerate(views):
         before = set((tmp_path / "photos").glob("*"))
-        copies.keep_whole(view, CutOutPreview(pixels, ()))
+        copies.keep_photo(view, CutOutPreview(pixels, ()))
         (path,) = set((tmp_path / "photos").glob("*")) - before
         os.utime(path, (number, number))
     copies.sweep((), views[:1])
-    assert [copies.whole(view) is not None for view in views] == [True, False] + 50 * [True]
+    assert [copies.photo_of(view) is not None for view in views] == [True, False] + 50 * [True]
     path.write_bytes(b"damaged")
-    assert PhotoCopies(tmp_path / "photos").whole(view) is None
+    assert PhotoCopies(tmp_path / "photos").photo_of(view) is None
 
 
 def test_a_session_without_a_folder_keeps_no_photo(model: Model) -> None:
     view = PhotoView(b"", model.camera(0.0, 0.0))
-    PhotoCopies().keep_whole(view, CutOutPreview(np.zeros((4, 4, 3), np.uint8), ()))
-    assert PhotoCopies().whole(view) is None
+    PhotoCopies().keep_photo(view, CutOutPreview(np.zeros((4, 4, 3), np.uint8), ()))
+    assert PhotoCopies().photo_of(view) is None
 
 
 @in_window("both")
