@@ -72,82 +72,73 @@ def paint_parts(model: Model) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """A part of an object at points on the surface."""
-
-    features: Float[Tensor, "points width"]
-    direction_bias: Float[Tensor, "points width"]
-    colours: Float[Tensor, "points 3"]  # of the network
-    membership: Float[Tensor, "points"]  # of the part, 0..1
-    weight: Float[Tensor, "points"]  # of points in the part's mean colour
-    own: PartPaint  # the part's own colour
-
-
-@torch.no_grad()
-def _part(instance: Instance, points: Float[Tensor, "points 3"], part: str) -> _Part:
-    """Find a part or a material at points. Raises ``ValueError`` for one that the model does not know."""
-    model = instance.model
-    names = paint_parts(model)
-    if part and not names:
-        raise ValueError(f"this model has no parts, so it cannot paint {part}")
-    part = part or next(iter(names), "")
-    if part not in (*names, *(model.part_head.names if model.part_head else ("",))):
-        raise ValueError(f"a {model.noun or 'object'} has {', '.join(names)}, but no {part}")
-    folded = FoldedField.of(instance.changed(paints=()))
-    features = folded.density(pad_rows(points))[1][: len(points)]
-    towards = folded.direction_bias(-functional.normalize(points, dim=-1))
-    colours = folded.colour(features, towards).clamp(0, 1)
-    parts = model.part_head.parts(features) if model.part_head else {}
-    own = PartPaint(part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _materials_colours(part, colours, parts))
-    membership = own.membership(colours, parts)
-    weight = _lit(colours, membership)
-    colour = as_rgb(weight @ colours)
-    return _Part(features, towards, colours, membership, weight, replace(own, colour=colour, before=colour))
-
-
-def _materials_colours(
-    part: str, colours: Float[Tensor, "points 3"], parts: dict[str, Float[Tensor, "points"]]
-) -> tuple[Rgb, Rgb] | None:
-    """Return the colours of a material and of the opposite one; None for other parts, and if they are much alike."""
-    if part not in MATERIALS:
-        return None
-    (opposite,) = MATERIALS.keys() - {part}
-    places = (parts[MATERIALS[name]] for name in (part, opposite))
-    own, opposed = (as_rgb(_lit(colours, place) @ colours) for place in places)
-    return (own, opposed) if contrast(own, opposed) > _ONE_COLOUR else None
-
-
-@dataclass(frozen=True, eq=False)
-class _Surface(_Part):
-    """A part at points all over an object, with what images add to it."""
+class _Surface:
+    """Points all over an object, with one of its parts."""
 
     instance: Instance
+    features: Float[Tensor, "points width"]
+    colours: Float[Tensor, "points 3"]  # of the network
+    weight: Float[Tensor, "points"]  # in the part's mean colour
+    own: PartPaint  # the part's own colour
     fitted: Float[Tensor, "3"]  # mean colour of the part in the texture fitted to the photos
     matched: Float[Tensor, "3"]  # difference of the photos' colour from it
 
     def shown(self, paints: tuple[PartPaint, ...]) -> Float[Tensor, "3"]:
         """Return the mean colour of the part in images with paints (:func:`core.detail.repaint.repainted`)."""
         colours = painted(self.colours, self.features, self.instance.model.part_head, paints)
-        render = self.weight @ colours
+        render = (self.weight @ colours).cpu()
         return (render + (1 - replaced_share(render - self.fitted)) * self.matched).clamp(0, 1)
 
 
+@torch.no_grad()
 def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
-    """Sample points on an object's surface with their membership of a part."""
-    points, _ = surface_points(instance.unmoved)
+    """Sample points on an object's surface and find a part there."""
+    part = _checked(instance.model, part)
+    network = instance.unmoved.changed(paints=())
+    points, _ = surface_points(network)
     yield None
     if not len(points):
         raise ValueError("the object has no surface that takes paint")
     points = points[torch.linspace(0, len(points) - 1, min(_POINTS, len(points))).long()]
-    located = _part(instance.unmoved, points, part)
+    folded = FoldedField.of(network)
+    features = folded.density(pad_rows(points))[1][: len(points)]
+    towards = folded.direction_bias(-functional.normalize(points, dim=-1))
+    colours = folded.colour(features, towards).clamp(0, 1)
+    weight, own = _located(instance.model, part, colours, features)
+    fitted = (weight @ colours).cpu()
     matched = torch.zeros(3)
-    fitted = located.weight @ located.colours
     if effective_strength(instance):
         photos = yield from compared_photos(instance)
-        fitted_texture = FoldedField.of(instance.unmoved.with_texture(instance.fitted))
-        fitted = located.weight @ fitted_texture.colour(located.features, located.direction_bias).clamp(0, 1)
+        fitted = (weight @ FoldedField.of(network.with_texture(instance.fitted)).colour(features, towards)).cpu()
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
-    return _Surface(**vars(located), instance=instance, fitted=fitted, matched=matched)
+    return _Surface(instance, features, colours, weight, own, fitted, matched)
+
+
+def _checked(model: Model, part: str) -> str:
+    """Return a part, or the usual one. Raises ``ValueError`` for one that the model does not know."""
+    names = paint_parts(model)
+    if part and not names:
+        raise ValueError(f"this model has no parts, so it cannot paint {part}")
+    if part and part not in names and not (model.part_head and part in model.part_head.names):
+        raise ValueError(f"a {model.noun or 'object'} has {', '.join(names)}, but no {part}")
+    return part or next(iter(names), "")
+
+
+def _located(
+    model: Model, part: str, colours: Float[Tensor, "points 3"], features: Float[Tensor, "points width"]
+) -> tuple[Float[Tensor, "points"], PartPaint]:
+    """Return the weight of points in a part's mean colour, and a paint of this colour."""
+    parts = model.part_head.parts(features) if model.part_head else {}
+    materials = None
+    if part in MATERIALS:
+        (opposite,) = MATERIALS.keys() - {part}
+        places = (parts[MATERIALS[name]] for name in (part, opposite))
+        own, opposed = (as_rgb(_lit(colours, place) @ colours) for place in places)
+        materials = (own, opposed) if contrast(own, opposed) > _ONE_COLOUR else None
+    black = PartPaint(part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), materials)
+    weight = _lit(colours, black.membership(colours, parts))
+    colour = as_rgb(weight @ colours)
+    return weight, replace(black, colour=colour, before=colour)
 
 
 def _lit(colours: Float[Tensor, "points 3"], membership: Float[Tensor, "points"]) -> Float[Tensor, "points"]:

@@ -18,6 +18,7 @@ from core.models.library import load_model
 from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.open_models import OpenModels
+from core.models.paints import PartPaint
 from core.models.photo_detail import compressed
 from core.photos.photo import Photo
 from core.photos.segmentation import Hints, Stroke
@@ -462,6 +463,24 @@ def test_a_project_and_a_scene_with_longer_legs_open(worker: Worker, backend: Ba
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert editor.scene.instance == sized
+
+
+def test_a_project_and_a_scene_with_paints_open(worker: Worker, backend: Backend) -> None:
+    folder = Path("tests/files/60da7b50")
+    model = load_model("tests/files/1bad02d/model.safetensors")
+    session = Session(worker, replace(backend, load_model=lambda name: model))
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    red = PartPaint("seat", (0.75, 0.125, 0.125), (0.5, 0.5, 0.25))
+    wood = PartPaint("wood", (0.25, 0.25, 0.25), (0.5, 0.25, 0.0), ((0.5, 0.25, 0.0), (1.0, 1.0, 0.75)), 0.5)
+    painted = editor.scene.instance
+    assert painted.codes.paints == (red, wood)
+    editor.undo()
+    assert editor.scene.instance.codes.paints == ()
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert editor.scene.instance == painted
 
 
 def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:
