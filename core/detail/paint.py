@@ -4,6 +4,7 @@ The paint itself is exact (:mod:`core.models.paints`). Its constants are measure
 images with photo detail show the colour.
 """
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
@@ -16,7 +17,7 @@ from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.repaint import replaced_share
 from core.geometry.pixels import lightness
 from core.models.model import Instance, Model
-from core.models.paints import MATERIALS, MAX_PAINTS, PartPaint, Rgb, as_rgb, contrast, painted
+from core.models.paints import MATERIALS, MAX_PAINTS, PartPaint, Rgb, as_rgb, painted
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import effective_strength
 from core.rendering.surface import surface_points
@@ -134,7 +135,7 @@ def _located(
         (opposite,) = MATERIALS.keys() - {part}
         places = (parts[MATERIALS[name]] for name in (part, opposite))
         own, opposed = (as_rgb(_lit(colours, place) @ colours) for place in places)
-        materials = (own, opposed) if contrast(own, opposed) > _ONE_COLOUR else None
+        materials = (own, opposed) if math.dist(own, opposed) > _ONE_COLOUR else None
     black = PartPaint(part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), materials)
     weight = _lit(colours, black.membership(colours, parts))
     colour = as_rgb(weight @ colours)

@@ -5,6 +5,7 @@ colour of each point to another one: the paint under the light that the network 
 of the part.
 """
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,12 +37,10 @@ class PartPaint:
     share: float = 1.0  # 0..1, of the paint in a mix of objects
 
     def __post_init__(self) -> None:
-        colours = (self.colour, self.before, *(self.materials or ()))
-        if not all(math.isfinite(channel) for colour in colours for channel in colour):
-            raise ValueError(f"a paint's colours must be finite, got {colours}")
-        if not all(0 <= number <= 1 for number in (*self.colour, self.share)):
-            raise ValueError(f"a paint's channels and its share are 0 to 1, got {self.colour} and {self.share}")
-        if self.materials and contrast(*self.materials) == 0:
+        channels = itertools.chain(self.colour, self.before, *(self.materials or ()))
+        if not all(0 <= number <= 1 for number in (*channels, self.share)):  # also for NaN
+            raise ValueError(f"a paint's channels and its share are 0 to 1, got {self}")
+        if self.materials and math.dist(*self.materials) == 0:
             raise ValueError("materials of one colour cannot be distinguished")
 
     def membership(
@@ -56,7 +55,7 @@ class PartPaint:
         if self.materials:
             own, opposite = (colours.new_tensor(colour) for colour in self.materials)
             nearer = (colours - opposite).norm(dim=-1) - (colours - own).norm(dim=-1)
-            return (0.5 + _SHARP * nearer / contrast(*self.materials)).clamp(0, 1)
+            return (0.5 + _SHARP * nearer / math.dist(*self.materials)).clamp(0, 1)
         if self.part == "":
             return torch.ones_like(colours[..., 0])
         legs = parts.get("legs", torch.zeros_like(colours[..., 0]))
@@ -107,18 +106,13 @@ def as_rgb(colour: Float[Tensor, "*one 3"]) -> Rgb:
     return red, green, blue
 
 
-def contrast(first: Rgb, second: Rgb) -> float:
-    """Return the distance of two colours."""
-    return math.dist(first, second)
-
-
 def mixed_paints(first: tuple[PartPaint, ...], second: tuple[PartPaint, ...], amount: float) -> tuple[PartPaint, ...]:
     """Return the paints between two objects: the second's cover the first's by ``amount``, 0..1.
 
     A part painted in both objects passes from one paint to the other and shows no colour of the network between.
     """
-    if amount in (0, 1) or first == second:
-        return second if amount == 1 else first
+    if amount <= 0 or amount >= 1 or first == second:
+        return second if amount >= 1 else first
     above = [replace(paint, share=amount * paint.share) for paint in second]
     covered = {paint.part: paint.share for paint in above}
     below = (
