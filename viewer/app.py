@@ -100,6 +100,7 @@ class App:
         )
         if self._folder:
             context.preferences = Preferences.load(self._folder)
+            context.files.begin_in(context.preferences.folder)
             context.clipboard = Clipboard(self._folder / "pasted")
             context.autosave = Autosave(self.session, self._folder)
         return context
@@ -378,6 +379,7 @@ class App:
 
     def _save_preferences(self) -> None:
         """Save changed preferences at once, so that a crash does not lose them."""
+        self.context.set_preference(folder=str(self.context.files.folder))
         if self._folder and self.context.preferences != self._saved_preferences:
             self._saved_preferences = self.context.preferences
             try:

@@ -127,6 +127,12 @@ class FileDialog:
         self._to_replace: Path | None = None  # existing file that "Replace" confirms
         self.folder = _downloads()  # folder of the last answer
 
+    def begin_in(self, folder: str) -> None:
+        """Begin in the folder of an earlier launch, if it is still there."""
+        with suppress(OSError, ValueError):
+            if folder and Path(folder).is_dir():
+                self.folder = Path(folder)
+
     def unused(self, name: str) -> Path:
         """Return the path of a new file in the folder of the last answer, numbered if the name is taken."""
         path = self.folder / name

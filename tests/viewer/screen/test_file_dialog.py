@@ -68,6 +68,19 @@ def test_typed_paths_are_completed_with_folders_first(tmp_path: Path) -> None:
     assert names("/no/such/folder/a") == []
 
 
+def test_the_last_folder_is_taken_up_if_it_is_still_there(tmp_path: Path) -> None:
+    files = FileDialog(native=False)
+    start = files.folder
+    for gone in ("", str(tmp_path / "gone"), "a\0b"):
+        files.begin_in(gone)
+        assert files.folder == start
+    files.begin_in(str(tmp_path))
+    assert files.unused("car.mp4") == tmp_path / "car.mp4"
+    (tmp_path / "car.mp4").touch()
+    (tmp_path / "car-2.mp4").mkdir()
+    assert files.unused("car.mp4") == tmp_path / "car-3.mp4"
+
+
 @in_window()
 def test_a_click_on_a_folder_and_on_its_file_completes_the_path(window: Driver, tmp_path: Path) -> None:
     chosen = list[Path]()
