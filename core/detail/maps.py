@@ -166,8 +166,8 @@ class ComparedPhoto:
 
     def _in_photo(self, paint: PartPaint) -> PartPaint:
         """Return a paint for the colours of the photo instead of the render's."""
-        before, colour = (torch.tensor(value)[:, None] for value in (paint.before, paint.colour))
-        offset = self.match.change(before.T).T
+        before, colour = (torch.tensor(value) for value in (paint.before, paint.colour))
+        offset = self.match.change(before)
         matched = before + offset
         return replace(paint, before=as_rgb(matched), colour=as_rgb(matched + moved_paint(colour - before, offset)))
 

@@ -100,9 +100,9 @@ def painted(
     return below
 
 
-def as_rgb(colour: Float[Tensor, "*one 3"]) -> Rgb:
+def as_rgb(colour: Float[Tensor, "3"]) -> Rgb:
     """Return a colour as numbers, limited to 0..1."""
-    red, green, blue = (round(channel, 5) for channel in colour.flatten().clamp(0, 1).tolist())
+    red, green, blue = (round(channel, 5) for channel in colour.clamp(0, 1).tolist())
     return red, green, blue
 
 

@@ -19,6 +19,8 @@ from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.motion import FOLLOWED, moved_along
+from core.models.paints import PartPaint
+from core.models.part_head import PartHead
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering.fast import clear_cache
 from core.rendering.outline import FADED, effective_strength
@@ -218,6 +220,29 @@ def test_the_main_paint_changes_evenly_and_rough_places_that_hardly_change_stay(
     moved = compared.repainted(change) - grey
     assert torch.allclose(moved[:, :, :20], change[:, :1, :1], atol=0.02)
     assert moved[:, :, 50:].abs().max() < 1e-6
+
+
+def test_a_photo_of_a_chair_takes_a_paint_on_the_whole_part_in_any_colour(tiny: Model, camera: Camera) -> None:
+    """The left half of a photo in many colours is the seat."""
+    weight = torch.zeros(2, tiny.field.config.width)
+    weight[0, 0] = 1000.0
+    head = PartHead(("seat", "legs"), weight, torch.tensor([-500.0, 0.0]))
+    chair = replace(tiny, part_head=head)[0]
+    photo = torch.rand(3, 64, 64, generator=torch.Generator().manual_seed(0))
+    features = torch.zeros(64, 64, tiny.field.config.width)
+    features[:, :32, 0] = 1.0
+    full = torch.ones(64, 64)
+    texels = SurfaceTexels(full > 0, features.flatten(0, 1), torch.tensor([1.0, 0.0, 0.0]).expand(64 * 64, 3))
+    compared = ComparedPhoto(
+        *(camera, chair, photo, photo, full, full, full, full, torch.zeros(64, 64)),
+        *(torch.zeros(64, 64), torch.zeros(4, 64, 64), texels, ColourMatch()),
+    )
+    assert torch.equal(compared.painted(chair), photo)
+    red = PartPaint("seat", (0.8, 0.1, 0.1), (0.5, 0.5, 0.5))
+    painted = compared.painted(chair.changed(paints=(red,)))
+    hue = painted / painted.sum(0)
+    assert (hue[:, :, :31] - torch.tensor([0.8, 0.1, 0.1])[:, None, None]).abs().max() < 1e-5
+    assert torch.equal(painted[:, :, 33:], photo[:, :, 33:])
 
 
 def test_a_ball_has_the_normals_of_a_ball() -> None:
