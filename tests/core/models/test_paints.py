@@ -62,10 +62,10 @@ def test_a_material_is_where_colours_are_nearer_to_its_own() -> None:
 
 def test_paints_belong_to_the_texture_and_stay_with_edits_of_the_shape(chair: Instance, tiny: Model) -> None:
     red = chair.changed(paints=(RED,))
-    other = replace(chair.model)[1]
+    second = chair.model[1]
     assert red != chair and red.codes.texture_key != chair.codes.texture_key
     assert red.codes.shape_key == chair.codes.shape_key
-    assert other.with_texture(red).codes.paints == (RED,) == red.with_shape(other).codes.paints
+    assert second.with_texture(red).codes.paints == (RED,) == red.with_shape(second).codes.paints
     assert red.with_texture(chair) == chair
     assert red.changed(moves=(1.0,)).moved("shape", torch.ones_like(chair.codes.shape)).codes.paints == (RED,)
 
