@@ -76,7 +76,7 @@ def size_cm(text: str) -> tuple[float, float, float]:
 
 
 def portion_cm(name: str) -> Callable[[str], tuple[str, float]]:
-    """Return a parser of a length in centimetres, which adds the name of what is as long."""
+    """Return a parser of the length in centimetres of a portion of the object, which it names."""
 
     def parse(text: str) -> tuple[str, float]:
         length = _as_number(text)

@@ -287,7 +287,7 @@ class Viewport:
         self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, weight))
 
     def _is_coarser(self, frame: Frame, request: ViewRequest) -> bool:
-        """Return whether the image on screen, such as that of the last launch, is a sharper one of the same view."""
+        """Return whether the image on screen is a sharper one of the same view, as after a launch."""
         current = self.frame_request
         if current is None or self.frame is None or self.baked_frame:
             return False

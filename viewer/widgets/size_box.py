@@ -1,4 +1,4 @@
-"""A box around the object in the view, with a handle on each side that faces the camera and on legs or roof."""
+"""A box around the object in the view, with handles for its sides and for legs or roof."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -165,7 +165,7 @@ class _Projection(NamedTuple):
         return bool((motion.x**2 + motion.y**2) ** 0.5 > _SHORT * across)
 
     def sides(self, bounds: Bounds) -> list[_Side]:
-        """Return the top of a box and the sides that face the camera, unless they move along its line of sight."""
+        """Return the top of a box and the sides that face the camera, unless seen end on."""
         eye = self.camera.pose()[:3, 3].tolist()
         middle = [(low + high) / 2 for low, high in zip(bounds.low, bounds.high, strict=True)]
         sides = []
