@@ -120,6 +120,7 @@ class Session:
         self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
+        self.painting.tick()
         self.kept_objects.tick()
 
     def close(self) -> None:

@@ -8,13 +8,16 @@ import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 from torch.nn import functional
 
 from core.detail.maps import UNPAINTED, compared_photos
-from core.detail.repaint import replaced_share
+from core.detail.progressive import Frame
+from core.detail.repaint import lit_paint, replaced_share
+from core.geometry.camera import Camera
 from core.geometry.pixels import lightness
 from core.models.model import Instance, Model
 from core.models.paints import MATERIALS, MAX_PAINTS, PartPaint, Rgb, as_rgb, painted
@@ -24,6 +27,7 @@ from core.rendering.surface import surface_points
 from core.runtime.layers import pad_rows
 
 _POINTS = 1500  # points sampled on the surface; more would change the result by less than 1/255
+_COARSE = 128  # px along an image's shorter side at which a coarse paint asks for parts: 40 ms instead of a second
 _ROUNDS = 20  # of a contraction, until images show the colour
 _ONE_COLOUR = 0.125  # difference of colours below which materials are distinguished by parts
 
@@ -70,6 +74,55 @@ def paint_parts(model: Model) -> tuple[str, ...]:
     names = model.part_head.names if model.part_head else ()
     materials = MATERIALS if set(MATERIALS.values()) <= set(names) else ()
     return (*materials, *(name for name in names if name not in UNPAINTED))
+
+
+@dataclass(frozen=True, eq=False)
+class CoarsePaint:
+    """The paint of a part in an image, which changes at once; :func:`paint` gives it to the object."""
+
+    image: Float32[np.ndarray, "height width 3"]  # 0..255
+    fraction: Float32[np.ndarray, "height width"]  # how much of a change of paint a pixel takes, 0..1.6
+    colour: Rgb  # the present paint
+
+    def repainted(self, colour: Rgb) -> UInt8[np.ndarray, "height width 3"]:
+        """Return the image in another colour of the part."""
+        change = 255 * (np.array(colour, np.float32) - np.array(self.colour, np.float32))
+        return (self.image + self.fraction[..., None] * change + 0.5).clip(0, 255).astype(np.uint8)
+
+
+@torch.no_grad()
+def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "") -> CoarsePaint:
+    """Return the paint of a part in a frame of the object, seen from ``camera``; no pixel has any without a surface."""
+    part = _checked(instance.model, part)
+    step = max(1, min(frame.resolution) // _COARSE)
+    opaque = torch.from_numpy(frame.opacity[::step, ::step] > 0.5)
+    amount = torch.zeros(opaque.shape)
+    image = torch.from_numpy(frame.image).movedim(-1, 0) / 255
+    present = torch.ones(3)
+    if bool(opaque.any()):
+        points = frame_points(instance, camera, frame, opaque, step).to(instance.model.device)
+        colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
+        features = FoldedField.of(instance).density(pad_rows(points))[1][: len(points)]
+        weight, own = _located(instance.model, part, colours, features)
+        parts = instance.model.part_head.parts(features) if instance.model.part_head else {}
+        amount[opaque] = own.membership(colours, parts).cpu()
+        present = (weight @ colours).cpu()
+    around = functional.max_pool2d(amount[None], 3, 1, 1)[0]
+    amount = torch.where(opaque, amount, around)[None, None]  # edges are as their neighbours
+    amount = functional.interpolate(amount, frame.opacity.shape, mode="bilinear", align_corners=False)[0, 0]
+    fraction = lit_paint(image, present[:, None, None], amount * torch.from_numpy(frame.opacity))
+    return CoarsePaint(frame.image.astype(np.float32), fraction.numpy(), as_rgb(present))
+
+
+def frame_points(
+    instance: Instance, camera: Camera, frame: Frame, mask: Bool[Tensor, "rows columns"], step: int
+) -> Float[Tensor, "points 3"]:
+    """Return the surface points in the pixels of a mask over every ``step``-th pixel of a frame, before stretching."""
+    camera = camera.resized(*frame.resolution)
+    _, origin = camera.world_to_camera(torch.device("cpu"))
+    directions = camera.directions(mask.nonzero().flip(-1) * step + 0.5)
+    depth = torch.from_numpy(frame.depth[::step, ::step].copy())[mask]
+    return (origin + directions * depth[:, None]) / torch.tensor(instance.codes.proportions or 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,8 +35,14 @@ def repainted(
         change: of that colour.
         amount: 0..1, how much paint places have at most.
     """
-    taken = amount * same_hue(photo, paint) * _no_lettering(photo, paint) * light_share(photo, paint)
-    return photo + taken * change
+    return photo + lit_paint(photo, paint, amount) * change
+
+
+def lit_paint(
+    photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"], amount: Float[Tensor, "*places"]
+) -> Float[Tensor, "*places"]:
+    """Return the fraction of a change of paint that a photo's colours take, 0..1.6; arguments as :func:`repainted`."""
+    return amount * same_hue(photo, paint) * _no_lettering(photo, paint) * light_share(photo, paint)
 
 
 def light_share(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:

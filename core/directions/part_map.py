@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from scipy import ndimage
 from torch import Tensor
 
+from core.detail.paint import frame_points
 from core.detail.progressive import Frame
 from core.geometry.camera import Camera
 from core.models.model import Instance
@@ -69,7 +70,7 @@ def part_map(instance: Instance, camera: Camera, frame: Frame, box: Box = (0.0, 
     """
     step = max(1, min(frame.resolution) // _SIDE)
     opaque = _within(box, frame.opacity[::step, ::step] > _OPAQUE) & (not instance.model.white_from_network)
-    points = _frame_points(instance, camera, frame, torch.from_numpy(opaque), step)
+    points = frame_points(instance, camera, frame, torch.from_numpy(opaque), step)
     head = instance.model.part_head
     names = head.names if head else (instance.model.noun or "object",)
     images = np.zeros((len(names), *opaque.shape), np.float32)
@@ -80,17 +81,6 @@ def part_map(instance: Instance, camera: Camera, frame: Frame, box: Box = (0.0, 
     surface[opaque] = points
     handles = tuple(_handle(regions, index, names[part], surface) for index, part in enumerate(parts))
     return PartMap(handles, regions)
-
-
-def _frame_points(
-    instance: Instance, camera: Camera, frame: Frame, mask: Bool[Tensor, "rows columns"], step: int
-) -> Float[Tensor, "points 3"]:
-    """Return the surface points in the pixels of a mask over every ``step``-th pixel of a frame, before stretching."""
-    camera = camera.resized(*frame.resolution)
-    _, origin = camera.world_to_camera(torch.device("cpu"))
-    directions = camera.directions(mask.nonzero().flip(-1) * step + 0.5)
-    depth = torch.from_numpy(frame.depth[::step, ::step].copy())[mask]
-    return (origin + directions * depth[:, None]) / torch.tensor(instance.codes.proportions or 1.0)
 
 
 def _within(box: Box, mask: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:

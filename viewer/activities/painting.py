@@ -1,11 +1,14 @@
 """The paint of the object in the view: colours of its parts, measured and changed on the worker."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
 
-from core.detail.paint import Paint, paint_parts
+from core.detail.paint import CoarsePaint, Paint, paint_parts
+from core.detail.progressive import Frame
+from core.geometry.camera import Camera
 from core.models.model import Instance
 from core.models.paints import Rgb
 from viewer.activities.viewport import Viewport
@@ -18,9 +21,8 @@ from viewer.services.worker import Job
 class _Choice(NamedTuple):
     """A paint for an object."""
 
-    instance: Instance  # before the drag over colours
+    instance: Instance  # before the paint
     paint: Paint
-    gesture: str  # name of the drag
 
     def suits(self, instance: Instance) -> bool:
         """Return whether the paint suits another object: one of the same texture code, in any shape and paint."""
@@ -28,7 +30,7 @@ class _Choice(NamedTuple):
 
 
 class Painting:
-    """Paints parts of the object, each drag over colours in one step."""
+    """Paints parts: during a drag over colours the frame on screen, coarsely, then the object, in one step."""
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs = jobs
@@ -36,7 +38,7 @@ class Painting:
         self._viewport = viewport
         self._part = ""  # chosen part
         self._drag: _Choice | None = None  # the latest choice of a drag in progress
-        self._drags = 0  # their number so far
+        self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._due: tuple[_Choice, ...] = ()  # that the object does not have yet; it is being painted with the first
         self._measured: tuple[Instance, str, Rgb | None] | None = None  # object, part, and the part's colour if known
 
@@ -63,7 +65,8 @@ class Painting:
         """
         instance = self._editor.scene.instance
         part = self.part
-        chosen = [due.paint.colour for due in self._due if due.paint.part == part and due.suits(instance)]
+        choices = (*self._due, self._drag) if self._drag else self._due
+        chosen = [choice.paint.colour for choice in choices if choice.paint.part == part and choice.suits(instance)]
         if chosen:
             return chosen[-1]
         before, of_part, colour = self._measured or (None, "", None)
@@ -108,24 +111,45 @@ class Painting:
         self._editor.edit(self._original)
 
     def paint(self, colour: Rgb) -> None:
-        """Paint the part in a colour, sRGB 0..1, as part of a drag over colours; then call :meth:`release`.
-
-        A colour that comes before the last one is on the object takes its place.
-        """
-        paint = Paint(colour, self.part)
-        if self._drag and self._drag.paint == paint:
-            return
-        self._drags += self._drag is None
-        instance = self._drag.instance if self._drag else self._editor.scene.instance
-        self._drag = _Choice(instance, paint, f"paint {self._drags}")
-        waiting = (due for due in self._due[1:] if due.paint.part != paint.part)
-        self._set_due((*self._due[:1], *waiting, self._drag))
+        """Show the part in a colour, sRGB 0..1, coarsely; :meth:`release` gives it to the object."""
+        self._drag = _Choice(self._editor.scene.instance, Paint(colour, self.part))
+        self.tick()
 
     def release(self) -> None:
-        """End a drag over colours, a step of undo."""
-        if self._drag and not self._due:
-            self._editor.end_gesture()
+        """End a drag over colours: the object takes the last one, a step of undo."""
+        if self._drag and self._due[-1:] != (self._drag,):
+            waiting = (due for due in self._due[1:] if due.paint.part != self._drag.paint.part)
+            self._set_due((*self._due[:1], *waiting, self._drag))
         self._drag = None
+
+    def tick(self) -> None:
+        """Show the frame on screen in the colour under the mouse; call once a frame."""
+        choice = self._drag
+        view = self._viewport
+        if choice is None or not view.full_frame or not view.frame_request or view.source != "scene":
+            return
+        if view.frame_request.instance is not choice.instance:
+            return
+        frame, crop = view.full_frame
+        part = choice.paint.part
+        if self._coarse is None or self._coarse[:2] != (frame, part):
+            self._find_coarse(frame, crop.camera, choice)
+        elif coarse := self._coarse[2]:
+            view.repainted = replace(frame, image=coarse.repainted(choice.paint.colour))
+
+    def _find_coarse(self, frame: Frame, camera: Camera, choice: _Choice) -> None:
+        """Begin to find where a frame of an object, seen from ``camera``, has paint."""
+        self._coarse = frame, choice.paint.part, None
+        find = self._jobs.backend.coarse_paint
+
+        def found(coarse: CoarsePaint) -> None:
+            self._coarse = frame, choice.paint.part, coarse
+
+        def stream() -> Iterator[CoarsePaint]:
+            yield find(choice.instance, camera, frame, choice.paint.part)
+
+        ended = self._jobs.reporting("Cannot show the paint")
+        self._jobs.submit(Job("coarse paint", stream, found, ended, urgent=True))
 
     def close(self) -> None:
         """Stop painting."""
@@ -135,12 +159,13 @@ class Painting:
 
     def _set_due(self, due: tuple[_Choice, ...]) -> None:
         """Set the paints that the object is about to take, in order."""
-        before = self._due[:1]
+        before = next(iter(self._due), None)
+        first = next(iter(due), None)
         self._due = due
-        if due[:1] != before:
+        if first is not before:
             self._jobs.cancel("paint")
-            if due:
-                self._begin(due[0])
+            if first:
+                self._begin(first)
 
     def _begin(self, choice: _Choice) -> None:
         """Begin to paint the object; one that is reshaped meanwhile takes the paint, too."""
@@ -157,14 +182,14 @@ class Painting:
             if not choice.suits(editor.scene.instance):
                 self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
                 return
-            editor.edit(editor.scene.instance.with_texture(painted), choice.gesture)
+            editor.edit(editor.scene.instance.with_texture(painted))
             self._jobs.cancel("paint colour")  # of the object before
             self._measured = editor.scene.instance, choice.paint.part, choice.paint.colour
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)
             self._set_due(self._due[1:])
-            if not self._due and self._drag is None:
-                editor.end_gesture()
+            if editor.scene.instance is choice.instance:
+                self._viewport.repainted = None
 
         self._jobs.submit(Job("paint", stream, keep, ended, urgent=True))

@@ -41,6 +41,7 @@ class Viewport:
         self.frame: Frame | None = None  # newest frame, cropped to the view
         self.frame_request: ViewRequest | None = None  # inputs of :attr:`frame`
         self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # newest whole frame, and its shown part
+        self.repainted: Frame | None = None  # :attr:`full_frame` in a paint that the object does not have yet
         self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
         self.baked: BakedField | None = None  # object that OpenGL can draw, as large as the shown one
@@ -301,6 +302,8 @@ class Viewport:
         return height > frame.resolution[1] and abs(width / height * frame.resolution[1] - frame.resolution[0]) <= 1
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop, request: ViewRequest) -> None:
+        if request != self.frame_request:  # else a sharper image of the same
+            self.repainted = None
         self.full_frame = (frame, crop)
         self.frame = crop.cropped(frame)
         self.sharp = False

@@ -102,10 +102,11 @@ class ViewPanel(Panel):
         return context.canvas.draw(self._in_mode(viewport), viewport.full_frame[1], pixels, context.palette, shadow)
 
     def _in_mode(self, viewport: Viewport) -> Frame:
-        """Return the newest frame in the view's mode; cached."""
+        """Return the newest frame in the view's mode and the paint being chosen; cached."""
         assert viewport.full_frame is not None
         frame, crop = viewport.full_frame
         mode = viewport.settings.mode
+        frame = viewport.repainted or frame
         if self._cached is None or self._cached[:2] != (frame, mode):
             self._cached = frame, mode, crop.cropped(in_mode(frame, crop.camera, mode))
         return self._cached[2]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.detail.paint import Paint, paint, paint_colour
+from core.detail.paint import CoarsePaint, Paint, coarse_paint, paint, paint_colour
 from core.detail.progressive import Frame, RenderJob, render_progressively
 from core.directions.part_map import Box, PartMap, part_map
 from core.directions.words import Words, direction_words
@@ -54,5 +54,6 @@ class Backend:
     part_map: Callable[[Instance, Camera, Frame, Box], PartMap] = part_map
     paint_colour: Callable[[Instance, str], Generator[None, None, Rgb]] = paint_colour
     paint: Callable[[Instance, Paint], Generator[None, None, Instance]] = paint
+    coarse_paint: Callable[[Instance, Camera, Frame, str], CoarsePaint] = coarse_paint
     distance: Callable[[Instance, Camera, float], float] = filling_distance
     bounds: Callable[[Instance], Bounds] = natural_bounds

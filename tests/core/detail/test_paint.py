@@ -1,9 +1,13 @@
 """Paint of a tiny model and of shipped models with parts."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
-from core.detail.paint import Paint, paint, paint_colour, paint_parts
+from core.detail.paint import Paint, coarse_paint, paint, paint_colour, paint_parts
+from core.detail.progressive import render_frame
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.streams import run_to_end
@@ -43,6 +47,24 @@ def test_a_paint_is_reached_and_the_same_paint_changes_nothing(tiny: Model) -> N
     assert difference(colour(red), torch.tensor(RED)) < 0.02
     assert painted(red, RED) == red
     assert red.with_texture(instance) == instance
+
+
+def test_a_coarse_paint_colours_the_body_in_a_frame_and_leaves_its_glass_and_wheels(cars: Model) -> None:
+    instance = cars[cars.codes.valid[0]]
+    camera = cars.camera(1.0, 0.3).resized(96, 96)
+    frame = render_frame(instance, camera)
+    body, *unpainted = (coarse_paint(instance, camera, frame, name) for name in ("body", *_UNPAINTED))
+    assert body.fraction.sum() > 1.2 * sum(coarse.fraction.sum() for coarse in unpainted)
+    assert (body.fraction[frame.opacity == 0] == 0).all()
+    assert np.array_equal(body.repainted(body.colour), frame.image)
+    painted = body.repainted((0.9, 0.1, 0.1)).astype(int)[body.fraction > 0.7]
+    assert (painted[:, 0] - painted[:, 1]).mean() > 100
+
+
+def test_nothing_has_paint_in_a_frame_without_an_object(tiny: Model) -> None:
+    camera = tiny.camera(0.0, 0.0).resized(8, 8)
+    frame = replace(render_frame(tiny[0], camera), opacity=np.zeros((8, 8), np.float32))
+    assert not coarse_paint(tiny[0], camera, frame).fraction.any()
 
 
 @pytest.mark.parametrize("part", ["seat", "back", "legs", "fabric"])
