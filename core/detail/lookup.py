@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
-from core.models.motion import Warp
+from core.geometry.warp import Warp
 from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
 

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from core.models.codes import CodeKind
 from core.models.model import Instance, Model, Words
-from core.models.motion import moved_along, position, reach, supports_motion
+from core.models.motion import moved_along, position, reach
 from core.rendering.size import with_side
 from core.rendering.surface import surface_points
 
@@ -132,7 +132,7 @@ def reshaped(instance: Instance, direction: int, to: float) -> Instance:
     moved = moved_along(instance, direction, to)
     words = (instance.model.words or {}).get("shape", ())
     word = words[direction] if direction < len(words) else ""
-    if word not in AXES or not supports_motion(instance.model):
+    if word not in AXES or not instance.model.supports_motion:
         return moved
     axis, sign = AXES[word]
     by = position(moved, direction) - position(instance, direction)

@@ -18,7 +18,8 @@ from torch import Tensor
 
 from core.geometry.bend import mixed_bend
 from core.geometry.camera import Camera
-from core.models.codes import mixed_moves, mixed_stretch
+from core.geometry.warp import mixed_warp
+from core.models.codes import mixed_stretch
 from core.models.latents import Latents
 from core.models.model import Instance
 from core.models.paints import mixed_paints
@@ -212,16 +213,16 @@ class _Run:
         return nearest.with_codes(nearest.codes.with_latents(latents)).changed(**self._edits(seconds))
 
     def _edits(self, seconds: float) -> dict[str, Any]:
-        """Interpolate moves, bends, stretches and paints linearly, which passes no limit between two knots."""
+        """Interpolate warps, bends, stretches and paints linearly, which passes no limit between two knots."""
         times = [time for time, _ in self.knots]
         last = min(bisect_right(times, seconds), len(times) - 1)
         first, second = (instance.codes for _, instance in self.knots[last - 1 : last + 1])
         amount = (seconds - times[last - 1]) / (times[last] - times[last - 1])
         stretch = mixed_stretch(first.stretch, second.stretch, amount)
-        moves = mixed_moves(first.moves, second.moves, amount)
+        warp = mixed_warp(first.warp, second.warp, amount)
         bend = mixed_bend(first.bend, second.bend, amount)
         paints = mixed_paints(first.paints, second.paints, amount)
-        return {"stretch": stretch, "moves": moves, "bend": bend, "paints": paints}
+        return {"stretch": stretch, "warp": warp, "bend": bend, "paints": paints}
 
     @cached_property
     def _paths(self) -> dict[str, Callable[[float], Tensor]]:

@@ -21,8 +21,8 @@ from core.detail.lookup import (
     PhotoMaps,
 )
 from core.geometry.camera import Camera
+from core.geometry.warp import TERMS
 from core.gl.camera_uniforms import camera_uniforms
-from core.models.motion import TERMS
 from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
 
 _MAPS = "fine", "mirrored", "surface"
@@ -65,7 +65,7 @@ vec3 unbent(vec3 point) {{
     float below = (point.z - bend[0]) / (bend[2] - bend[0]), above = (bend[3] - point.z) / (bend[3] - bend[2]);
     return point + vec3(0.0, 0.0, (bend[1] - bend[2]) * max(min(below, above), 0.0));
 }}
-// The place that a point of the edited object came from, as in core.models.motion.Warp.
+// The place that a point of the edited object came from, as in core.geometry.warp.Warp.
 vec3 warped(vec3 point) {{
     vec3 p = clamp(point / extent, -1.0, 1.0);
     vec4 x = vec4(1.0, p.x, p.x * p.x, p.x * p.x * p.x), y = vec4(1.0, p.y, p.y * p.y, p.y * p.y * p.y);

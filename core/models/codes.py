@@ -1,7 +1,7 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from torch import Tensor
 
 from core.geometry.bend import Bend, mixed_bend
 from core.geometry.camera import Factors
+from core.geometry.warp import Warp, mixed_warp
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
 from core.models.paints import MAX_PAINTS, PartPaint, mixed_paints
 from core.models.photo_detail import PhotoDetail
@@ -35,10 +36,10 @@ class Codes(Latents):
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
     stretch: Factors | None = None
     """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
-    moves: tuple[float, ...] | None = None
-    """Standard deviations by which the surface moved along the first shape directions (:mod:`core.models.motion`)."""
+    warp: Warp | None = None
+    """Edits along the first shape directions (:mod:`core.models.motion`)."""
     bend: Bend | None = None
-    """Legs or roof relative to the natural ones (:mod:`core.rendering.part_size`); it comes before the stretch."""
+    """Legs or roof relative to the natural ones (:mod:`core.rendering.size`); it comes before the stretch."""
     paints: tuple[PartPaint, ...] = ()
     """Of the parts, the last one uppermost. They belong to the texture; a photo takes them, too."""
 
@@ -46,11 +47,6 @@ class Codes(Latents):
         super().__post_init__()
         if len(self.paints) > MAX_PAINTS:
             raise ValueError(f"an object has at most {MAX_PAINTS} paints, got {len(self.paints)}")
-        if self.moves is not None:
-            if not all(map(math.isfinite, self.moves)):
-                raise ValueError(f"moves must be finite, got {self.moves}")
-            if not any(self.moves):
-                object.__setattr__(self, "moves", None)
         if self.bend and self.bend.moved == self.bend.plane:
             object.__setattr__(self, "bend", None)
         if self.stretch is None:
@@ -74,13 +70,10 @@ class Codes(Latents):
 
     @property
     def shape_key(self) -> tuple[float, ...]:
-        """All numbers of the shape, of its moves and of its bend, as a comparable key."""
-        return super().shape_key + (self.moves or ()) + tuple(vars(self.bend).values() if self.bend else ())
-
-    @property
-    def texture_key(self) -> tuple[Hashable, ...]:
-        """All numbers of the texture, and the paints, as a comparable key."""
-        return super().texture_key + self.paints
+        """All numbers of the shape, of its warp and of its bend, as a comparable key."""
+        warp = (math.inf, *self.warp.numbers) if self.warp else ()
+        bend = (-math.inf, *vars(self.bend).values()) if self.bend else ()
+        return super().shape_key + warp + bend
 
     @property
     def is_sized(self) -> bool:
@@ -128,7 +121,7 @@ class Codes(Latents):
             mixed_offsets(self.texture_offsets, second.texture_offsets, texture),
             detail,
             mixed_stretch(self.stretch, second.stretch, shape),
-            mixed_moves(self.moves, second.moves, shape),
+            mixed_warp(self.warp, second.warp, shape),
             mixed_bend(self.bend, second.bend, shape),
             mixed_paints(self.paints, second.paints, texture),
         )
@@ -139,19 +132,10 @@ class Codes(Latents):
         A shape comes with its photo detail and its size, a texture with its paints.
         """
         names = {
-            "shape": ("shape", "shape_offsets", "detail", "stretch", "moves", "bend"),
+            "shape": ("shape", "shape_offsets", "detail", "stretch", "warp", "bend"),
             "texture": ("texture", "texture_offsets", "paints"),
         }[kind]
         return replace(self, **{name: getattr(source, name) for name in names})
-
-
-def mixed_moves(
-    first: tuple[float, ...] | None, second: tuple[float, ...] | None, amount: float
-) -> tuple[float, ...] | None:
-    """Interpolate linearly; None stands for zeros."""
-    count = len(first or second or ())
-    ends = zip(first or (0.0,) * count, second or (0.0,) * count, strict=True)
-    return tuple((1 - amount) * start + amount * end for start, end in ends)
 
 
 def mixed_stretch(first: Factors | None, second: Factors | None, amount: float) -> Factors | None:

@@ -2,6 +2,7 @@
 
 import copy
 import hashlib
+import math
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,6 +15,7 @@ from torch import Tensor
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.bend import Bend
 from core.geometry.camera import MAX_SIDE, Camera
+from core.geometry.warp import MAX_STEPS, Warp
 from core.models.codes import CodeBook, Codes
 from core.models.field import Field
 from core.models.latents import CodeKind, Latents
@@ -197,7 +199,26 @@ class Model:
 
     def fits(self, codes: Codes) -> bool:
         """Return whether codes, and those fitted to their photos, have the sizes that the field needs."""
-        return all(map(self._fits, (codes, codes.detail.fitted) if codes.detail else (codes,)))
+        return self._fits_warp(codes.warp) and all(
+            map(self._fits, (codes, codes.detail.fitted) if codes.detail else (codes,))
+        )
+
+    @property
+    def supports_motion(self) -> bool:
+        """False for the authors' checkpoints and for M1 and M2, whose codes move alone."""
+        return not (self.white_from_network or self.is_ablation)
+
+    @property
+    def motions(self) -> int:
+        """Number of the first shape directions along which edits move an object."""
+        return min(MAX_STEPS, len(self.codes.shape_space.std))
+
+    def _fits_warp(self, warp: Warp | None) -> bool:
+        """Return whether a warp is one of this model's space and directions."""
+        if warp is None:
+            return True
+        same_space = all(map(math.isclose, warp.extent, self.extent))
+        return self.supports_motion and same_space and len(warp.steps) == self.motions
 
     def _fits(self, latents: Latents) -> bool:
         """Return whether codes and offsets have the sizes of this model's field."""
@@ -308,7 +329,7 @@ class Instance:
     @property
     def unmoved(self) -> "Instance":
         """The object in the space of its network: neither moved by edits, nor bent, nor stretched."""
-        return self.changed(moves=None, bend=None, stretch=None)
+        return self.changed(warp=None, bend=None, stretch=None)
 
     @property
     def unstretched(self) -> "Instance":
@@ -333,7 +354,7 @@ class Instance:
         return Instance(self.model, codes)
 
     def changed(
-        self, **fields: Tensor | PhotoDetail | tuple[float, ...] | Bend | tuple[PartPaint, ...] | None
+        self, **fields: Tensor | PhotoDetail | tuple[float, ...] | Warp | Bend | tuple[PartPaint, ...] | None
     ) -> "Instance":
         """Return the object with other values of some fields of its codes (:class:`core.models.codes.Codes`)."""
         return self.with_codes(replace(self.codes, **fields))  # type: ignore[arg-type]

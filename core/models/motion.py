@@ -14,15 +14,14 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.geometry.warp import MAX_STEPS, TERMS, Warp, monomials
 from core.models.field import encode
 from core.models.latents import Latents
 from core.models.model import Instance, Model
 
-DIRECTIONS = 6  # the first ones, which have words
+DIRECTIONS = MAX_STEPS  # the first ones, which have words
 LIMIT = 3.0  # standard deviations to either side
 FOLLOWED = 1.0  # of a code's own way, which photos follow
-TERMS = [(x, y, z) for x in range(4) for y in range(4 - x) for z in range(4 - x - y)]  # exponents of the polynomials
-_YZ_TERMS = [(y, z) for y in range(4) for z in range(4 - y)]
 _CANDIDATES, _POINTS = 40_000, 1500  # random places, and those that are kept beside the surface
 _BESIDE = 2.0  # logit of such a place: the surface is at 0
 _JITTERS = (0.012, 0.012, 0.05)  # scene units around surface points, for the way back
@@ -33,38 +32,8 @@ _END = 0.03  # fraction of the surface's points at an end of the object
 _UNITS = (1, 0, 0), (0, 1, 0), (0, 0, 1)  # exponents of the coordinates
 _STRAIN = 0.6  # greatest growth of lengths, at the end of a direction and of several: space must not fold
 _NEARLY_ALL = 0.98
-_SOLID = 22.0  # optical depth of half the scene's box from which a place is solid: ln 2 for a cell of 64
 _RIDGE = 1e-4  # of the velocity's coefficients
 _SUBSTEPS = 6  # along the velocity
-
-
-class Warp(NamedTuple):
-    """A smooth map from the places of an edited object to those of the object that it was made from."""
-
-    extent: tuple[float, float, float]
-    coefficients: tuple[tuple[float, float, float], ...]  # of a displacement in scene units, for each monomial
-    shrunk: float  # fraction by which lengths may have shrunk
-
-    def origins(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-        """Return the places that points of the edited object came from."""
-        extent = points.new_tensor(self.extent)
-        table = points.new_zeros(4, len(_YZ_TERMS), 3)
-        table[[x for x, *_ in TERMS], [_YZ_TERMS.index((y, z)) for _, y, z in TERMS]] = points.new_tensor(
-            self.coefficients
-        )
-        # A small product for y and z, and Horner's rule for x: several times faster than a product of all monomials.
-        x, y, z = (points / extent).clamp(-1, 1).reshape(-1, 3).T.contiguous().unbind()
-        powers = [(torch.ones_like(value), value, value * value, value * value * value) for value in (y, z)]
-        yz = torch.stack([powers[0][b] * powers[1][c] for b, c in _YZ_TERMS])
-        constant, linear, square, cube = (table.mT @ yz).unbind()
-        shift = constant + x * (linear + x * (square + x * cube))
-        moved = points + shift.T.reshape(points.shape)
-        return torch.maximum(torch.minimum(moved, extent), -extent)
-
-    def firmed(self, density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-        """Return densities at origins as those of the edited object: no solid part becomes more transparent."""
-        solid = _SOLID / max(self.extent)
-        return density * (1 + self.shrunk * density.square() / (density.square() + solid**2))
 
 
 class Motion(NamedTuple):
@@ -74,16 +43,11 @@ class Motion(NamedTuple):
     velocities: Float[Tensor, "directions terms 3"]  # scene units per standard deviation
 
 
-def supports_motion(model: Model) -> bool:
-    """Return False for the authors' checkpoints and for M1 and M2, whose codes move alone."""
-    return not (model.white_from_network or model.is_ablation)
-
-
 def position(instance: Instance, direction: int) -> float:
     """Return an object's coordinate along a shape direction: that of its code and its move, in standard deviations."""
-    moves = instance.codes.moves
     code = instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction]
-    return float(code) + (moves[direction] if moves and direction < len(moves) else 0.0)
+    warp = instance.codes.warp
+    return float(code) + (warp.steps[direction] if warp and direction < len(warp.steps) else 0.0)
 
 
 def moved_along(instance: Instance, direction: int, to: float) -> Instance:
@@ -94,11 +58,16 @@ def moved_along(instance: Instance, direction: int, to: float) -> Instance:
     """
     low, high = reach(instance, direction)
     by = min(high, max(low, to)) - position(instance, direction)
-    if direction >= DIRECTIONS or not supports_motion(instance.model):
+    if direction >= DIRECTIONS or not instance.model.supports_motion:
         return instance.moved("shape", by * instance.model.codes.shape_space.basis[direction])
-    moves = list(instance.codes.moves or (0.0,) * min(DIRECTIONS, len(instance.model.codes.shape_space.std)))
-    moves[direction] = round(moves[direction] + by, 4)
-    return instance.changed(moves=tuple(moves))
+    steps = list(instance.codes.warp.steps if instance.codes.warp else (0.0,) * instance.model.motions)
+    steps[direction] = round(steps[direction] + by, 4)
+    return moved_by(instance, tuple(steps))
+
+
+def moved_by(instance: Instance, steps: tuple[float, ...]) -> Instance:
+    """Return the object that its code says, moved by steps along the first shape directions (standard deviations)."""
+    return instance.changed(warp=_warp(instance.model, _untextured(instance.codes), steps) if any(steps) else None)
 
 
 def reach(instance: Instance, direction: int) -> tuple[float, float]:
@@ -107,15 +76,9 @@ def reach(instance: Instance, direction: int) -> tuple[float, float]:
     It is the same before and after edits. A code that moves alone goes as far from the mean.
     """
     code = float(instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction])
-    if direction >= DIRECTIONS or not supports_motion(instance.model):
+    if direction >= DIRECTIONS or not instance.model.supports_motion:
         return min(-LIMIT, code), max(LIMIT, code)
     return code - LIMIT, code + LIMIT
-
-
-def warp_of(instance: Instance) -> Warp | None:
-    """Return the map from an edited object to the object that it was made from; None if it did not move."""
-    moves = instance.codes.moves
-    return _warp(instance.model, _untextured(instance.codes), moves) if moves else None
 
 
 def warp_to_fitted(instance: Instance) -> Warp | None:
@@ -124,13 +87,15 @@ def warp_to_fitted(instance: Instance) -> Warp | None:
     None if no place moved, and without photos.
     """
     model = instance.model
-    if instance.detail is None or not supports_motion(model):
+    if instance.detail is None or not model.supports_motion:
         return None
-    fitted = instance.detail.fitted
+    warp = instance.codes.warp
     away = _first_coordinates(instance) - _first_coordinates(instance.fitted)
     followed = tuple(round(step, 4) for step in away.clamp(-FOLLOWED, FOLLOWED).tolist())
-    steps = tuple(map(sum, zip(followed, instance.codes.moves or (0.0,) * len(followed), strict=True)))
-    return _warp(model, _untextured(fitted), steps) if any(steps) else None
+    if not any(followed):
+        return warp
+    steps = map(sum, zip(followed, warp.steps if warp else (0.0,) * len(followed), strict=True))
+    return _warp(model, _untextured(instance.detail.fitted), tuple(steps))
 
 
 def unmoved_distance(instance: Instance) -> float:
@@ -140,7 +105,7 @@ def unmoved_distance(instance: Instance) -> float:
     """
     space = instance.model.codes.shape_space
     away = space.coordinates(instance.codes.shape) - space.coordinates(instance.fitted.codes.shape)
-    if supports_motion(instance.model):
+    if instance.model.supports_motion:
         away[:DIRECTIONS] -= away[:DIRECTIONS].clamp(-FOLLOWED, FOLLOWED)
     return float(away.square().mean().sqrt())
 
@@ -166,11 +131,11 @@ def _warp(model: Model, origin: Latents, steps: tuple[float, ...]) -> Warp:
         points = _points(surface)
         moved = points
         for _ in range(_SUBSTEPS):
-            moved = moved + _monomials(moved, extent) @ velocity / _SUBSTEPS
-        terms = _monomials(moved, extent)
+            moved = moved + monomials(moved, extent) @ velocity / _SUBSTEPS
+        terms = monomials(moved, extent)
         normal = terms.T @ terms + _RIDGE * len(points) * torch.eye(len(TERMS))
         coefficients = torch.linalg.solve(normal, terms.T @ (points - moved))
-    return Warp(model.extent, tuple(map(tuple, coefficients.tolist())), min(strain, _STRAIN))
+    return Warp(steps, model.extent, tuple(map(tuple, coefficients.tolist())), min(strain, _STRAIN))
 
 
 def _points(surface: Float[Tensor, "points 3"]) -> Float[Tensor, "places 3"]:
@@ -188,7 +153,7 @@ def motion(model: Model, origin: Latents) -> Motion:
         bias = model.biases(origin)[0]
         offsets = bias - model.field.shape_bias(origin.shape)
         space = model.codes.shape_space
-        rows = (normals[:, :, None] * _monomials(surface, model.extent_tensor)[:, None]).flatten(1)
+        rows = (normals[:, :, None] * monomials(surface, model.extent_tensor)[:, None]).flatten(1)
         slope = _slopes(model, surface, bias).norm(dim=-1).clamp_min(1e-3)
         velocities = []
         for step in space.basis[:DIRECTIONS]:
@@ -221,7 +186,7 @@ def _within_bounds(
         order = place[:, axis].argsort()
         count = max(1, round(_END * len(order)))
         low, high = (place[ends] for ends in (order[:count], order[-count:]))
-        speeds = [float((_monomials(end * extent, extent) @ velocity[:, axis]).mean()) for end in (low, high)]
+        speeds = [float((monomials(end * extent, extent) @ velocity[:, axis]).mean()) for end in (low, high)]
         middles = [float(end[:, axis].mean()) for end in (low, high)]
         growth = (speeds[1] - speeds[0]) / max(middles[1] - middles[0], 1e-6)
         velocity[TERMS.index((0, 0, 0)), axis] -= speeds[0] - growth * middles[0]
@@ -235,7 +200,7 @@ def _strain(
     """Return the growth of lengths per standard deviation at nearly all of a surface, above 0."""
     with torch.enable_grad():
         points = surface.detach().clone().requires_grad_(True)
-        speed = (_monomials(points, extent.clone()) @ velocity).unbind(-1)
+        speed = (monomials(points, extent.clone()) @ velocity).unbind(-1)
         slopes = [torch.autograd.grad(part.sum(), points, retain_graph=True)[0] for part in speed]
     return float(torch.stack(slopes).square().sum((0, 2)).sqrt().quantile(_NEARLY_ALL).clamp_min(1e-6))
 
@@ -276,9 +241,3 @@ def _slopes(
         points = points.detach().clone().requires_grad_(True)
         (slopes,) = torch.autograd.grad(_logits(model, points, bias).sum(), points)
     return slopes
-
-
-def _monomials(points: Float[Tensor, "*batch 3"], extent: Float[Tensor, "3"]) -> Float[Tensor, "*batch terms"]:
-    place = (points / extent).clamp(-1, 1)
-    x, y, z = torch.stack([place**power for power in range(4)]).unbind(-1)
-    return torch.stack([x[a] * y[b] * z[c] for a, b, c in TERMS], -1)

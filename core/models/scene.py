@@ -16,6 +16,7 @@ from PIL import Image, PngImagePlugin
 
 from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
+from core.geometry.warp import Warp
 from core.models.codes import Codes
 from core.models.latents import read_offsets
 from core.models.missing import MissingInstance, adopted
@@ -61,8 +62,8 @@ class Scene:
         }
         if codes.stretch:
             content["stretch"] = codes.stretch
-        if codes.moves:
-            content["moves"] = codes.moves
+        if codes.warp:
+            content["warp"] = vars(codes.warp)
         if codes.bend:
             content["bend"] = vars(codes.bend)
         if codes.paints:
@@ -101,7 +102,7 @@ class Scene:
             read_offsets(content.texture_offsets),
             detail,
             content.stretch,
-            content.moves,
+            content.warp,
             content.bend,
             content.paints,
         )
@@ -160,7 +161,7 @@ class _SceneJson(NamedTuple):
     shape_offsets: tuple[str, ...] | None = None
     texture_offsets: tuple[str, ...] | None = None
     stretch: Factors | None = None
-    moves: tuple[float, ...] | None = None
+    warp: Warp | None = None
     bend: Bend | None = None
     paints: tuple[PartPaint, ...] = ()
 

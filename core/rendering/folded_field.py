@@ -7,7 +7,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.models.model import Instance
-from core.models.motion import warp_of
 from core.models.paints import painted
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
@@ -28,7 +27,7 @@ class FoldedField:
         self.dtype = matmul_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
         self._bend = instance.codes.bend
-        self._warp = warp_of(instance)
+        self._warp = instance.codes.warp
         self._outline = outline(instance)
         self._part_head = model.part_head
         self._paints = instance.codes.paints

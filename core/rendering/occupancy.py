@@ -19,9 +19,9 @@ from torch.nn import functional
 from core.geometry.bend import Bend
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
+from core.geometry.warp import Warp
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
 from core.models.model import Instance, Model
-from core.models.motion import Warp, warp_of
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
@@ -211,11 +211,11 @@ def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
     """
     if instance.codes.bend:
         return _bent(shape_occupancy(instance.natural, complete), instance.codes.bend)
-    unmoved = instance.changed(moves=None) if instance.codes.moves else instance
-    key = instance.model, unmoved.codes.shape_key, instance.codes.moves
+    unmoved = instance.changed(warp=None) if instance.codes.warp else instance
+    key = instance.model, unmoved.codes.shape_key, instance.codes.warp
     occupancy: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if occupancy is None or (complete and not occupancy.complete):
-        warp = warp_of(instance)
+        warp = instance.codes.warp
         source = (shape_occupancy(unmoved, complete), warp) if warp else None
         previous = None if complete or source else _similar_occupancy(instance)
         occupancy = Occupancy(instance.model, FoldedField.of(instance), previous, source)
@@ -233,8 +233,8 @@ def _similar_occupancy(instance: Instance) -> Occupancy | None:
     codes = instance.codes
     space = instance.model.codes.shape_space
     latent = codes.shape.shape[-1]
-    for (model, shape, moves), occupancy in CACHE.newest(CacheKind.SHAPE):
-        if model is instance.model and not moves:
+    for (model, shape, warp), occupancy in CACHE.newest(CacheKind.SHAPE):
+        if model is instance.model and not warp:
             last = codes.shape.new_tensor(shape)
             away = space.distance(codes.shape, last[:latent])
             offset = torch.zeros(()) if codes.shape_offsets is None else codes.shape_offsets.flatten().to(last)

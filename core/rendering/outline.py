@@ -19,8 +19,9 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
+from core.geometry.warp import Warp
 from core.models.model import Instance
-from core.models.motion import Warp, unmoved_distance, warp_to_fitted
+from core.models.motion import unmoved_distance, warp_to_fitted
 from core.models.photo_detail import BACKGROUND, PhotoView
 from core.rendering.folded_layers import batch_density
 from core.rendering.shape_cells import shape_cells

@@ -10,8 +10,8 @@ from torch import Tensor
 from core.geometry.bend import Bend
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
+from core.geometry.warp import Warp
 from core.models.model import Instance, Model
-from core.models.motion import Warp, warp_of
 from core.models.paints import PartPaint, painted
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
@@ -107,7 +107,7 @@ def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rend
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     model = instance.model
     rays = exact_rays(model, instance.local_camera(camera))
-    bounded = *instance.biases, outline(instance), instance.codes.bend, warp_of(instance), instance.codes.paints
+    bounded = *instance.biases, outline(instance), instance.codes.bend, instance.codes.warp, instance.codes.paints
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
     bands = map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts)

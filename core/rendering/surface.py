@@ -37,7 +37,7 @@ def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float
     scene's origin. Empty for an empty object.
     """
     field = FoldedField.of(instance.natural)
-    grid = _evaluated(field, instance.model, likely_only=False) if instance.codes.moves else _grid(instance.model)
+    grid = _evaluated(field, instance.model, likely_only=False) if instance.codes.warp else _grid(instance.model)
     with torch.no_grad():
         # Cells of empty blocks with empty neighbours are not evaluated.
         dense = torch.zeros_like(grid.blocks)

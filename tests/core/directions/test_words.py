@@ -49,11 +49,11 @@ def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
     instance = tiny[0]
     words = Words(shape=("", "taller"), texture=("bluer",))
     higher, lower = (moved(instance, words, name, 0.5) for name in ("taller", "lower"))
-    assert higher.codes.moves == (0.0, 0.5) and lower.codes.moves == (0.0, -0.5)
+    assert higher.codes.warp.steps == (0.0, 0.5) and lower.codes.warp.steps == (0.0, -0.5)
     assert torch.equal(higher.codes.texture, instance.codes.texture)
     assert most(instance, words, "taller") == pytest.approx(LIMIT)
     farthest = moved(instance, words, "taller", 9.0)
-    assert farthest.codes.moves == pytest.approx((0.0, LIMIT), abs=1e-3)
+    assert farthest.codes.warp.steps == pytest.approx((0.0, LIMIT), abs=1e-3)
     assert most(instance, words, "bluer") == torch.inf
     assert not torch.equal(moved(instance, words, "more yellow", 1.0).codes.texture, instance.codes.texture)
     with pytest.raises(ValueError, match="no direction 'roof'; choose one of taller, lower, bluer, more yellow"):

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -7,7 +8,7 @@ from hypothesis import strategies as st
 
 from core.models.library import load_model
 from core.models.model import Instance, Model
-from core.models.motion import DIRECTIONS, LIMIT, motion, moved_along, position, reach, warp_of, warp_to_fitted
+from core.models.motion import DIRECTIONS, LIMIT, motion, moved_along, moved_by, position, reach, warp_to_fitted
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_image
@@ -38,7 +39,7 @@ def test_edits_keep_codes_and_go_back_exactly(fitted: Instance) -> None:
     assert moved.codes.shape is fitted.codes.shape and moved.detail is fitted.detail
     assert moved != fitted and hash(moved) != hash(fitted)
     again = moved_along(moved, 0, start)
-    assert again == fitted and again.codes.moves is None
+    assert again == fitted and again.codes.warp is None
 
 
 def test_edits_end_at_the_same_place_after_other_edits(fitted: Instance) -> None:
@@ -52,9 +53,9 @@ def test_edits_end_at_the_same_place_after_other_edits(fitted: Instance) -> None
 @given(st.lists(st.floats(-LIMIT, LIMIT), min_size=DIRECTIONS, max_size=DIRECTIONS))
 @settings(max_examples=6, deadline=None)
 def test_the_edited_field_is_the_field_where_places_came_from(car: Instance, moves: list[float]) -> None:
-    edited = car.changed(moves=tuple(moves))
+    edited = moved_by(car, tuple(moves))
     points = car.model.extent_tensor * (2 * torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) - 1)
-    warp = warp_of(edited)
+    warp = edited.codes.warp
     origins = warp.origins(points) if warp else points
     assert bool((origins.abs() <= car.model.extent_tensor + 1e-6).all())
     density, features = FoldedField.of(car).density(origins)
@@ -66,7 +67,7 @@ def test_the_edited_field_is_the_field_where_places_came_from(car: Instance, mov
 @settings(max_examples=20, deadline=None)
 def test_space_never_folds(car: Instance, moves: list[float]) -> None:
     """Where the object is, a place of the edited object comes from a neighbourhood of the same orientation."""
-    if (warp := warp_of(car.changed(moves=tuple(moves)))) is None:
+    if (warp := moved_by(car, tuple(moves)).codes.warp) is None:
         return
     points = (0.98 * motion(car.model, car.codes).surface).detach().requires_grad_(True)
     origins = warp.origins(points)
@@ -87,7 +88,7 @@ def test_moves_keep_the_bounds(car: Instance, direction: int) -> None:
 
 
 def test_the_fast_renderer_agrees_with_the_exact_one(car: Instance) -> None:
-    edited = car.changed(moves=(1.5, -1.0, 2.0, 0.5, -0.5, 1.0))
+    edited = moved_by(car, (1.5, -1.0, 2.0, 0.5, -0.5, 1.0))
     camera = car.model.camera(0.8, 0.3).resized(40, 40)
     exact = render_exact(edited, camera, 192)
     fast = render_image(edited, camera)
@@ -98,24 +99,46 @@ def test_the_fast_renderer_agrees_with_the_exact_one(car: Instance) -> None:
 def test_photos_follow_edits_as_the_field_does(fitted: Instance) -> None:
     assert warp_to_fitted(fitted) is None
     edited = moved_along(fitted, 0, position(fitted, 0) + 1.0)
-    assert warp_to_fitted(edited) == warp_of(edited) is not None
+    assert warp_to_fitted(edited) == edited.codes.warp is not None
 
 
 def test_photos_follow_a_code_that_moved_along_the_first_directions(tiny: Model, fitted: Instance) -> None:
     """As in mixes with another shape, and in files of former versions."""
     mixed = fitted.moved("shape", 0.4 * tiny.codes.shape_space.basis[0])
-    assert warp_of(mixed) is None and warp_to_fitted(mixed) is not None
+    assert mixed.codes.warp is None and warp_to_fitted(mixed) is not None
 
 
-def test_moves_mix_and_follow_the_shape(car: Instance) -> None:
-    edited = car.changed(moves=(1.0, 0.0, 0.0, 0.0, 0.0, -2.0))
-    assert car.mixed(edited, 0.25, 1.0).codes.moves == (0.25, 0.0, 0.0, 0.0, 0.0, -0.5)
+def test_edits_mix_and_follow_the_shape(car: Instance) -> None:
+    edited = moved_by(car, (1.0, 0.0, 0.0, 0.0, 0.0, -2.0))
+    mixed = car.mixed(edited, 0.25, 1.0).codes.warp
+    assert mixed is not None and mixed.steps == (0.25, 0.0, 0.0, 0.0, 0.0, -0.5)
     other = car.model[5]
-    assert other.with_shape(edited).codes.moves == edited.codes.moves
-    assert other.with_texture(edited).codes.moves is None
-    assert edited.changed(moves=(0.0,) * 6) == car
-    with pytest.raises(ValueError, match="moves must be finite"):
-        car.changed(moves=(math.nan,))
+    assert other.with_shape(edited).codes.warp == edited.codes.warp
+    assert other.with_texture(edited).codes.warp is None
+    assert moved_by(edited, (0.0,) * 6) == car
+
+
+def test_an_edited_object_becomes_another_one_evenly(car: Instance) -> None:
+    """Every frame of a morph moves places by the same way."""
+    edited = moved_by(car, (2.0, 0.0, 0.0, -2.0, 0.0, 1.0))
+    points = motion(car.model, car.codes).surface
+    places = torch.stack(
+        [edited.mixed(car.model[9], share, 0.0).codes.warp.origins(points) for share in (0.0, 0.1, 0.2)]
+    )
+    first, second = places.diff(dim=0)
+    assert float(first.norm(dim=-1).mean()) > 1e-4
+    torch.testing.assert_close(first, second, atol=1e-6, rtol=1e-3)
+
+
+@pytest.mark.parametrize("steps", [(1.0,) * 3, (1.0,) * 7, (math.nan,) * 6, (1e39,) * 6, (0.0,) * 100_000])
+def test_a_warp_of_other_directions_is_refused(car: Instance, steps: tuple[float, ...]) -> None:
+    edited = moved_by(car, (1.0,) * 6)
+    assert car.model.fits(edited.codes)
+    with pytest.raises(ValueError, match="a warp"):
+        if car.model.fits(edited.changed(warp=replace(edited.codes.warp, steps=steps)).codes):
+            return
+        raise ValueError("a warp of another model")
+    assert not random_model(white_from_network=True).fits(edited.codes)
 
 
 def test_objects_of_the_authors_networks_move_by_their_codes_alone() -> None:
@@ -124,4 +147,4 @@ def test_objects_of_the_authors_networks_move_by_their_codes_alone() -> None:
     moved = moved_along(instance, 0, position(instance, 0) + 0.5)
     step = model.codes.shape_space.basis[0]
     assert torch.allclose(moved.codes.shape, instance.codes.shape + 0.5 * step, atol=1e-5)
-    assert moved.codes.moves is None
+    assert moved.codes.warp is None

@@ -31,7 +31,7 @@ def chair(tiny: Model) -> Instance:
 
 def test_all_renderers_show_the_same_paints(chair: Instance) -> None:
     camera = chair.model.camera(0.7, 0.3).resized(24, 24)
-    red = chair.changed(paints=(RED, LEGS), moves=(0.5, -1.0))
+    red = chair.changed(paints=(RED, LEGS), stretch=(1.0, 1.0, 1.2))
     exact = render_exact(red, camera)
     fast = run_to_end(render_steps(red, camera, 256))
     assert (exact.colour - fast.colour).abs().mean() < 0.01
@@ -67,7 +67,9 @@ def test_paints_belong_to_the_texture_and_stay_with_edits_of_the_shape(chair: In
     assert red.codes.shape_key == chair.codes.shape_key
     assert second.with_texture(red).codes.paints == (RED,) == red.with_shape(second).codes.paints
     assert red.with_texture(chair) == chair
-    assert red.changed(moves=(1.0,)).moved("shape", torch.ones_like(chair.codes.shape)).codes.paints == (RED,)
+    assert red.changed(stretch=(1.0, 1.0, 1.2)).moved("shape", torch.ones_like(chair.codes.shape)).codes.paints == (
+        RED,
+    )
 
 
 def test_a_mix_passes_from_paint_to_paint() -> None:

@@ -164,7 +164,7 @@ def test_files_name_objects_as_before_codes_with_the_fingerprint_of_their_model(
     with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
         project = json.loads(file.read("project.json"))["project"]
     (model,) = models
-    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "stretch", "moves", "bend"]
+    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "stretch", "warp", "bend"]
     names += ["paints", "model"]
     scene = project["history"]["steps"][0]["state"]["scene"]
     for holder in (scene, *project["objects"], *project["fit"]["steps"]):
