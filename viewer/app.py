@@ -100,7 +100,7 @@ class App:
         )
         if self._folder:
             context.preferences = Preferences.load(self._folder)
-            context.files.begin_in(context.preferences.folder)
+            context.files.save_in(context.preferences.folder)
             context.clipboard = Clipboard(self._folder / "pasted")
             context.autosave = Autosave(self.session, self._folder)
         return context
@@ -368,7 +368,9 @@ class App:
         """On Esc undo a drag, else close open menus and lists, the help or Share; modal dialogs close themselves."""
         if not imgui.is_key_pressed(imgui.Key.escape):
             return
-        if self.session.editor.history.gesture:
+        if self.session.painting.dragged:
+            self.session.painting.cancel()
+        elif self.session.editor.history.gesture:
             self.session.editor.cancel_gesture()
         elif self._popup_open:
             imgui.internal.close_popups_except_modals()
@@ -379,7 +381,7 @@ class App:
 
     def _save_preferences(self) -> None:
         """Save changed preferences at once, so that a crash does not lose them."""
-        self.context.set_preference(folder=str(self.context.files.folder))
+        self.context.set_preference(folder=str(self.context.files.saves))
         if self._folder and self.context.preferences != self._saved_preferences:
             self._saved_preferences = self.context.preferences
             try:

@@ -308,10 +308,11 @@ class Editor:
             self._go(self.history.without_gesture())
 
     def cancel_gesture(self) -> None:
-        """End the drag and return to the state before it."""
-        if self.history.gesture:
-            self.end_gesture()
-            self.undo()
+        """End the drag as if it had not begun."""
+        before = self.scene
+        self.history = self.history.cancelled()
+        if self.scene != before:
+            self.scene_changed.emit()
 
     def undo(self) -> None:
         """Undo a step, if any; states that cannot be shown are skipped."""

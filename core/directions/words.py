@@ -121,17 +121,15 @@ def moved(instance: Instance, words: Words, name: str, amount: float) -> Instanc
     kind, number, sign = _direction(words, name)
     if kind == "texture":
         return instance.moved(kind, sign * amount * instance.model.codes.texture_space.basis[number])
-    return reshaped(instance, number, position(instance, number) + sign * amount)
+    return reshaped(instance, number, position(instance, number) + sign * amount, words[kind][number])
 
 
-def reshaped(instance: Instance, direction: int, to: float) -> Instance:
+def reshaped(instance: Instance, direction: int, to: float, word: str) -> Instance:
     """Move an object along a shape direction, as :func:`core.models.motion.moved_along`.
 
-    The moves keep the bounds of the object; one along a direction that is named for a size also stretches that side.
+    The move keeps the bounds of the object; one along a direction that is named for a size also stretches that side.
     """
     moved = moved_along(instance, direction, to)
-    words = (instance.model.words or {}).get("shape", ())
-    word = words[direction] if direction < len(words) else ""
     if word not in AXES or not instance.model.supports_motion:
         return moved
     axis, sign = AXES[word]

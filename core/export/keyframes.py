@@ -217,7 +217,7 @@ class _Run:
         times = [time for time, _ in self.knots]
         last = min(bisect_right(times, seconds), len(times) - 1)
         first, second = (instance.codes for _, instance in self.knots[last - 1 : last + 1])
-        amount = (seconds - times[last - 1]) / (times[last] - times[last - 1])
+        amount = float((seconds - times[last - 1]) / (times[last] - times[last - 1]))
         stretch = mixed_stretch(first.stretch, second.stretch, amount)
         warp = mixed_warp(first.warp, second.warp, amount)
         bend = mixed_bend(first.bend, second.bend, amount)

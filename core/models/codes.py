@@ -1,7 +1,7 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -74,6 +74,11 @@ class Codes(Latents):
         warp = (math.inf, *self.warp.numbers) if self.warp else ()
         bend = (-math.inf, *vars(self.bend).values()) if self.bend else ()
         return super().shape_key + warp + bend
+
+    @property
+    def texture_key(self) -> tuple[Hashable, ...]:
+        """All numbers of the texture, and the paints, as a comparable key."""
+        return super().texture_key + self.paints
 
     @property
     def is_sized(self) -> bool:

@@ -22,6 +22,7 @@ MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that su
 MAX_PAINTS = 16  # of an object
 _DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
 _ANOTHER = 0.25  # colour difference from which a part becomes evenly coloured; below, its pattern stays
+_LEAST_DISTANCE = 1e-3  # of the two materials' colours
 _SHARP = 2.0  # change of a material's membership over the difference between the two materials' colours
 
 
@@ -40,7 +41,7 @@ class PartPaint:
         channels = itertools.chain(self.colour, self.before, *(self.materials or ()))
         if not all(0 <= number <= 1 for number in (*channels, self.share)):  # also for NaN
             raise ValueError(f"a paint's channels and its share are 0 to 1, got {self}")
-        if self.materials and math.dist(*self.materials) == 0:
+        if self.materials and math.dist(*self.materials) < _LEAST_DISTANCE:
             raise ValueError("materials of one colour cannot be distinguished")
 
     def membership(

@@ -122,6 +122,16 @@ class Painting:
             self._set_due((*self._due[:1], *waiting, self._drag))
         self._drag = None
 
+    @property
+    def dragged(self) -> Rgb | None:
+        """The colour under the mouse during a drag over colours."""
+        return self._drag and self._drag.paint.colour
+
+    def cancel(self) -> None:
+        """End a drag over colours without a paint."""
+        self._drag = None
+        self._viewport.repainted = None
+
     def tick(self) -> None:
         """Show the frame on screen in the colour under the mouse; call once a frame."""
         choice = self._drag

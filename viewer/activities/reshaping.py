@@ -149,7 +149,8 @@ class Reshaping:
         request = self._viewport.request
         instance = self._editor.scene.instance
         pull = find_pull(instance, words, request.crop(request.full).camera, handle.point, pixels)
-        direction = Direction.principal(instance.model.codes, "shape", pull.direction)
+        word = words[pull.direction] if pull.direction < len(words) else ""
+        direction = Direction.principal(instance.model.codes, "shape", pull.direction, word)
         return Drag("reshape", direction, direction.strength(instance), instance, instance, pull)
 
     @property

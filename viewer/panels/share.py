@@ -295,10 +295,9 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         word = KINDS[settings.kind].lower()
         name = f"{context.file_name}-{settings.kind}{settings.suffix}"
         save = partial(exporting.share, settings=_as_in_view(context, settings))
-        path = context.files.unused(name)
-        where = f"As {printable(path.name)}\nin {printable(str(path.parent))}"
+        where = f"As {printable(name)}\nin {printable(str(context.files.saves))}"
         if button(f"{_SAVE}  Save {word}###save here", where, 10, idle, accent):
-            save(path)
+            save(context.files.unused(name))
         flow("Save as…")
         if button("Save as…###save", "Choose name and folder, which is where the next file is saved, too", 0, idle):
             context.files.ask(FileRequest(f"Save the {settings.kind} as", save, (settings.suffix,), True, name))

@@ -68,7 +68,7 @@ class SlidersPanel(Panel):
         """Draw a slider below the words of its ends."""
         editor = context.session.editor
         key = f"{kind} {index + 1}"
-        direction = Direction.principal(editor.model.codes, kind, index)
+        direction = Direction.principal(editor.model.codes, kind, index, ends[1])
         value = editor.strength(direction)
         corner = imgui.get_cursor_screen_pos()
         room = imgui.get_content_region_avail()

@@ -125,17 +125,18 @@ class FileDialog:
         self._listed: tuple[str, list[Path]] = ("", [])  # typed text and the paths that complete it
         self._fresh = False  # the input line opens in the next frame
         self._to_replace: Path | None = None  # existing file that "Replace" confirms
-        self.folder = _downloads()  # folder of the last answer
+        self.folder = _downloads()  # of the last opened file
+        self.saves = self.folder  # of the last saved file
 
-    def begin_in(self, folder: str) -> None:
-        """Begin in the folder of an earlier launch, if it is still there."""
+    def save_in(self, folder: str) -> None:
+        """Save in the folder of an earlier launch, if it is still there."""
         with suppress(OSError, ValueError):
             if folder and Path(folder).is_dir():
-                self.folder = Path(folder)
+                self.saves = Path(folder)
 
     def unused(self, name: str) -> Path:
-        """Return the path of a new file in the folder of the last answer, numbered if the name is taken."""
-        path = self.folder / name
+        """Return the path of a new file beside the last saved one, numbered if the name is taken."""
+        path = self.saves / name
         numbers = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
         return path if not is_taken(path) else next(numbered for numbered in numbers if not is_taken(numbered))
 
@@ -149,10 +150,11 @@ class FileDialog:
         if self._request:
             return
         self._request = request
+        folder = self.saves if request.save else self.folder
         if self._native:
-            self._dialog = self._open_native(request, self.folder)
+            self._dialog = self._open_native(request, folder)
         else:
-            start = f"{self.folder / request.name}{'' if request.name else os.sep}"
+            start = f"{folder / request.name}{'' if request.name else os.sep}"
             self._text = printable(start)
             self._fresh = True
             self._to_replace = None
@@ -239,7 +241,10 @@ class FileDialog:
         self._dialog = None
         if request and answer:
             path = request.path(answer)
-            self.folder = path.parent
+            if request.save:
+                self.saves = path.parent
+            else:
+                self.folder = path.parent
             request.answer(path)
 
 

@@ -24,6 +24,7 @@ from viewer.values.objects import EditableObject, unique_key, unique_name
 class _Stored(NamedTuple):
     path: Path
     content: EditableObject
+    has_key: bool = True  # False: an older file, to be written again, as its key is the time of its last change
 
 
 class UserObjects:
@@ -57,7 +58,7 @@ class UserObjects:
                 names[content.name] = unique_name(content.name, taken)
                 taken.add(names[content.name])
                 item = replace(content.renamed(names), key=unique_key(content.key, self._stored))
-                self._stored[item.key] = _Stored(path, item)
+                self._stored[item.key] = _Stored(path, item, f'"key": "{item.key}"' in read_text(path))
             return tuple(stored.content for stored in self._stored.values())
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
@@ -86,7 +87,7 @@ class UserObjects:
     def _keep(self, models: OpenModels, item: EditableObject, folder: Path) -> None:
         """Store an object unless its file has it, or its model is missing."""
         stored = self._stored.get(item.key)
-        is_new = stored is None or not _is_same(stored.content, item)
+        is_new = stored is None or not stored.has_key or not _is_same(stored.content, item)
         if is_new and not any(instance.is_missing for instance in item.ends):
             path = stored.path if stored else folder / _file_name(item.name)
             model = item.instance.model

@@ -20,12 +20,13 @@ class Direction:
     kind: CodeKind
     step: Float[Tensor, "latent"]  # one standard deviation of the trained codes along the direction
     index: int  # among the principal directions
+    word: str = ""  # for more of it; "" if unnamed
 
     @classmethod
-    def principal(cls, book: CodeBook, kind: CodeKind, index: int) -> "Direction":
+    def principal(cls, book: CodeBook, kind: CodeKind, index: int, word: str = "") -> "Direction":
         """Return a principal direction of the trained codes; 0 has the largest variance."""
         space = book.shape_space if kind == "shape" else book.texture_space
-        return cls(kind, space.basis[index], index)
+        return cls(kind, space.basis[index], index, word)
 
     def strength(self, instance: Instance) -> float:
         """Return an object's position along the direction, in standard deviations from its model's mean."""
@@ -41,6 +42,6 @@ class Direction:
     def moved(self, instance: Instance, to: float) -> Instance:
         """Return the object moved to the position ``to``, in standard deviations, or to the end of its reach."""
         if self.kind == "shape":
-            return reshaped(instance, self.index, to)
+            return reshaped(instance, self.index, to, self.word)
         by = max(-_TEXTURE_REACH, min(_TEXTURE_REACH, to)) - self.strength(instance)
         return instance.moved("texture", by * self.step)

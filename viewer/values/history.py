@@ -369,6 +369,12 @@ class History:
         """Return the history with the drag ended: the next edit is another step."""
         return replace(self, gesture="")
 
+    def cancelled(self) -> History:
+        """Return the history without the step of the drag in progress, if there is one."""
+        return (
+            self.without({self.current}).without_gesture() if self.gesture and self.current != self._path[0] else self
+        )
+
     # Other states
 
     def undone(self) -> History:

@@ -24,7 +24,7 @@ class Preferences:
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()  # paths of opened files, the latest first
     paints: tuple[str, ...] = ()  # chosen paints, such as #c03028, the latest first
-    folder: str = ""  # of the last file that was chosen; empty: none was
+    folder: str = ""  # of the last saved file; empty: none was
     front: str = "Mix"  # title of the inspector's panel in front; empty if all are hidden
 
     def with_text_size(self, text: float) -> "Preferences":

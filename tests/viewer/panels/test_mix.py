@@ -58,7 +58,8 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: M
     window.ctx.mouse_move_to_pos(dot + ImVec2(5 * inset, 0))  # still held: the drag is over
     assert editor.state.mix == before.mix
     window.ctx.mouse_up(0)
-    assert editor.state.mix == before.mix and not editor.history.gesture
+    assert editor.state == before and not editor.history.gesture
+    assert editor.history.states[-1] is editor.state and before.scene == editor.state.scene  # nothing to redo
     window.click("Mix/mix pad")
     assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
     assert editor.state.mix.texture == pytest.approx(0.5, abs=0.05)

@@ -40,7 +40,7 @@ def choose(window: Driver, name: str, label: str) -> None:
 
 @in_window()
 def test_files_are_saved_in_one_click_beside_the_last_one(window: Driver, tmp_path: Path) -> None:
-    window.context.files.folder = tmp_path
+    window.context.files.saves = tmp_path
     window.press(imgui.Key.mod_ctrl, imgui.Key.e)
     window.click("Share/###picture")
     for count in (1, 2):

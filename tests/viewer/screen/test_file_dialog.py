@@ -32,7 +32,7 @@ def test_a_file_that_an_ending_leads_to_is_confirmed(tmp_path: Path) -> None:
         return Dialog(str(folder / answers[len(proposed) - 1]))
 
     dialogs = FileDialog(native=True, open_native=opened)
-    dialogs.folder = tmp_path
+    dialogs.saves = tmp_path
     dialogs.ask(FileRequest("Export", saved.append, (".mp4",), True, "turntable.mp4"))
     dialogs.draw()
     assert saved == []
@@ -70,11 +70,11 @@ def test_typed_paths_are_completed_with_folders_first(tmp_path: Path) -> None:
 
 def test_the_last_folder_is_taken_up_if_it_is_still_there(tmp_path: Path) -> None:
     files = FileDialog(native=False)
-    start = files.folder
+    start = files.saves
     for gone in ("", str(tmp_path / "gone"), "a\0b"):
-        files.begin_in(gone)
-        assert files.folder == start
-    files.begin_in(str(tmp_path))
+        files.save_in(gone)
+        assert files.saves == start
+    files.save_in(str(tmp_path))
     assert files.unused("car.mp4") == tmp_path / "car.mp4"
     (tmp_path / "car.mp4").touch()
     (tmp_path / "car-2.mp4").mkdir()
