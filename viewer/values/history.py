@@ -371,9 +371,8 @@ class History:
 
     def cancelled(self) -> History:
         """Return the history without the step of the drag in progress, if there is one."""
-        return (
-            self.without({self.current}).without_gesture() if self.gesture and self.current != self._path[0] else self
-        )
+        is_begun = self.gesture and self.current != self._path[0]
+        return self.without({self.current}).without_gesture() if is_begun else self
 
     # Other states
 

@@ -60,10 +60,12 @@ def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
         moved(instance, words, "roof", 1.0)
 
 
-def test_words_of_sizes_change_that_side_alone() -> None:
-    car = load_model("cars")[3]
-    words = car.model.words
+@pytest.mark.parametrize("stored", [True, False])
+def test_words_of_sizes_change_that_side_alone(stored: bool) -> None:
+    words = load_model("cars").words
     assert words is not None
+    model = load_model("cars") if stored else replace(load_model("cars"), words=None)
+    car = model[3]
     before = size_of(car)
     for word in ("taller", "lower", "longer", "narrower"):
         axis, sign = AXES[word]

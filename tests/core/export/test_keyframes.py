@@ -9,6 +9,7 @@ import torch
 from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View, morph, swing, turntable
 from core.geometry.bend import Bend
 from core.geometry.camera import Camera
+from core.geometry.warp import TERMS, Warp
 from core.models.codes import Codes
 from core.models.missing import MissingInstance
 
@@ -198,3 +199,17 @@ def test_legs_change_between_keys_and_return() -> None:
 def test_a_video_without_frames_is_refused(film: Callable[..., list[View]]) -> None:
     with pytest.raises(ValueError, match="at least 1 frame"):
         film(*shot(), 0)
+
+
+def test_sizes_and_edits_are_interpolated_in_plain_numbers() -> None:
+    """Cameras and fields take their number format from them."""
+    warp = Warp((1.0,), (1.0, 1.0, 1.0), ((0.0, 0.1, 0.0),) * len(TERMS), 0.2)
+    view = shot()
+    edited = view._replace(instance=view.instance.changed(stretch=(1.0, 1.2, 1.0), warp=warp))
+    for between in timeline(view, edited).views(8):
+        codes = between.instance.codes
+        assert all(type(factor) is float for factor in codes.factors)
+        assert codes.warp is None or all(type(number) is float for number in codes.warp.numbers)
+    halfway = timeline(view, edited, loop=False).at(0.5).instance.codes
+    assert halfway.factors == pytest.approx((1.0, 1.1, 1.0)) and halfway.warp is not None
+    assert halfway.warp.steps == pytest.approx((0.5,))
