@@ -77,7 +77,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             "drag or type width, depth, height, legs or roof in cm; a button shows a box to drag",
         ),
         Gesture("Ctrl+click", "type a value"),
-        Gesture("Right click", "set the direction to 0"),
+        Gesture("Right click", "set the middle of the direction"),
     ),
     "Timeline": (
         Action(

@@ -101,7 +101,7 @@ class VisibilityKey(NamedTuple):
     """The cache key of a view's visible intervals: everything that they depend on."""
 
     model: Model
-    shape: tuple[float, ...]  # :attr:`core.models.latents.Latents.shape_key`
+    shape: tuple[float, ...]  # :attr:`core.models.codes.Codes.shape_key`
     camera: Camera  # :meth:`core.models.model.Instance.local_camera`
     samples: int
     complete: bool

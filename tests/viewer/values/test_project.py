@@ -465,6 +465,27 @@ def test_a_project_and_a_scene_with_longer_legs_open(worker: Worker, backend: Ba
         assert editor.scene.instance == sized
 
 
+def test_a_project_and_a_scene_with_an_edit_of_the_shape_open(worker: Worker, backend: Backend, tmp_path: Path) -> None:
+    folder = Path("tests/files/635ec408")
+    shutil.copytree(folder / "mine", tmp_path / "mine")
+    model = load_model("tests/files/1bad02d/model.safetensors")
+    backend = replace(backend, load_model=lambda name: model)
+    session = Session(worker, backend)
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    edited = editor.scene.instance
+    assert edited.codes.warp is not None
+    assert edited.codes.warp.steps == (1.0, -0.5, 0.25, 0.0, 0.0)
+    editor.undo()
+    assert editor.scene.instance.codes.warp is None
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert editor.scene.instance == edited
+    session = Session(worker, backend, folder=tmp_path)
+    assert session.editor.objects["block"].instance == edited
+
+
 def test_a_project_and_a_scene_with_paints_open(worker: Worker, backend: Backend) -> None:
     folder = Path("tests/files/60da7b50")
     model = load_model("tests/files/1bad02d/model.safetensors")
