@@ -82,7 +82,7 @@ def portion_of(model: Model) -> Portion | None:
 
 def natural_bounds(instance: Instance) -> Bounds:
     """Return the bounds of an object's natural surface; cached. Raises ``ValueError`` without a surface."""
-    return _bounds(instance.natural)
+    return _bounds(instance.natural.with_texture(instance.model.mean))  # the texture does not matter
 
 
 @lru_cache(maxsize=64)

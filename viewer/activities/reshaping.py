@@ -11,6 +11,7 @@ from jaxtyping import UInt8
 from core.directions.grab import Pull, find_pull
 from core.directions.part_map import Handle, PartMap
 from core.models.model import Instance
+from core.models.motion import prepare_motion
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import TILES_WEIGHT, Jobs
@@ -111,6 +112,8 @@ class Reshaping:
 
         def stream() -> Iterator[VisibleParts | None]:
             regions = find(request.instance, crop.camera, frame, shown_box(crop))
+            yield None
+            prepare_motion(request.instance)
             yield None
             highlights = {}
             for part in {handle.part for handle in regions.handles}:

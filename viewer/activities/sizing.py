@@ -1,6 +1,9 @@
 """The bounds of the object in the view, from which its size in centimetres follows."""
 
+from collections.abc import Iterator
+
 from core.models.model import Instance
+from core.models.motion import prepare_motion
 from core.rendering.bounds import Bounds
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
@@ -18,7 +21,8 @@ class Sizing:
     @property
     def bounds(self) -> Bounds | None:
         """The object's natural bounds; None until they are measured, and for an object without a surface."""
-        natural = self._editor.scene.instance.natural
+        instance = self._editor.scene.instance
+        natural = instance.natural.with_texture(instance.model.mean)  # which does not matter
         if self._measured and self._measured[0] == natural:
             return self._measured[1]
         if not self._editor.history.gesture and not self._jobs.busy("size"):
@@ -38,4 +42,8 @@ class Sizing:
             if not isinstance(error, ValueError):  # an object without a surface can be edited, but has no size
                 report(error)
 
-        self._jobs.submit(Job("size", lambda: (measure(natural),), keep, ended, urgent=True))
+        def stream() -> Iterator[Bounds]:
+            yield measure(natural)
+            prepare_motion(natural)  # sliders are beside the size
+
+        self._jobs.submit(Job("size", stream, keep, ended, urgent=True))
