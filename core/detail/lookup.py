@@ -178,8 +178,7 @@ class DetailMaps:
         levels = [photo.level(camera) if camera else 0 for photo in self.photos]
         own = len(self.photos) - self.borrowed
         fine = [photo.fine[level] for photo, level in zip(self.photos[:own], levels, strict=False)]
-        origins = self.bend.origins(points) if self.bend else points
-        origins = self.warp.origins(origins) if self.warp else origins
+        origins = self._origins(points)
         colour, weights = self._blended(points, origins, directions, fine, own=True)
         direct = weights.amax(0)
         change = direct[:, None] * (colour - colours)
@@ -202,6 +201,11 @@ class DetailMaps:
             mirrored.index_add_(0, hidden, weights[:own].amax(0))
         change += (1 - covered)[:, None] * self.match.change(colours)
         return self.strength * change, Sources(self.strength * direct, self.strength * mirrored)
+
+    def _origins(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
+        """Return the places on the fitted object."""
+        unbent = self.bend.origins(points) if self.bend else points
+        return self.warp.origins(unbent) if self.warp else unbent
 
     def _blended(
         self,

@@ -37,7 +37,7 @@ class Codes(Latents):
     stretch: Factors | None = None
     """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
     warp: Warp | None = None
-    """Edits along the first shape directions (:mod:`core.models.motion`)."""
+    """The map of an edited object to the one that it was made from (:mod:`core.models.motion`); None: not edited."""
     bend: Bend | None = None
     """Legs or roof relative to the natural ones (:mod:`core.rendering.size`); it comes before the stretch."""
     paints: tuple[PartPaint, ...] = ()
