@@ -99,8 +99,8 @@ def _draw_square(context: PanelContext) -> None:
         across, down = (max(0.0, min(1.0, px / side)) for px, side in zip(place, size, strict=True))
         painting.paint(square_colour(across, down))
         draw.add_circle(corner + ImVec2(across * size.x, down * size.y), 0.4 * em, packed((1, 1, 1)), thickness=2.0)
-    elif imgui.is_item_deactivated() and painting.dragged:
-        _paint(context, painting.dragged)
+    elif imgui.is_item_deactivated() and painting.colour and not imgui.is_key_pressed(imgui.Key.escape):
+        _paint(context, painting.colour)
 
 
 def _paint(context: PanelContext, colour: Rgb) -> None:

@@ -271,6 +271,23 @@ def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
+def test_esc_ends_a_drag_over_colours_without_a_paint(window: Driver) -> None:
+    editor = window.session.editor
+    before = editor.state
+    window.show("Photo")
+    window.wait()
+    window.click("Photo/###paint")
+    window.ctx.mouse_move("**/square")
+    window.ctx.mouse_down(0)
+    window.ctx.mouse_move_to_pos(imgui.get_mouse_pos() + imgui.ImVec2(20, 10))
+    assert window.session.painting.dragged
+    window.press(imgui.Key.escape)
+    window.ctx.mouse_up(0)
+    window.wait()
+    assert editor.state == before and not window.context.preferences.paints
+
+
+@in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: Driver) -> None:
     editor = window.session.editor
     past = len(window.session.editor.history.past)
