@@ -159,9 +159,12 @@ class Editor:
         The camera keeps the view's scale, so that sides that are not stretched stay where they are.
         """
         edited = self._keeping_locked(edited)
-        distance = self.scene.camera.distance * self.scene.instance.codes.scale / edited.codes.scale
+        camera = self.scene.camera
         is_resized = edited.codes.stretch != self.scene.instance.codes.stretch
-        self._set_codes(edited, self.state.mix, gesture, orbit.at_distance(self.scene.camera, distance, self.model))
+        if is_resized:
+            distance = camera.distance * self.scene.instance.codes.scale / edited.codes.scale
+            camera = orbit.at_distance(camera, distance, self.model)
+        self._set_codes(edited, self.state.mix, gesture, camera)
         if is_resized:
             self.resized.emit()
 

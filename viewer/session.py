@@ -127,7 +127,7 @@ class Session:
         """Cancel all jobs of the activities."""
         for activity in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting, self.painting):
             activity.close()
-        self.jobs.cancel("parts", "reshape", "size")
+        self.jobs.cancel("parts", "size")
         self.exporting.cancel()
 
     # Models and their objects

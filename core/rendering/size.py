@@ -26,11 +26,6 @@ def bounds_of(instance: Instance) -> Bounds:
     return natural_bounds(instance).bent(instance.codes.bend).stretched(instance.codes.factors)
 
 
-def natural_size(instance: Instance) -> Size:
-    """Return the size of an object that was neither bent nor stretched; as :func:`size_of`."""
-    return natural_bounds(instance).size
-
-
 def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
     """Return an object stretched to a size; None: in its natural size and proportions.
 

@@ -228,6 +228,26 @@ def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) 
     assert again.instance == chair.instance and again.instance.detail == chair.instance.detail
 
 
+def test_a_paint_keeps_a_camera_beyond_the_reach_of_zoom(editor: Editor, model: Model) -> None:
+    """As a photo's camera may be."""
+    editor.set_camera(replace(editor.scene.camera, distance=20 * model.distance))
+    camera = editor.scene.camera
+    editor.edit(editor.scene.instance.with_texture(model[3]))
+    assert editor.scene.camera == camera
+
+
+def test_esc_ends_a_turn_of_the_camera_and_drops_a_drag_of_an_edit(editor: Editor) -> None:
+    before = editor.scene
+    turned = replace(before.camera, azimuth=before.camera.azimuth + 0.5)
+    editor.set_camera(turned, gesture="orbit")
+    editor.cancel_gesture()
+    assert editor.scene.camera == turned and not editor.history.gesture
+    steps = len(editor.history.steps)
+    editor.edit(before.instance.changed(stretch=(1.0, 1.0, 1.5)), gesture="size box")
+    editor.cancel_gesture()
+    assert editor.scene.instance == before.instance and len(editor.history.steps) == steps
+
+
 def test_a_mix_stays_as_a_version_of_a_when_another_object_is_shown(editor: Editor, model: Model) -> None:
     name = editor.add_and_show(fitted(model), editor.scene.camera)
     editor.set_b("object 4")

@@ -165,7 +165,7 @@ class Painting:
         """Stop painting."""
         self._drag = None
         self._set_due(())
-        self._jobs.cancel("paint colour")
+        self._jobs.cancel("paint colour", "coarse paint")
 
     def _set_due(self, due: tuple[_Choice, ...]) -> None:
         """Set the paints that the object is about to take, in order."""

@@ -39,7 +39,7 @@ class UserObjects:
     def model_files(self) -> dict[str, str]:
         """Return the names or paths of the models of all stored objects, by fingerprint; "" if not stored."""
         files = self._folder.glob("*.json") if self._folder else ()
-        return {model: _model_file(path) for path in files if (model := scene_model(path))}
+        return {model: _fields(path).model_file for path in files if (model := scene_model(path))}
 
     def open(self, models: OpenModels) -> tuple[EditableObject, ...]:
         """Return the stored objects, the oldest first, also those of missing models; unreadable files are skipped."""
@@ -58,7 +58,7 @@ class UserObjects:
                 names[content.name] = unique_name(content.name, taken)
                 taken.add(names[content.name])
                 item = replace(content.renamed(names), key=unique_key(content.key, self._stored))
-                self._stored[item.key] = _Stored(path, item, f'"key": "{item.key}"' in read_text(path))
+                self._stored[item.key] = _Stored(path, item, bool(_fields(path).key))
             return tuple(stored.content for stored in self._stored.values())
 
     def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
@@ -137,9 +137,9 @@ class _Fields(NamedTuple):
     key: str = ""  # "" in older files, which were made when they were changed last
 
 
-def _model_file(path: Path) -> str:
-    fields = optional(lambda: typed(_Fields, parse_json(read_text(path)), name="object"))
-    return fields.model_file if fields else ""
+def _fields(path: Path) -> _Fields:
+    """Return the fields of a file; empty ones if it is unreadable."""
+    return optional(lambda: typed(_Fields, parse_json(read_text(path)), name="object")) or _Fields("")
 
 
 def _read(path: Path, adopt: Callable[[Instance], Instance]) -> EditableObject:

@@ -370,9 +370,9 @@ class History:
         return replace(self, gesture="")
 
     def cancelled(self) -> History:
-        """Return the history without the step of the drag in progress, if there is one."""
-        is_begun = self.gesture and self.current != self._path[0]
-        return self.without({self.current}).without_gesture() if is_begun else self
+        """Return the history without the step of the drag in progress; a camera, whose moves are one step, stays."""
+        has_step = self.gesture and not self.moved and self.current != self._path[0]
+        return (self.without({self.current}) if has_step else self).without_gesture()
 
     # Other states
 

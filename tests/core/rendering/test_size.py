@@ -23,7 +23,7 @@ from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import shape_occupancy
 from core.rendering.reference import render_exact, render_rays
-from core.rendering.size import bounds_of, described, natural_size, portion_sized, size_of, sized, with_portion
+from core.rendering.size import bounds_of, described, portion_sized, size_of, sized, with_portion
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import random_model
@@ -67,7 +67,7 @@ def test_a_scale_changes_no_picture(tiny: Model, factor: float) -> None:
     larger = tiny[0].changed(stretch=(factor,) * 3)
     assert torch.equal(render_exact(larger, camera).colour, render_exact(tiny[0], camera).colour)
     assert larger.local_camera(camera) is camera
-    assert size_of(larger) == pytest.approx([factor * side for side in natural_size(tiny[0])])
+    assert size_of(larger) == pytest.approx([factor * side for side in size_of(tiny[0].natural)])
 
 
 def test_the_natural_size_is_that_of_the_surface(tiny: Model) -> None:
@@ -76,7 +76,7 @@ def test_the_natural_size_is_that_of_the_surface(tiny: Model) -> None:
         vertices = run_to_end(extract_mesh(tiny[2], 96)).vertices
     np.testing.assert_allclose(bounds.low, vertices.min(0), atol=0.004)
     np.testing.assert_allclose(bounds.high, vertices.max(0), atol=0.004)
-    assert max(natural_size(tiny[2])) == pytest.approx(100 * tiny.metres)
+    assert max(size_of(tiny[2].natural)) == pytest.approx(100 * tiny.metres)
 
 
 def test_a_size_is_kept_until_the_natural_one_returns(tiny: Model) -> None:
@@ -85,7 +85,7 @@ def test_a_size_is_kept_until_the_natural_one_returns(tiny: Model) -> None:
     assert size_of(sized(stool, (30.0, 30.0, 30.0))) == pytest.approx((30, 30, 30))
     assert size_of(stool.with_texture(tiny[1])) == pytest.approx((60, 58, 92))
     assert sized(stool, None) == tiny[0] != stool
-    assert sized(tiny[0], natural_size(tiny[0])) == tiny[0]
+    assert sized(tiny[0], size_of(tiny[0].natural)) == tiny[0]
     assert described((60.0, 58.24, 1234.5)) == "60 x 58.2 x 1234.5 cm"
 
 
@@ -98,7 +98,7 @@ def test_other_sizes_are_refused_in_one_line(tiny: Model, size: tuple[float, ...
 
 
 def test_a_distortion_is_limited(tiny: Model) -> None:
-    width, depth, height = natural_size(tiny[0])
+    width, depth, height = size_of(tiny[0].natural)
     with pytest.raises(ValueError, match="too far from the natural"):
         sized(tiny[0], (1.1 * MAX_DISTORTION * width, depth, height))
     assert sized(tiny[0], (0.99 * MAX_DISTORTION * width, depth, height)).codes.stretch is not None
