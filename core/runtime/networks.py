@@ -1,5 +1,6 @@
 """Third-party networks: ONNX files, run by onnxruntime on one thread."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ def run_network(path: Path, batch: Float[np.ndarray, "1 *shape"]) -> dict[str, n
     if not path.is_file():
         raise ValueError(f"{path.name} is missing from {path.parent}")
     try:
+        os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # which would write and send on import
         import onnxruntime  # takes 0.1 s, and many images need no network
 
         options = onnxruntime.SessionOptions()
