@@ -26,8 +26,19 @@ from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, 
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_views import with_photo_detail
 from core.fitting.problem import FitJob, Problem, witness_direction
+from core.fitting.rivals import optimise_rivals
 from core.fitting.schedule import Schedule, build_schedule
-from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
+from core.fitting.search import (
+    SearchResult,
+    assess,
+    better_of,
+    is_doubtful,
+    optimise,
+    refine,
+    score,
+    select,
+    with_runner_up,
+)
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitStep, RunnerUp, SearchState
 from core.models.model import Model
@@ -53,13 +64,13 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     generator = torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model, job, generator)
     unknown = int(problem.unknown.sum())
-    schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
+    schedule = build_schedule(job.settings, job.components, unknown, job.resume_from is not None)
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
     cameras = list(problem.cameras)
     likelihood = category_likelihood(model.category, job.photos)
     masks = math.prod(photo.mask_confidence for photo in job.photos)
     for step, state in enumerate(_search(problem, schedule, job, generator), 1):
-        steps = step + schedule.steps if state.restart_follows else steps
+        steps = steps if state.remaining is None else step + state.remaining
         fit_step = state.to_step(step, steps, time.perf_counter() - began)
         for view, camera in zip(state.views, fit_step.cameras, strict=True):
             cameras[view] = camera
@@ -81,7 +92,7 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
     freed_states = free_biases(searched.problem, searched.result.winner, schedule.free, generator)
     for number, (origin, freed) in enumerate(freed_states, 1):
         finished = number == schedule.free.steps
-        yield searched._replace(freed=freed, origin=origin, restart_follows=False, finished=finished)
+        yield searched._replace(freed=freed, origin=origin, remaining=None, finished=finished)
 
 
 def _search_codes(
@@ -108,7 +119,9 @@ def _search_codes(
             result = assessed
         # 5. Restart while in doubt, with other pixels, assuming that an occluder may hide parts of the object.
         restarts = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
-        searched = state(result.winner, result, restart_follows=restarts, finished=restarts or schedule.free is None)
+        finished = restarts or schedule.free is None
+        remaining = schedule.steps if restarts else schedule.free_steps
+        searched = state(result.winner, result, remaining=remaining, finished=finished)
         yield searched
         if not restarts:
             break
@@ -139,14 +152,36 @@ def _search_once(
     for batch in optimise(problem, local, schedule.local, generator):
         # The coarse winner is kept, so that stopping early returns the best of all.
         yield state(concatenate(batch, coarse.best) if schedule.coarse else batch, earlier)
+
     # 3. Refine the best.
-    selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
-    refined = selected.winner
-    for number, refined in enumerate(refine(problem, selected.winner, schedule.final, generator), 1):
-        if number < schedule.final.steps:
-            yield state(refined, earlier or selected._replace(winner=refined))
-    # 4. Runner-up, uncertainty, confidence.
-    return assess(problem, selected, refined, schedule.final)
+    def refined_states(refined: HypothesisBatch) -> SearchState:
+        return state(refined, earlier or SearchResult(refined))
+
+    best = select(problem, batch, coarse, schedule.final)
+    best = yield from _all_but_last(refine(problem, best, schedule.final, generator), refined_states)
+    if not problem.has_one_unknown:
+        return SearchResult(best)
+    # 4. Optimise its rivals; a better one takes its place, unless the fit resumed. Uncertainty, confidence.
+    rivals = yield from _all_but_last(
+        optimise_rivals(problem, best, schedule, generator),
+        lambda batch: state(batch, earlier or SearchResult(best)),
+    )
+    candidates = concatenate(best, rivals)
+    if candidates.leader and schedule.rivals:
+        refining = refine(problem, candidates.best, schedule.final, generator)
+        best = yield from _all_but_last(refining, refined_states)
+    return assess(problem, with_runner_up(problem, best, candidates), schedule.final)
+
+
+def _all_but_last(
+    batches: Iterator[HypothesisBatch], to_state: Callable[[HypothesisBatch], SearchState]
+) -> Generator[SearchState, None, HypothesisBatch]:
+    """Yield the states of all batches but the last, and return the last: its state needs what follows."""
+    batch = next(batches)
+    for following in batches:
+        yield to_state(batch)
+        batch = following
+    return batch
 
 
 def _initial(

@@ -16,8 +16,7 @@ from core.models.codes import Codes
 from core.models.model import Instance, Model
 
 CAMERA_PARAMETERS = 8  # of one view: azimuth, elevation, log distance, log focal length; log scale, roll, shift x and y
-_BASIN = math.radians(25)  # cameras closer than this mostly converge to the same one
-_OPPOSITE_COSINE = -0.6  # cosine of the azimuth difference of cameras on opposite sides
+_BASIN = math.radians(20)  # cameras closer than this mostly converge to the same one
 MAX_ZOOM = 1.5  # log of the longest focal length over the given one: with a longer one, perspective is invisible
 _MAX_ELEVATION = math.radians(89.9)
 
@@ -246,16 +245,10 @@ def to_hypotheses(
 # Basins: cameras from which fits mostly converge to the same one
 
 
-def opposite_views(batch: HypothesisBatch, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, "hypotheses"]:
-    """Mark hypotheses with any view roughly opposite (azimuth + 180 degrees) to that of hypothesis ``index``."""
-    turn = batch.parameters.angles[:, views, 0] - batch.parameters.angles[index, views, 0]
-    return (turn.cos() < _OPPOSITE_COSINE).any(-1)
-
-
-def flip_azimuth(batch: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
-    """Return the hypotheses with the marked views turned to the opposite side: the front/back ambiguity."""
+def turn_azimuth(batch: HypothesisBatch, turn: float, views: Bool[Tensor, "views"]) -> HypothesisBatch:
+    """Return the hypotheses with the cameras of the marked views turned about the vertical, rad."""
     angles = batch.parameters.angles.clone()
-    angles[:, views, 0] += math.pi
+    angles[:, views, 0] += turn
     return replace(batch, parameters=batch.parameters._replace(angles=angles))
 
 
@@ -268,13 +261,21 @@ def by_loss(batch: HypothesisBatch) -> Int[Tensor, "selected"]:
     return order
 
 
-def best_other_basin(best: HypothesisBatch, among: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
-    """Return the best of ``among`` in another basin than ``best``; else its opposite view with infinite loss."""
-    rivals = ~_same_basin(best, among, views)[0] & among.loss.isfinite()
-    if not bool(rivals.any()):
-        opposite = flip_azimuth(best, views)
-        return replace(opposite, loss=torch.full_like(opposite.loss, math.inf))
-    return among[among.loss.where(rivals, torch.tensor(math.inf)).argmin()[None]]
+def other_basins(batch: HypothesisBatch, winner: HypothesisBatch, views: Bool[Tensor, "views"]) -> HypothesisBatch:
+    """Return the best hypothesis of each basin but the winner's, by loss; diverged ones are left out.
+
+    Args:
+        winner: a single hypothesis.
+        views: their cameras define a basin.
+    """
+    near = _same_basin(batch, batch, views)
+    free = batch.loss.isfinite() & ~_same_basin(winner, batch, views)[0]
+    selected = list[int]()
+    for index in batch.loss.argsort(stable=True).tolist():
+        if free[index]:
+            selected.append(index)
+            free &= ~near[index]
+    return batch[torch.tensor(selected, dtype=torch.long)]
 
 
 def _same_basin(

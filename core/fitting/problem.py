@@ -104,6 +104,11 @@ class Problem:
         return torch.tensor([photo.camera is None for photo in self.photos])
 
     @property
+    def has_one_unknown(self) -> bool:
+        """True if exactly one camera is unknown: it has rivals and a confidence."""
+        return int(self.unknown.sum()) == 1
+
+    @property
     def free(self) -> Bool[Tensor, "views 8"]:
         """Mark the searched camera parameters; for a cropped photo also roll and shift.
 

@@ -24,6 +24,7 @@ class Schedule(NamedTuple):
     coarse: tuple[Stage, ...]  # from cameras on all sides; empty if all cameras are known
     local: tuple[Stage, ...]  # around the best cameras of the coarse stages
     final: Stage  # refines the best hypothesis
+    rivals: tuple[Stage, ...] = ()  # of the only unknown camera (:mod:`core.fitting.rivals`)
     free: Stage | None = None  # frees its biases (:mod:`core.fitting.free`)
 
     @property
@@ -33,8 +34,13 @@ class Schedule(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """Number of steps in all stages."""
-        return sum(stage.steps for stage in self.stages) + (self.free.steps if self.free else 0)
+        """Number of steps in all stages, as most fits have them."""
+        return sum(stage.steps for stage in (*self.stages, *self.rivals)) + self.free_steps
+
+    @property
+    def free_steps(self) -> int:
+        """Number of steps with free biases."""
+        return self.free.steps if self.free else 0
 
 
 class _Row(NamedTuple):
@@ -64,6 +70,11 @@ _LOCAL = (
     _Row(1.0, 2, 4, 1 / 2, 3 / 4, 0.2, 0.3),
 )
 _FINAL = _Row(1.0, 1, 24, 1, 1, 0.2, 0.03)
+_RIVALS = (
+    _Row(1.0, math.inf, 6, 1 / 16, 1 / 2, math.inf, 0.3),
+    _Row(1.0, 4, 6, 1 / 8, 3 / 4, math.inf, 0.3),
+    _Row(1.0, 2, 8, 1 / 4, 3 / 4, 0.2, 0.1),
+)
 _FREE_DAMPING = 1e-3  # the prior steadies steps of free biases already
 _ALL_STEPS = sum(row.steps for row in (*_LOCAL, _FINAL))
 LOCAL_OFFSETS = (
@@ -74,17 +85,19 @@ LOCAL_OFFSETS = (
 
 Degrees of azimuth and elevation from that camera, and the number of shapes there. Thirteen degrees correct a coarse
 search that converged beside the best camera."""
+RIVAL_SECTORS = 8
+"""Sectors of azimuth, from each of which but the winner's two rivals start."""
 LOCAL_HYPOTHESES = sum(shapes for offsets in LOCAL_OFFSETS for *_, shapes in offsets)
 """Number of hypotheses in the local search, if the view bank has enough prototypes."""
 _SHAPES = 6  # hypotheses if every camera is known: initial shapes
 
 
-def build_schedule(settings: FitSettings, components: Components, unknown: bool, resumed: bool = False) -> Schedule:
+def build_schedule(settings: FitSettings, components: Components, unknown: int, resumed: bool = False) -> Schedule:
     """Return the stages of a fit.
 
     Args:
-        unknown: some camera is unknown. Adds a coarse search from many cameras, whose codes are discarded: codes fitted
-            under a wrong camera do not recover.
+        unknown: number of unknown cameras. Any adds a coarse search from many cameras, whose codes are discarded:
+            codes fitted under a wrong camera do not recover. One adds its rivals.
         resumed: has only the final stage, for all steps: early stages would spoil the hypothesis.
     """
     coarse: tuple[Stage, ...] = ()
@@ -98,8 +111,9 @@ def build_schedule(settings: FitSettings, components: Components, unknown: bool,
     if settings.free_steps:
         free = final._replace(steps=settings.free_steps, damping=_FREE_DAMPING)
     if resumed:
-        return Schedule((), (), final._replace(steps=settings.steps), free)
-    return Schedule(coarse, tuple(local), final, free)
+        return Schedule((), (), final._replace(steps=settings.steps), free=free)
+    rivals = _stages(_RIVALS, 2 * (RIVAL_SECTORS - 1), settings, components) if unknown == 1 else ()
+    return Schedule(coarse, tuple(local), final, rivals, free)
 
 
 def _stages(rows: Sequence[_Row], count: int, settings: FitSettings, components: Components) -> tuple[Stage, ...]:

@@ -1,8 +1,7 @@
 """The steps of a multi-start search for cameras and codes: optimise, prune, select, refine, assess.
 
 Hypotheses descend together by :mod:`core.fitting.gauss_newton` in the stages of :mod:`core.fitting.schedule`, with
-pruning between stages. The best hypothesis of another basin, mostly the opposite view of the winner (the front/back
-ambiguity), is kept: its margin determines the confidence of the camera.
+pruning between stages. :mod:`core.fitting.rivals` then looks for a better camera elsewhere.
 """
 
 import math
@@ -11,18 +10,18 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from core.fitting.biases import hypothesis_cells
 from core.fitting.confidence import confidence
 from core.fitting.gauss_newton import camera_uncertainty, gauss_newton_step
 from core.fitting.hypotheses import (
     HypothesisBatch,
-    best_other_basin,
     by_loss,
     concatenate,
-    flip_azimuth,
     mean_parameters,
-    opposite_views,
+    other_basins,
 )
 from core.fitting.objective import evaluate_objective, viewpoint_weights
 from core.fitting.observations import sample_pixels
@@ -41,8 +40,8 @@ class SearchResult(NamedTuple):
     """The winner of a search, and the assessment of its camera."""
 
     winner: HypothesisBatch  # a single one
-    runner_up: HypothesisBatch | None = None  # best hypothesis of another basin, if a camera is searched
-    margin: float = math.nan  # log ratio of its loss to the winner's, both optimised equally long
+    runner_up: HypothesisBatch | None = None  # best hypothesis of another basin, if one camera is unknown
+    margin: float = math.inf  # log ratio of the runner-up's loss to the winner's
     uncertainty: float | None = None  # degrees, once assessed, if one camera is searched
 
 
@@ -51,7 +50,7 @@ def optimise(
 ) -> Iterator[HypothesisBatch]:
     """Yield all hypotheses after each step of some stages, pruned before each stage; losses are running means."""
     for stage in stages:
-        batch = prune(problem, batch, stage.hypotheses)
+        batch = batch if len(batch) <= stage.hypotheses else batch[by_loss(batch)[: stage.hypotheses]]
         objective = problem.objective(stage.robust_scale)
         cells = None
         samples_per_step = len(problem.photos) * stage.rays * stage.samples
@@ -69,17 +68,6 @@ def optimise(
             loss = torch.lerp(batch.loss, loss, _EMA if step else 1.0).nan_to_num(math.inf, math.inf)
             batch = replace(moved, loss=loss)
             yield batch
-
-
-def prune(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBatch:
-    """Keep the ``count`` best; of three or more, one is the opposite view of the leader."""
-    if len(batch) <= count:
-        return batch
-    kept = by_loss(batch)[:count]
-    opposite = opposite_views(batch, batch.leader, problem.unknown)
-    if not bool(problem.unknown.any()) or count < 3 or bool(opposite[kept].any()):
-        return batch[kept]
-    return concatenate(batch[kept[: count - 1]], flip_azimuth(batch.best, problem.unknown))
 
 
 def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> HypothesisBatch:
@@ -100,30 +88,25 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
     return replace(batch, loss=loss, squared_error=value.squared_error)
 
 
-def select(
-    problem: Problem, batch: HypothesisBatch, coarse: HypothesisBatch, final: Stage, resumed: bool = False
-) -> SearchResult:
-    """Select the winner and the runner-up.
-
-    Candidates are the batch, its coarse ancestors, the coarse winner, and the opposite view of the leader. If
-    ``resumed``, all but the batch can only be runner-up.
-    """
+def select(problem: Problem, batch: HypothesisBatch, coarse: HypothesisBatch, final: Stage) -> HypothesisBatch:
+    """Return the best by score of the batch, its coarse ancestors and the coarse winner."""
     ancestors = torch.isin(coarse.origin, batch.origin)
     ancestors[coarse.leader] = True
     candidates = concatenate(batch, coarse[ancestors.nonzero()[:, 0]])
-    if not bool(problem.unknown.any()):
-        return SearchResult(score(problem, candidates, final.robust_scale).best)
-    candidates = concatenate(candidates, flip_azimuth(batch.best, problem.unknown))
-    candidates = score(problem, candidates, final.robust_scale)
-    winner = candidates[torch.arange(len(batch))].best if resumed else candidates.best
-    return with_runner_up(problem, winner, candidates)
+    return score(problem, candidates, final.robust_scale).best
 
 
 def with_runner_up(problem: Problem, winner: HypothesisBatch, candidates: HypothesisBatch) -> SearchResult:
-    """Pair the winner with the best hypothesis of another basin; the margin is infinite if there is none."""
-    runner_up = best_other_basin(winner, candidates, problem.unknown)
-    margin = math.log(max(float(runner_up.loss), _LOSS_FLOOR) / max(float(winner.loss), _LOSS_FLOOR))
-    return SearchResult(winner, runner_up, margin)
+    """Pair the winner with the best of the candidates that lie in another basin, if any."""
+    rivals = other_basins(candidates, winner, problem.unknown)
+    if not len(rivals):
+        return SearchResult(winner)
+    return SearchResult(winner, rivals.best, log_ratio(rivals.best.loss, winner.loss))
+
+
+def log_ratio(loss: Float[Tensor, "1"], reference: Float[Tensor, "1"]) -> float:
+    """Return the logarithm of the ratio of two losses."""
+    return math.log(max(float(loss), _LOSS_FLOOR) / max(float(reference), _LOSS_FLOOR))
 
 
 def refine(
@@ -139,14 +122,12 @@ def refine(
         yield best
 
 
-def assess(problem: Problem, selected: SearchResult, refined: HypothesisBatch, final: Stage) -> SearchResult:
-    """Add the uncertainty of a single unknown camera to the refined winner, from pixels that were not fitted."""
-    if int(problem.unknown.sum()) != 1:
-        return selected._replace(winner=refined)
+def assess(problem: Problem, result: SearchResult, final: Stage) -> SearchResult:
+    """Add the uncertainty of the only unknown camera to the result, from pixels that were not fitted."""
     view = int(problem.unknown.nonzero()[0, 0])
     objective = problem.objective(final.robust_scale)
-    radians = camera_uncertainty(problem.model, refined, problem.validation, final, objective, problem.free, view)
-    return selected._replace(winner=refined, uncertainty=math.degrees(radians))
+    radians = camera_uncertainty(problem.model, result.winner, problem.validation, final, objective, problem.free, view)
+    return result._replace(uncertainty=math.degrees(radians))
 
 
 def is_doubtful(result: SearchResult) -> bool:
@@ -161,5 +142,5 @@ def better_of(problem: Problem, first: SearchResult, second: SearchResult) -> Se
     """
     best, worse = sorted((first, second), key=lambda result: float(result.winner.loss))
     compared = with_runner_up(problem, best.winner, worse.winner)
-    closest = min(best, compared if math.isfinite(compared.margin) else worse, key=lambda result: result.margin)
+    closest = min(best, compared if compared.runner_up else worse, key=lambda result: result.margin)
     return best._replace(runner_up=closest.runner_up, margin=closest.margin)

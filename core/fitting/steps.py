@@ -41,10 +41,10 @@ class FitStep:
     search_psnr: float | None = None
     """dB of the codes alone, in the free stage: by these, as free biases explain photos from any camera"""
     runner_up: RunnerUp | None = None
-    """if a single camera is unknown, from the refinement on; never in the paper's recipe"""
+    """if a single camera is unknown, at the end of a search; never in the paper's recipe"""
     margin: float | None = None
-    """Log ratio of the runner-up's loss to the leader's, both optimised equally long; after two agreeing searches, the
-    smaller of the two. None without runner-up, and in a resumed fit."""
+    """Log ratio of the runner-up's loss to the leader's on the same pixels; after two agreeing searches, the smaller
+    of the two. None without runner-up, and in a resumed fit."""
     uncertainty: float | None = None  # degrees, of the camera within its basin; at the end of a search with runner-up
     hypotheses: tuple[Hypothesis, ...] = ()
     """The leader, then the others by loss, without diverged ones. While each of several unknown cameras has a search of
@@ -77,7 +77,7 @@ class SearchState(NamedTuple):
     batch: HypothesisBatch  # the optimised hypotheses
     result: SearchResult | None = None  # its winner leads, once it exists
     restart: bool = False  # see FitStep
-    restart_follows: bool = False
+    remaining: int | None = None  # steps that follow, if they may differ from the schedule
     finished: bool = False  # the result is complete; another search may follow
     freed: HypothesisBatch | None = None  # the result with free biases, in the free stage
     origin: Latents | None = None  # the codes whose biases are free
@@ -108,7 +108,7 @@ class SearchState(NamedTuple):
         )
         if self.freed is not None:
             fit_step = replace(fit_step, search_psnr=psnr_from_mse(float(searched.squared_error)))
-        if not (self.result and runner_up and math.isfinite(self.result.margin) and self.problem.unknown.sum() == 1):
+        if not (self.result and runner_up and math.isfinite(self.result.margin)):
             return fit_step
         cameras = to_cameras(self.problem.model, runner_up.parameters, 0, self.problem.cameras)
         rival = RunnerUp(cameras, float(runner_up.loss))

@@ -6,10 +6,10 @@ import torch
 
 from core.fitting.hypotheses import (
     HypothesisBatch,
-    best_other_basin,
     by_loss,
     concatenate,
     mean_parameters,
+    other_basins,
     to_cameras,
 )
 from core.geometry.camera import Camera
@@ -25,17 +25,15 @@ def test_a_longer_focal_length_keeps_the_apparent_size():
     assert far.focal / far.distance == pytest.approx(near.focal / near.distance)
 
 
-def test_a_runner_up_is_the_best_of_another_basin_or_the_opposite_view():
-    batch = HypothesisBatch.of(random_parameters(3))
+def test_other_basins_have_their_best_hypothesis_each():
+    batch = HypothesisBatch.of(random_parameters(5))
     views = torch.tensor([True])
-    batch.parameters.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2]])
-    batch = replace(batch, loss=torch.tensor([1.0, 2.0, 3.0]))
-    assert best_other_basin(batch.best, batch, views).origin.tolist() == [2]
-    near = batch[torch.tensor([0, 1])]
-    assert float(best_other_basin(near.best, near, views).parameters.angles[0, 0, 0]) == pytest.approx(math.pi)
-    assert math.isinf(best_other_basin(near.best, near, views).loss)  # nothing is known of it
-    lost = replace(batch, loss=torch.tensor([1.0, 2.0, math.inf]))
-    assert best_other_basin(lost.best, concatenate(lost, lost), views).origin.tolist() == [0]
+    batch.parameters.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2], [2.1, 0.2], [4.0, 0.2]])
+    batch = replace(batch, loss=torch.tensor([1.0, 2.0, 5.0, 4.0, 3.0]))
+    assert other_basins(batch, batch.best, views).origin.tolist() == [4, 3]
+    assert not len(other_basins(batch[torch.tensor([0, 1])], batch.best, views))
+    lost = replace(batch, loss=torch.tensor([1.0, 2.0, 5.0, math.inf, math.inf]))
+    assert other_basins(concatenate(lost, lost), batch.best, views).origin.tolist() == [2]
 
 
 def test_diverged_hypotheses_neither_lead_nor_stay():

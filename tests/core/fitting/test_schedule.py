@@ -8,8 +8,8 @@ from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettin
 
 def test_hypotheses_are_pruned_to_one_for_refinement():
     settings = PRESETS["normal"]
-    coarse, local, final, free = build_schedule(settings, ALL_COMPONENTS, unknown=True)
-    for stages in (coarse, (*local, final)):
+    coarse, local, final, rivals, free = build_schedule(settings, ALL_COMPONENTS, unknown=1)
+    for stages in (coarse, (*local, final), rivals):
         counts = [stage.hypotheses for stage in stages]
         assert counts == sorted(counts, reverse=True)
     assert (coarse[0].hypotheses, local[0].hypotheses, final.hypotheses) == (28, LOCAL_HYPOTHESES, 1)
@@ -17,6 +17,7 @@ def test_hypotheses_are_pruned_to_one_for_refinement():
     assert free is not None
     assert (free.hypotheses, free.steps, free.rays) == (1, settings.free_steps, settings.rays)
     assert sum(stage.steps for stage in coarse) == pytest.approx(settings.steps / 2, abs=4)
+    assert not build_schedule(settings, ALL_COMPONENTS, unknown=2).rivals
 
 
 def test_known_cameras_and_resumed_fits_skip_the_coarse_search():

@@ -14,11 +14,11 @@ from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters, 
 from core.fitting.initial import initial_hypotheses
 from core.fitting.objective import CAMERA_PRIOR_SCALE, MOVED_SCALE, SCALED_SCALE
 from core.fitting.schedule import build_schedule
-from core.fitting.search import SearchResult, better_of, optimise, prune, refine, score, select
+from core.fitting.search import SearchResult, better_of, optimise, refine, score, select
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.models.model import Model
 from core.photos.photo import Photo
-from tests.core.fitting.inputs import QUICK, SHORT, problem_of, seeded
+from tests.core.fitting.inputs import SHORT, problem_of, seeded
 from tests.core.tiny import photo_of
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # test_fit runs fits with checks
@@ -67,29 +67,17 @@ def test_disabled_components_are_left_out_of_the_objective(tiny: Model):
 # Pruning
 
 
-def test_known_cameras_keep_the_best_shapes(tiny: Model):
-    problem = problem_of(tiny, stool(tiny, posed=True))
+@pytest.mark.parametrize("posed", [True, False])
+def test_the_best_hypotheses_are_kept(tiny: Model, posed: bool):
+    problem = problem_of(tiny, stool(tiny, posed), settings=SHORT)
     batch = initial_hypotheses(problem, 6, seeded())
-    ranked = replace(batch, loss=torch.arange(len(batch), dtype=torch.float32))
-    assert prune(problem, ranked, 2).origin.tolist() == [0, 1]
-    first, *_, end = fit(tiny, FitJob((stool(tiny, posed=True),), QUICK))
-    assert (first.active, end.active) == (len(batch), 1)
-
-
-def test_the_leader_and_its_opposite_view_are_kept(tiny: Model):
-    problem = problem_of(tiny, stool(tiny))
-    batch = initial_hypotheses(problem, 8, seeded())
-    batch = replace(batch, loss=torch.full((8,), math.inf).index_fill(0, torch.tensor(5), 1.0))
-    assert prune(problem, batch, 4).origin.tolist() == [5, 5]  # and its opposite view
+    ranked = replace(batch, loss=torch.arange(len(batch), dtype=torch.float32).flip(0))
+    stages = build_schedule(SHORT, ALL_COMPONENTS, unknown=not posed).local
+    first = next(optimise(problem, ranked, (stages[0]._replace(hypotheses=2),), seeded()))
+    assert first.origin.tolist() == [len(batch) - 1, len(batch) - 2]
+    lost = replace(batch, loss=torch.full_like(batch.loss, math.inf))
     with pytest.raises(DivergedError):
-        prune(problem, replace(batch, loss=torch.full((8,), math.inf)), 4)
-    problem = problem_of(tiny, stool(tiny))
-    batch = initial_hypotheses(problem, 8, seeded())
-    batch.parameters.angles[:, 0, 0] = torch.linspace(0.0, 1.5, 8)
-    batch = replace(batch, loss=torch.arange(8.0))
-    kept = prune(problem, batch, 3)
-    assert len(kept) == 3
-    assert float(kept.parameters.angles[-1, 0, 0]) == pytest.approx(math.pi)
+        next(optimise(problem, lost, (stages[0]._replace(hypotheses=2),), seeded()))
 
 
 # Restarts
@@ -212,7 +200,7 @@ def assert_search_ends_well(model: Model, seed: int) -> None:
     settings = FitSettings(hypotheses=4, steps=9, rays=48, samples=12)
     problem = problem_of(model, photo, settings=settings, seed=seed)
     generator_of_search = seeded(seed)
-    coarse, local, final, _ = build_schedule(settings, ALL_COMPONENTS, unknown=True)
+    coarse, local, final, *_ = build_schedule(settings, ALL_COMPONENTS, unknown=True)
     batch = first = HypothesisBatch.of(
         Parameters(
             (random(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
@@ -226,7 +214,7 @@ def assert_search_ends_well(model: Model, seed: int) -> None:
     for batch in optimise(problem, first, (*coarse, *local), generator_of_search):
         assert_finite(batch)
     selected = select(problem, batch, first, final)
-    for end in refine(problem, selected.winner, final, generator_of_search):
+    for end in refine(problem, selected, final, generator_of_search):
         assert_finite(end.best)
     began = score(problem, first[end.best.origin], final.robust_scale)
     assert float(end.best.loss) <= float(began.loss) + 1e-6
