@@ -13,17 +13,18 @@ biases, so the cost of a hypothesis is that of its points. The paper's own recip
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
 import torch
 
+from core.fitting.anchors import SingleFit, find_assignments
 from core.fitting.category_check import category_likelihood
 from core.fitting.confidence import witness_odds
 from core.fitting.free import free_biases
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
-from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
+from core.fitting.initial import initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_views import with_photo_detail
 from core.fitting.problem import FitJob, Problem, witness_direction
 from core.fitting.rivals import optimise_rivals
@@ -64,8 +65,11 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     generator = torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model, job, generator)
     unknown = int(problem.unknown.sum())
-    schedule = build_schedule(job.settings, job.components, unknown, job.resume_from is not None)
-    steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
+    schedule = build_schedule(job.settings, job.components, unknown, len(job.photos), job.resume_from is not None)
+    steps = schedule.steps
+    if schedule.placing:  # each photo alone, then by the objects of each other one and of its runner-up
+        alone = build_schedule(job.settings, job.components, 1).steps
+        steps += unknown * (alone + 2 * (unknown - 1) * sum(stage.steps for stage in schedule.placing))
     cameras = list(problem.cameras)
     likelihood = category_likelihood(model.category, job.photos)
     masks = math.prod(photo.mask_confidence for photo in job.photos)
@@ -118,7 +122,8 @@ def _search_codes(
         else:
             result = assessed
         # 5. Restart while in doubt, with other pixels, assuming that an occluder may hide parts of the object.
-        restarts = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
+        may_restart = attempt < job.settings.max_restarts and not job.resume_from and problem.has_one_unknown
+        restarts = may_restart and is_doubtful(result)
         finished = restarts or schedule.free is None
         remaining = schedule.steps if restarts else schedule.free_steps
         searched = state(result.winner, result, remaining=remaining, finished=finished)
@@ -159,13 +164,13 @@ def _search_once(
 
     best = select(problem, batch, coarse, schedule.final)
     best = yield from _all_but_last(refine(problem, best, schedule.final, generator), refined_states)
-    if not problem.has_one_unknown:
-        return SearchResult(best)
     # 4. Optimise its rivals; a better one takes its place, unless the fit resumed. Uncertainty, confidence.
-    rivals = yield from _all_but_last(
-        optimise_rivals(problem, best, schedule, generator),
-        lambda batch: state(batch, earlier or SearchResult(best)),
-    )
+    rivals = score(problem, batch, schedule.final.robust_scale)
+    if problem.has_one_unknown:
+        rivals = yield from _all_but_last(
+            optimise_rivals(problem, best, schedule, generator),
+            lambda batch: state(batch, earlier or SearchResult(best)),
+        )
     candidates = concatenate(best, rivals)
     if candidates.leader and schedule.rivals:
         refining = refine(problem, candidates.best, schedule.final, generator)
@@ -193,19 +198,34 @@ def _initial(
     """
     if job.resume_from:
         return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces)
-    count = schedule.stages[0].hypotheses
     unknown = problem.unknown.nonzero()[:, 0].tolist()
     if len(unknown) < 2:
-        return initial_hypotheses(problem, count, generator)
+        return initial_hypotheses(problem, schedule.stages[0].hypotheses, generator)
     fixed = (~problem.unknown).nonzero()[:, 0].tolist()
-    searches = []
+    singles = []
     for view in unknown:
-        views = [*fixed, view]
-        generator = torch.Generator().manual_seed(job.seed)
-        photos = tuple(job.photos[index] for index in views)
-        subproblem = Problem.of(problem.shown_model, replace(job, photos=photos), generator)
-        batch = first = initial_hypotheses(subproblem, count, generator)
-        for batch in optimise(subproblem, first, schedule.coarse, generator):
-            yield SearchState(subproblem, views, batch)
-        searches.append((views, batch))
-    return combine_views(searches, len(job.photos), count)
+        single = yield from _fit_alone(problem, job, fixed, view)
+        singles.append(single)
+    return (yield from find_assignments(problem, singles, schedule, generator))
+
+
+def _fit_alone(
+    problem: Problem, job: FitJob, fixed: Sequence[int], view: int
+) -> Generator[SearchState, None, SingleFit]:
+    """Fit one photo, with those of known cameras."""
+    views = [*fixed, view]
+    generator = torch.Generator().manual_seed(job.seed)
+
+    def problem_of(numbers: Sequence[int]) -> Problem:
+        photos = tuple(job.photos[number] for number in numbers)
+        return Problem.of(problem.shown_model, replace(job, photos=photos), generator)
+
+    subproblem = problem_of(views)
+    schedule = build_schedule(job.settings, job.components, 1, len(views))
+    initial = initial_hypotheses(subproblem, schedule.stages[0].hypotheses, generator)
+    state = partial(SearchState, subproblem, views)
+    result = yield from _search_once(subproblem, schedule, job, generator, initial, state, None)
+    if not fixed:
+        return SingleFit(views, subproblem, initial, result)
+    alone = problem_of([view])
+    return SingleFit(views, alone, initial_hypotheses(alone, len(initial), generator), result)

@@ -77,7 +77,7 @@ def gauss_newton_step(
     A hypothesis with a non-finite objective gets infinite loss and does not move.
     """
     equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective, cells, origin)
-    step = _solve_damped(equations, stage.damping, free)
+    step = _solve_damped(equations, stage, free)
     parameters = _apply_step(batch.parameters, step, free)
     loss = equations.objective.nan_to_num(math.inf, math.inf)
     return replace(batch, parameters=parameters, loss=loss, squared_error=equations.squared_error)
@@ -90,24 +90,26 @@ def camera_uncertainty(
     stage: Stage,
     objective: Objective,
     free: Bool[Tensor, "views 8"],
-    view: int,
+    unknown: Bool[Tensor, "views"],
 ) -> float:
-    """Return the uncertainty (rad) of a camera's orientation within its basin, at most pi.
+    """Return the uncertainty (rad) of the cameras' orientations within their basin, at most pi: that of the worst.
 
     The standard deviation from the objective's curvature (Laplace's approximation), marginalised over all other free
     parameters. Other arguments are those of :func:`gauss_newton_step`.
 
     Args:
         hypothesis: a batch of one.
-        view: the photo of the camera.
+        unknown: photos with unknown cameras, at least one.
     """
     equations = normal_equations(model, hypothesis.parameters, pixels, None, stage, objective)
-    movable = _free_mask(equations, free).nonzero()[:, 0]
+    movable = _free_mask(equations, free, stage).nonzero()[:, 0]
     hessian = equations.hessian[0][movable][:, movable].double()
-    first = view * CAMERA_PARAMETERS  # azimuth, then elevation
-    angles = ((movable == first) | (movable == first + 1)).nonzero()[:, 0]
-    variance = torch.linalg.pinv(hessian, hermitian=True)[angles][:, angles].trace()
-    deviation = (equations.objective[0] * variance / _EFFECTIVE_PIXELS).clamp_min(0).sqrt()
+    variance = torch.zeros(equations.hessian.shape[1], dtype=torch.double)
+    variance[movable] = torch.linalg.pinv(hessian, hermitian=True).diagonal()
+    cameras = variance[: free.numel()].unflatten(0, free.shape)[unknown]
+    of_angles = cameras[:, :2].sum(1).max()  # azimuth and elevation
+    photos = len(free)  # whose errors are independent
+    deviation = (equations.objective[0] * of_angles / (_EFFECTIVE_PIXELS * photos)).clamp_min(0).sqrt()
     return min(float(deviation.nan_to_num(math.pi, math.pi)), math.pi)
 
 
@@ -269,21 +271,21 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> Float[Tensor, "hypoth
     return torch.stack([torch.cat(pair, -1) for pair in pairs], -1)
 
 
-def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Bool[Tensor, "parameters"]:
-    """Mark the parameters that may move: the free ones of cameras, and all of the codes."""
+def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"], stage: Stage) -> Bool[Tensor, "parameters"]:
+    """Mark the parameters that may move: the free ones of cameras, and all or none of the codes."""
     codes = equations.gradient.shape[1] - free.numel()
-    return torch.cat((free.flatten(), torch.ones(codes, dtype=torch.bool)))
+    return torch.cat((free.flatten(), torch.full((codes,), stage.codes_move)))
 
 
 def _solve_damped(
-    equations: NormalEquations, damping: float, free: Bool[Tensor, "views 8"]
+    equations: NormalEquations, stage: Stage, free: Bool[Tensor, "views 8"]
 ) -> Float[Tensor, "hypotheses parameters"]:
     """Return the step to the minimum of the damped quadratic, limited in length; zero if not finite."""
-    movable = _free_mask(equations, free)
+    movable = _free_mask(equations, free, stage)
     gradient = equations.gradient * movable
     hessian = equations.hessian.clone()
     diagonal = hessian.diagonal(dim1=1, dim2=2)
-    diagonal.mul_(1 + damping).add_(1e-9)
+    diagonal.mul_(1 + stage.damping).add_(1e-9)
     for fixed in (~movable).nonzero()[:, 0].tolist():
         hessian[:, fixed] = 0.0
         hessian[:, :, fixed] = 0.0

@@ -183,30 +183,3 @@ def resume_from(
     texture = spaces[1].coordinates(codes.texture)
     parameters = Parameters(angles, distance, zoom, hypothesis.crop_transform[None], shape[None], texture[None])
     return replace(HypothesisBatch.of(parameters), origin=torch.tensor([hypothesis.origin]))
-
-
-def combine_views(searches: Sequence[tuple[list[int], HypothesisBatch]], views: int, count: int) -> HypothesisBatch:
-    """Combine one hypothesis of every search; return the ``count`` combinations of least total loss.
-
-    Args:
-        searches: the photos of each search, and its remaining hypotheses.
-        views: number of photos in all.
-    """
-    combinations: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
-    for _, batch in searches:
-        losses = enumerate(batch.loss.tolist())
-        longer = [(total + loss, (*taken, index)) for index, loss in losses for total, taken in combinations]
-        combinations = sorted(longer)[:count]
-    taken = torch.tensor([indices for _, indices in combinations]).unbind(1)
-    chosen = [batch[index].parameters for (_, batch), index in zip(searches, taken, strict=True)]
-    return HypothesisBatch.of(_merge_views([photos for photos, _ in searches], chosen, views))
-
-
-def _merge_views(views_of: Sequence[list[int]], chosen: Sequence[Parameters], views: int) -> Parameters:
-    """Return the cameras of all searches with the mean of their codes."""
-    cameras = [values.new_zeros(len(values), views, *values.shape[2:]) for values in chosen[0][:4]]
-    for photos, parameters in zip(views_of, chosen, strict=True):
-        for merged, values in zip(cameras, parameters[:4], strict=True):
-            merged[:, photos] = values
-    stacks = map(torch.stack, zip(*(parameters[4:] for parameters in chosen), strict=True))
-    return Parameters(*cameras, *(stack.mean(0) for stack in stacks))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from core.fitting.settings import Components, FitSettings
@@ -16,6 +17,7 @@ class Stage(NamedTuple):
     samples: int  # along a ray
     robust_scale: float  # see Objective; infinite while cameras are far off: then large errors lead to the minimum
     damping: float  # relative to the diagonal of the Gauss-Newton Hessian
+    codes_move: bool = True  # else cameras alone
 
 
 class Schedule(NamedTuple):
@@ -26,6 +28,7 @@ class Schedule(NamedTuple):
     final: Stage  # refines the best hypothesis
     rivals: tuple[Stage, ...] = ()  # of the only unknown camera (:mod:`core.fitting.rivals`)
     free: Stage | None = None  # frees its biases (:mod:`core.fitting.free`)
+    placing: tuple[Stage, ...] = ()  # of one photo by another's object (:mod:`core.fitting.anchors`)
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -75,6 +78,15 @@ _RIVALS = (
     _Row(1.0, 4, 6, 1 / 8, 3 / 4, math.inf, 0.3),
     _Row(1.0, 2, 8, 1 / 4, 3 / 4, 0.2, 0.1),
 )
+_PLACING = (
+    _Row(1.0, math.inf, 4, 1 / 16, 1 / 2, math.inf, 0.3),
+    _Row(1.0, 5, 6, 1 / 8, 3 / 4, math.inf, 0.3),
+)
+_JOINT = (
+    _Row(1.0, math.inf, 8, 1 / 4, 3 / 4, math.inf, 0.3),
+    _Row(1.0, 2, 12, 1 / 2, 3 / 4, 0.2, 0.3),
+)
+_ASSIGNMENTS = 4  # of cameras to several photos that are optimised jointly
 _FREE_DAMPING = 1e-3  # the prior steadies steps of free biases already
 _ALL_STEPS = sum(row.steps for row in (*_LOCAL, _FINAL))
 LOCAL_OFFSETS = (
@@ -92,31 +104,40 @@ LOCAL_HYPOTHESES = sum(shapes for offsets in LOCAL_OFFSETS for *_, shapes in off
 _SHAPES = 6  # hypotheses if every camera is known: initial shapes
 
 
-def build_schedule(settings: FitSettings, components: Components, unknown: int, resumed: bool = False) -> Schedule:
-    """Return the stages of a fit.
+def build_schedule(
+    settings: FitSettings, components: Components, unknown: int, photos: int = 1, resumed: bool = False
+) -> Schedule:
+    """Return the stages of a fit. Photos share the rays of a step.
 
     Args:
-        unknown: number of unknown cameras. Any adds a coarse search from many cameras, whose codes are discarded:
-            codes fitted under a wrong camera do not recover. One adds its rivals.
+        unknown: number of unknown cameras. One adds a coarse search from many cameras, whose codes are discarded, as
+            codes fitted under a wrong camera do not recover, and its rivals. With more, each photo has a search of
+            its own before.
         resumed: has only the final stage, for all steps: early stages would spoil the hypothesis.
     """
-    coarse: tuple[Stage, ...] = ()
-    count = min(settings.hypotheses, _SHAPES)
-    if unknown:
-        count = min(settings.hypotheses, LOCAL_HYPOTHESES)
-        starts = settings.hypotheses * 3 // 2 if settings.estimate_focal else settings.hypotheses
-        coarse = _stages(_COARSE, starts, settings, components)
-    *local, final = _stages((*_LOCAL, _FINAL), count, settings, components)
+    starts = settings.hypotheses * 3 // 2 if settings.estimate_focal else settings.hypotheses
+    shared = replace(settings, rays=max(1, settings.rays // photos))
+    (final,) = _stages((_FINAL,), 1, shared, components)
     free = None
     if settings.free_steps:
         free = final._replace(steps=settings.free_steps, damping=_FREE_DAMPING)
     if resumed:
         return Schedule((), (), final._replace(steps=settings.steps), free=free)
-    rivals = _stages(_RIVALS, 2 * (RIVAL_SECTORS - 1), settings, components) if unknown == 1 else ()
+    if unknown > 1:
+        placing = _stages(_PLACING, starts, settings, components, codes_move=False)
+        return Schedule((), _stages(_JOINT, _ASSIGNMENTS, shared, components), final, free=free, placing=placing)
+    count = min(settings.hypotheses, LOCAL_HYPOTHESES if unknown else _SHAPES)
+    *local, final = _stages((*_LOCAL, _FINAL), count, shared, components)
+    if not unknown:
+        return Schedule((), tuple(local), final, free=free)
+    coarse = _stages(_COARSE, starts, shared, components)
+    rivals = _stages(_RIVALS, 2 * (RIVAL_SECTORS - 1), shared, components)
     return Schedule(coarse, tuple(local), final, rivals, free)
 
 
-def _stages(rows: Sequence[_Row], count: int, settings: FitSettings, components: Components) -> tuple[Stage, ...]:
+def _stages(
+    rows: Sequence[_Row], count: int, settings: FitSettings, components: Components, codes_move: bool = True
+) -> tuple[Stage, ...]:
     stages = list[Stage]()
     row_steps = 0
     for row in rows:
@@ -126,5 +147,5 @@ def _stages(rows: Sequence[_Row], count: int, settings: FitSettings, components:
         rays = min(settings.rays, max(32, round(settings.rays * row.rays)))
         samples = max(2, round(settings.samples * row.samples))
         robust_scale = row.robust_scale if components.robust_loss else math.inf
-        stages.append(Stage(count, steps, rays, samples, robust_scale, row.damping))
+        stages.append(Stage(count, steps, rays, samples, robust_scale, row.damping, codes_move))
     return tuple(stages)

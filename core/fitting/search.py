@@ -42,7 +42,7 @@ class SearchResult(NamedTuple):
     winner: HypothesisBatch  # a single one
     runner_up: HypothesisBatch | None = None  # best hypothesis of another basin, if one camera is unknown
     margin: float = math.inf  # log ratio of the runner-up's loss to the winner's
-    uncertainty: float | None = None  # degrees, once assessed, if one camera is searched
+    uncertainty: float | None = None  # degrees, once assessed, if a camera is searched
 
 
 def optimise(
@@ -123,15 +123,15 @@ def refine(
 
 
 def assess(problem: Problem, result: SearchResult, final: Stage) -> SearchResult:
-    """Add the uncertainty of the only unknown camera to the result, from pixels that were not fitted."""
-    view = int(problem.unknown.nonzero()[0, 0])
-    objective = problem.objective(final.robust_scale)
-    radians = camera_uncertainty(problem.model, result.winner, problem.validation, final, objective, problem.free, view)
-    return result._replace(uncertainty=math.degrees(radians))
+    """Add the uncertainty of unknown cameras to the result, from pixels that were not fitted."""
+    if not bool(problem.unknown.any()):
+        return result
+    inputs = problem.validation, final, problem.objective(final.robust_scale), problem.free, problem.unknown
+    return result._replace(uncertainty=math.degrees(camera_uncertainty(problem.model, result.winner, *inputs)))
 
 
 def is_doubtful(result: SearchResult) -> bool:
-    """True if the single unknown camera deserves another search."""
+    """True if the camera deserves another search."""
     return result.uncertainty is not None and confidence(result.margin, result.uncertainty) < RESTART_BELOW
 
 
