@@ -8,13 +8,14 @@ codes: its output is a prior on the camera's direction, on a grid.
 import math
 from functools import lru_cache
 from itertools import pairwise
+from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from core.geometry.camera import camera_rotation
+from core.geometry.camera import FRONT_AZIMUTH, camera_rotation
 from core.geometry.pixels import bounding_box
 
 SIDE = 48  # px, of the input
@@ -32,6 +33,17 @@ _KERNEL_WIDTH = math.radians(12)  # Width of the Gaussian that spreads a directi
 _WITNESS_RIGHT, _WITNESS_MIRRORED, _WITNESS_WRONG = 0.66, 0.23, 0.11
 _WITNESS_WIDTH = math.radians(15)
 """Frequencies of Objectron's azimuth, its mirror image and neither, on renders of validation and foreign chairs."""
+Side = Literal["front", "left", "back", "right", "above"]
+SIDES: dict[Side, float] = {
+    "front": FRONT_AZIMUTH,
+    "left": FRONT_AZIMUTH + math.pi / 2,
+    "back": FRONT_AZIMUTH + math.pi,
+    "right": FRONT_AZIMUTH - math.pi / 2,
+    "above": math.nan,
+}
+"""Azimuths (rad) of cameras that see a side of an object; from above, any."""
+_SIDE_WIDTH = math.radians(30)
+_SIDE_WRONG = 0.05  # likelihood of a direction on no account of the named side, relative to its middle
 
 
 class ViewpointClassifier(nn.Module):
@@ -61,6 +73,11 @@ def directions() -> tuple[Float[Tensor, "directions"], Float[Tensor, "directions
         torch.tensor(ELEVATIONS).deg2rad(), torch.arange(AZIMUTHS) * (2 * math.pi / AZIMUTHS), indexing="ij"
     )
     return azimuth.flatten(), elevation.flatten()
+
+
+def uniform_directions() -> Float[Tensor, "directions"]:
+    """Return equal probabilities of all directions."""
+    return torch.full((_DIRECTIONS,), 1 / _DIRECTIONS)
 
 
 def direction_weights(
@@ -119,6 +136,22 @@ def with_witness(
     elevation_likelihood = (1 - _WITNESS_WRONG) * kernel + _WITNESS_WRONG
     posterior = probability.reshape(-1, AZIMUTHS) * elevation_likelihood * azimuth_likelihood
     return (posterior / posterior.sum()).flatten()
+
+
+def with_side(probability: Float[Tensor, "directions"], side: Side) -> Float[Tensor, "directions"]:
+    """Combine the probabilities of directions with the side of the object that a person names.
+
+    Sides are the object's own: its left is on the right of an image of its front. A prior, not a constraint: people
+    confuse left and right, and name a view from a corner after either side.
+    """
+    azimuths, elevations = directions()
+    if side == "above":
+        likelihood = _gaussian(elevations - math.pi / 2, _SIDE_WIDTH)
+    else:
+        angle = torch.remainder(azimuths - SIDES[side] + math.pi, 2 * math.pi) - math.pi
+        likelihood = _gaussian(angle, _SIDE_WIDTH)
+    posterior = probability * torch.lerp(likelihood, torch.ones(()), _SIDE_WRONG)
+    return posterior / posterior.sum()
 
 
 def _gaussian(values: Float[Tensor, "*shape"], width: float) -> Float[Tensor, "*shape"]:

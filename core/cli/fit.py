@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from tqdm import tqdm
 
+from core.classifiers.viewpoint import SIDES, Side
 from core.cli.explain import draw_detections, write_page
 from core.cli.output import LastingOutput, say
 from core.cli.progress import bars_disabled, wait_for_view_bank
@@ -21,6 +22,7 @@ from core.fitting.category_check import describe_ambiguity, describe_category, d
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
+from core.fitting.problem import MOST_PHOTOS
 from core.geometry.camera import Camera
 from core.geometry.pose_files import PosedImage, find_pose, require_scale
 from core.models.library import load_model
@@ -33,13 +35,13 @@ from core.photos.segmentation import CutOut, Hints, cut_out
 from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
 _AS_PROMINENT = 0.7  # fraction of the first object's prominence from which a second object is mentioned
-_TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
 
 class Fitted(NamedTuple):
     """The result of one fit."""
 
     model: Model
+    paths: Sequence[Path]
     photos: tuple[Photo, ...]
     cuts: tuple[CutOut, ...]  # one per photo
     last: FitStep
@@ -47,6 +49,7 @@ class Fitted(NamedTuple):
 
 def fit(chosen: argparse.Namespace) -> None:
     """Run ``fit``: estimate camera and codes of the object in the images; end with a line of JSON."""
+    _split_sides(chosen)
     check_counts(chosen)
     _check_files(chosen)
     clock = Stopwatch()
@@ -71,11 +74,12 @@ def fit_images(chosen: argparse.Namespace, clock: "Stopwatch") -> Fitted:
     model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
         wait_for_view_bank(model)
-    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_scale)))
+    prepared = map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_scale))
+    photos = tuple(map(_with_side, prepared, chosen.sides or nothing))
     _say_category(chosen, model, cuts[0].categories)
     with clock("search"):
         last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
-    return Fitted(model, photos, cuts, last)
+    return Fitted(model, chosen.images, photos, cuts, last)
 
 
 def say_doubts(fitted: Fitted) -> None:
@@ -83,8 +87,8 @@ def say_doubts(fitted: Fitted) -> None:
     last = fitted.last
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         say(_doubt(last.confidence, last.runner_up))
-    if len(fitted.photos) > 1 and last.confidence is None and not all(photo.camera for photo in fitted.photos):
-        say(_TOGETHER)
+    for number in last.left_out:
+        say(f"{fitted.paths[number]}: this looks like another object, so it is left out")
 
 
 def fitted_scene(chosen: argparse.Namespace, last: FitStep) -> Scene:
@@ -107,6 +111,23 @@ def _write_files(chosen: argparse.Namespace, fitted: Fitted) -> None:
         write_page(fitted.model, fitted.photos[0], fitted.last, detections, chosen.explain)
 
 
+def _split_sides(chosen: argparse.Namespace) -> None:
+    """Split names such as ``back:chair.jpg`` into sides and paths; a file of that name is a path."""
+    pairs = [_side_and_path(path) for path in chosen.images]
+    chosen.sides, chosen.images = (list(values) for values in zip(*pairs, strict=True))
+
+
+def _side_and_path(path: Path) -> tuple[Side | None, Path]:
+    side, separator, rest = str(path).partition(":")
+    if separator and side in SIDES and not path.exists():
+        return side, Path(rest)
+    return None, path
+
+
+def _with_side(photo: Photo, side: Side | None) -> Photo:
+    return replace(photo, side=side)
+
+
 def check_counts(chosen: argparse.Namespace) -> None:
     """Raise ``ValueError`` for options that contradict each other or the number of images."""
     count = len(chosen.images)
@@ -121,6 +142,8 @@ def check_counts(chosen: argparse.Namespace) -> None:
 
 def _check_files(chosen: argparse.Namespace) -> None:
     """Raise ``ValueError`` for files that cannot be written, and options of ``--each`` without it."""
+    if len(chosen.images) > MOST_PHOTOS:
+        raise ValueError(f"one object has at most {MOST_PHOTOS} images: add --each for an object each")
     if chosen.cluster:
         raise ValueError("--cluster fits many photos, one object each: add --each")
     if chosen.out and chosen.out.suffix.lower() != ".json":
@@ -278,6 +301,16 @@ def to_dict(step: FitStep) -> dict[str, object]:
         "focal": _focal(step.cameras[0]),
         "runner_up": second
         and {**_camera_to_dict(second.cameras[0]), "focal": _focal(second.cameras[0]), "loss": second.loss},
+        "photos": [
+            None
+            if number in step.left_out
+            else {
+                **_camera_to_dict(camera),
+                "focal": _focal(camera),
+                "confidence": confidence and round(confidence, 3),
+            }
+            for number, (camera, confidence) in enumerate(zip(step.cameras, step.confidences, strict=True))
+        ],
     }
 
 

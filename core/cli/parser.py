@@ -184,7 +184,14 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
-    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object; see --each")
+    command.add_argument(
+        "images",
+        type=Path,
+        nargs="+",
+        metavar="[SIDE:]IMAGE",
+        help="images of one object, up to 12, such as back:chair.jpg (front, left, back, right, above); see --each",
+    )
+    command.set_defaults(sides=())
     _add_each(command)
     command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
     add_device(command)

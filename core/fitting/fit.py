@@ -19,7 +19,7 @@ from functools import partial
 
 import torch
 
-from core.fitting.anchors import SingleFit, find_assignments
+from core.fitting.anchors import SingleFit, best_assignments, find_assignments, find_misfit, view_margins
 from core.fitting.category_check import category_likelihood
 from core.fitting.confidence import witness_odds
 from core.fitting.free import free_biases
@@ -67,8 +67,8 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     unknown = int(problem.unknown.sum())
     schedule = build_schedule(job.settings, job.components, unknown, len(job.photos), job.resume_from is not None)
     steps = schedule.steps
-    if schedule.placing:  # each photo alone, then by the objects of each other one and of its runner-up
-        alone = build_schedule(job.settings, job.components, 1).steps
+    if schedule.placing:  # each photo alone, then by the object of each other one and of its runner-up
+        alone = build_schedule(job.settings.for_anchor(), job.components, 1).steps
         steps += unknown * (alone + 2 * (unknown - 1) * sum(stage.steps for stage in schedule.placing))
     cameras = list(problem.cameras)
     likelihood = category_likelihood(model.category, job.photos)
@@ -89,7 +89,8 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
     """Run the six steps; yield the state after every iteration."""
-    searched = yield from _search_codes(problem, schedule, job, generator)
+    search = _search_set if schedule.placing else _search_codes
+    searched = yield from search(problem, schedule, job, generator)
     if schedule.free is None or searched.result is None:
         return
     # 6. Free the biases.
@@ -104,7 +105,7 @@ def _search_codes(
 ) -> Generator[SearchState, None, SearchState]:
     """Run the first five steps; yield the state after every iteration and return the last."""
     # 1. Rank the view bank.
-    initial = yield from _initial(problem, schedule, job, generator)
+    initial = _initial(problem, schedule, job, generator)
     result: SearchResult | None = None
     for attempt in range(1 + job.settings.max_restarts):
         if attempt:
@@ -165,7 +166,7 @@ def _search_once(
     best = select(problem, batch, coarse, schedule.final)
     best = yield from _all_but_last(refine(problem, best, schedule.final, generator), refined_states)
     # 4. Optimise its rivals; a better one takes its place, unless the fit resumed. Uncertainty, confidence.
-    rivals = score(problem, batch, schedule.final.robust_scale)
+    rivals = score(problem, concatenate(batch, initial) if schedule.placing else batch, schedule.final.robust_scale)
     if problem.has_one_unknown:
         rivals = yield from _all_but_last(
             optimise_rivals(problem, best, schedule, generator),
@@ -189,31 +190,46 @@ def _all_but_last(
     return batch
 
 
-def _initial(
-    problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator
-) -> Generator[SearchState, None, HypothesisBatch]:
-    """Find and return the first hypotheses.
-
-    With several unknown cameras, each first gets a coarse search of its own, whose states are yielded.
-    """
+def _initial(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> HypothesisBatch:
+    """Return the first hypotheses."""
     if job.resume_from:
         return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces)
-    unknown = problem.unknown.nonzero()[:, 0].tolist()
-    if len(unknown) < 2:
-        return initial_hypotheses(problem, schedule.stages[0].hypotheses, generator)
+    return initial_hypotheses(problem, schedule.stages[0].hypotheses, generator)
+
+
+def _search_set(
+    problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator
+) -> Generator[SearchState, None, SearchState]:
+    """Find several unknown cameras: fit each photo alone, then the best assignments (:mod:`core.fitting.anchors`).
+
+    Photos that show another object are left out. Yields the state after every iteration and returns the last.
+    """
     fixed = (~problem.unknown).nonzero()[:, 0].tolist()
     singles = []
-    for view in unknown:
-        single = yield from _fit_alone(problem, job, fixed, view)
+    for view in problem.unknown.nonzero()[:, 0].tolist():
+        single = yield from _fit_alone(problem, job, (*fixed, view))
         singles.append(single)
-    return (yield from find_assignments(problem, singles, schedule, generator))
+    assignments = yield from find_assignments(problem, singles, schedule, generator)
+    while True:
+        state = partial(SearchState, problem, range(len(job.photos)))
+        initial = best_assignments(problem, assignments, schedule.local[0].hypotheses)
+        result = yield from _search_once(problem, schedule, job, generator, initial, state, None)
+        misfit = find_misfit(problem, singles, result.winner)
+        if misfit is None:
+            break
+        problem = problem.without(misfit)
+        if problem.has_one_unknown:
+            alone = build_schedule(job.settings, job.components, 1)
+            return (yield from _search_codes(problem, alone, job, generator))
+    margins = yield from view_margins(problem, singles, result.winner, schedule, generator)
+    result = result._replace(view_margins=margins)
+    searched = state(result.winner, result, remaining=schedule.free_steps, finished=schedule.free is None)
+    yield searched
+    return searched
 
 
-def _fit_alone(
-    problem: Problem, job: FitJob, fixed: Sequence[int], view: int
-) -> Generator[SearchState, None, SingleFit]:
-    """Fit one photo, with those of known cameras."""
-    views = [*fixed, view]
+def _fit_alone(problem: Problem, job: FitJob, views: tuple[int, ...]) -> Generator[SearchState, None, SingleFit]:
+    """Fit the last of some photos, and the others, whose cameras are known."""
     generator = torch.Generator().manual_seed(job.seed)
 
     def problem_of(numbers: Sequence[int]) -> Problem:
@@ -221,11 +237,11 @@ def _fit_alone(
         return Problem.of(problem.shown_model, replace(job, photos=photos), generator)
 
     subproblem = problem_of(views)
-    schedule = build_schedule(job.settings, job.components, 1, len(views))
+    schedule = build_schedule(job.settings.for_anchor(), job.components, 1, len(views))
     initial = initial_hypotheses(subproblem, schedule.stages[0].hypotheses, generator)
     state = partial(SearchState, subproblem, views)
     result = yield from _search_once(subproblem, schedule, job, generator, initial, state, None)
-    if not fixed:
+    if len(views) == 1:
         return SingleFit(views, subproblem, initial, result)
-    alone = problem_of([view])
+    alone = problem_of(views[-1:])
     return SingleFit(views, alone, initial_hypotheses(alone, len(initial), generator), result)

@@ -56,7 +56,7 @@ def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Genera
         observation if photo.mask_confidence == 1 else _without_solid(problem, winner, observation, view)
         for view, (observation, photo) in enumerate(zip(problem.observations, problem.photos, strict=True))
     )
-    scoring = sample_pixels(observations, SCORING_RAYS, generator)
+    scoring = sample_pixels(observations, max(1, SCORING_RAYS // len(observations)), generator)
     settings = replace(problem.settings, code_prior=_CAUTION * problem.settings.code_prior)
     return replace(problem, observations=observations, scoring=scoring, settings=settings)
 

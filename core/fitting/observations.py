@@ -65,6 +65,7 @@ class Observation:
     strata: tuple[Int[Tensor, "_"], ...]
     """pixel indices on the object, near it, elsewhere; without unseen pixels beside the object, and empty strata"""
     fractions: tuple[float, ...]  # fraction of the sampled pixels for each stratum
+    weight: float = 1.0  # of the photo; 0: it shows another object and is left out
 
     @classmethod
     def of(cls, photo: Photo, model: Model) -> "Observation":
@@ -97,9 +98,9 @@ class Observation:
             self.colours[index][None],
             self.target_opacity[index][None],
             self.mask_valid[index][None],
-            self.certainty[index][None],
+            self.weight * self.certainty[index][None],
             torch.zeros(1, len(index), 1, 2),
-            torch.full((1, len(index)), 1 / max(1, len(index))),
+            torch.full((1, len(index)), self.weight / max(1, len(index))),
         )
 
     def sample(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Float[Tensor, "rays"]]:
@@ -113,7 +114,7 @@ class Observation:
         for stratum, number in zip(self.strata, counts, strict=True):
             slots = (torch.arange(number) + torch.rand(number, generator=generator)) / number
             indices.append(stratum[(slots * len(stratum)).long().clamp_max(len(stratum) - 1)])
-            weights.append(torch.full((number,), len(stratum) / (number * population)))
+            weights.append(torch.full((number,), self.weight * len(stratum) / (number * population)))
         return torch.cat(indices), torch.cat(weights)
 
 

@@ -26,14 +26,21 @@ _DEEP_BACKGROUND = 6 / 128  # image heights from the mask; nearer background is 
 
 
 def with_photo_detail(photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """Return a step with photo detail from the first :data:`MAX_PHOTOS` photos; a completed search has it already."""
+    """Return a step with photo detail from the first :data:`MAX_PHOTOS` photos; a completed search has it already.
+
+    Photos that are left out are skipped.
+    """
     transforms = [
         None if photo.camera else transform
         for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
     ]
     plain = step.instance.with_detail(None)
-    fitted = zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False)
-    views = tuple(photo_view(plain.model, photo, camera, transform, plain) for photo, camera, transform in fitted)
+    fitted = [
+        photo_and_camera
+        for number, photo_and_camera in enumerate(zip(photos, step.cameras, transforms, strict=True))
+        if number not in step.left_out
+    ]
+    views = tuple(photo_view(plain.model, *photo_and_camera, plain) for photo_and_camera in fitted[:MAX_PHOTOS])
     return replace(step, instance=plain.with_detail(PhotoDetail.of(views, plain.codes)))
 
 

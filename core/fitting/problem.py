@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.classifiers.viewpoint import predict_viewpoint, with_witness
+from core.classifiers.viewpoint import predict_viewpoint, uniform_directions, with_side, with_witness
 from core.fitting.hypotheses import Hypothesis
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
@@ -30,13 +30,17 @@ from core.photos.photo import Photo
 from core.photos.ranking import ObjectMask, expected_scales
 from core.photos.view_bank import view_bank
 
-SCORING_RAYS = 2048  # per photo, constant
-_VALIDATION_RAYS = 512  # per photo, not used by steps: for the uncertainty of a camera
+MOST_PHOTOS = 12  # of one object
+SCORING_RAYS = 2048  # shared by all photos, constant
+_VALIDATION_RAYS = 512  # shared by all photos, not used by steps: for the uncertainty of a camera
 
 
 @dataclass(frozen=True, eq=False)
 class FitJob:
-    """Photos of one object to fit. Raises ``ValueError`` without photos, or if a resumed fit had more or fewer."""
+    """Photos of one object to fit.
+
+    Raises ``ValueError`` without photos, with more than :data:`MOST_PHOTOS`, or if a resumed fit had more or fewer.
+    """
 
     photos: tuple[Photo, ...]
     settings: FitSettings = field(default_factory=FitSettings)
@@ -47,6 +51,8 @@ class FitJob:
     def __post_init__(self) -> None:
         if not self.photos:
             raise ValueError("there is no photo to fit")
+        if len(self.photos) > MOST_PHOTOS:
+            raise ValueError(f"one object has at most {MOST_PHOTOS} photos, got {len(self.photos)}")
         if self.resume_from and len(self.resume_from.cameras) != len(self.photos):
             raise ValueError("a fit resumes with the photos that it had")
 
@@ -79,9 +85,10 @@ class Problem:
             photos = tuple(replace(photo, focal=None) for photo in photos)
         observations = tuple(Observation.of(photo, model) for photo in photos)
         cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in photos)
-        viewpoints = tuple(_viewpoint(model, photo) if components.viewpoint_classifier else None for photo in photos)
+        viewpoints = tuple(_viewpoint(model, photo, components) for photo in photos)
         scoring, validation = (
-            sample_pixels(observations, count, generator) for count in (SCORING_RAYS, _VALIDATION_RAYS)
+            sample_pixels(observations, max(1, rays // len(photos)), generator)
+            for rays in (SCORING_RAYS, _VALIDATION_RAYS)
         )
         bank = view_bank(model) if components.view_bank else None
         return cls(
@@ -100,8 +107,25 @@ class Problem:
 
     @property
     def unknown(self) -> Bool[Tensor, "views"]:
-        """Mark the photos with unknown cameras."""
-        return torch.tensor([photo.camera is None for photo in self.photos])
+        """Mark the photos with unknown cameras, without those left out."""
+        return self.included & torch.tensor([photo.camera is None for photo in self.photos])
+
+    @property
+    def included(self) -> Bool[Tensor, "views"]:
+        """Mark the photos that are not left out (:meth:`without`)."""
+        return torch.tensor([observation.weight > 0 for observation in self.observations])
+
+    def without(self, view: int) -> "Problem":
+        """Return the problem in which a photo has no weight and its camera stays."""
+        weight = torch.ones(len(self.photos), 1)
+        weight[view] = 0.0
+        observations = list(self.observations)
+        observations[view] = replace(observations[view], weight=0.0)
+        scoring, validation = (
+            pixels._replace(certainty=weight * pixels.certainty, weights=weight * pixels.weights)
+            for pixels in (self.scoring, self.validation)
+        )
+        return replace(self, observations=tuple(observations), scoring=scoring, validation=validation)
 
     @property
     def has_one_unknown(self) -> bool:
@@ -162,12 +186,17 @@ class Problem:
         return scales * scaled[:, None]
 
 
-def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:
-    if model.viewpoint_classifier is None or photo.camera:
+def _viewpoint(model: Model, photo: Photo, components: Components) -> Float[Tensor, "directions"] | None:
+    """Return the probability of every viewing direction, from all that is known of a photo; None if nothing is."""
+    classifier = model.viewpoint_classifier if components.viewpoint_classifier else None
+    if photo.camera or (classifier is None and photo.side is None):
         return None
-    probability = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
-    direction = witness_direction(model, photo)
-    return probability if direction is None else with_witness(probability, *direction)
+    probability = uniform_directions()
+    if classifier:
+        probability = predict_viewpoint(classifier, photo.pixels, photo.mask)
+        if direction := witness_direction(model, photo):
+            probability = with_witness(probability, *direction)
+    return with_side(probability, photo.side) if photo.side else probability
 
 
 def witness_direction(model: Model, photo: Photo) -> tuple[float, float] | None:

@@ -43,6 +43,7 @@ class SearchResult(NamedTuple):
     runner_up: HypothesisBatch | None = None  # best hypothesis of another basin, if one camera is unknown
     margin: float = math.inf  # log ratio of the runner-up's loss to the winner's
     uncertainty: float | None = None  # degrees, once assessed, if a camera is searched
+    view_margins: tuple[float | None, ...] = ()  # of each camera among several, for constant codes
 
 
 def optimise(

@@ -34,6 +34,10 @@ class FitSettings:
         chord = 3 * x * y * z / (x * y + y * z + z * x)  # relative to a unit cube's
         return replace(self, samples=max(2, round(self.samples * chord)))
 
+    def for_anchor(self) -> "FitSettings":
+        """Return the settings of one of several photos alone: half as many steps and rays place the others as well."""
+        return replace(self, steps=max(1, self.steps // 2), rays=max(1, self.rays // 2))
+
 
 @dataclass(frozen=True)
 class PaperSettings(FitSettings):

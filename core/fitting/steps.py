@@ -52,6 +52,8 @@ class FitStep:
 
     category_likelihood: float = 1.0  # probability that the photos show the model's category
     mask_confidence: float = 1.0  # probability that all masks are right
+    view_margins: tuple[float | None, ...] = ()  # of the cameras of several photos, for constant codes
+    left_out: tuple[int, ...] = ()  # numbers of photos that show another object; their cameras mean nothing
     witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box (:func:`witness_odds`)
 
     @property
@@ -64,9 +66,22 @@ class FitStep:
         """Probability that the camera is right, 0..1; None without margin or uncertainty."""
         if self.margin is None or self.uncertainty is None:
             return None
+        return self._confidence(self.margin, self.uncertainty)
+
+    @property
+    def confidences(self) -> tuple[float | None, ...]:
+        """Probability that each photo's camera is right, 0..1; None where it is known, left out or not assessed."""
+        if self.margin is None or self.uncertainty is None or not self.view_margins:
+            return (self.confidence,) * len(self.cameras)
+        return tuple(
+            None if margin is None else self._confidence(min(margin, self.margin), self.uncertainty)
+            for margin in self.view_margins
+        )
+
+    def _confidence(self, margin: float, uncertainty: float) -> float:
         psnr = self.psnr if self.search_psnr is None else self.search_psnr
         plausibility = plausible(self.category_likelihood, self.mask_confidence, psnr)
-        return plausibility * confidence(self.margin, self.uncertainty, witness=self.witness)
+        return plausibility * confidence(margin, uncertainty, witness=self.witness)
 
 
 class SearchState(NamedTuple):
@@ -81,6 +96,12 @@ class SearchState(NamedTuple):
     finished: bool = False  # the result is complete; another search may follow
     freed: HypothesisBatch | None = None  # the result with free biases, in the free stage
     origin: Latents | None = None  # the codes whose biases are free
+
+    @property
+    def left_out(self) -> tuple[int, ...]:
+        """Numbers of the job's photos that show another object."""
+        included = self.problem.included.tolist()
+        return tuple(view for view, used in zip(self.views, included, strict=True) if not used)
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
         """Return this state as a step of the stream.
@@ -105,6 +126,8 @@ class SearchState(NamedTuple):
             len(self.batch),
             self.restart,
             hypotheses=hypotheses,
+            left_out=self.left_out,
+            view_margins=self.result.view_margins if self.result else (),
         )
         if self.freed is not None:
             fit_step = replace(fit_step, search_psnr=psnr_from_mse(float(searched.squared_error)))

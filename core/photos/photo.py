@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from PIL import Image
 from torch import Tensor
 
+from core.classifiers.viewpoint import Side
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
 from core.geometry.pose_files import PosedImage, find_pose
@@ -52,6 +53,7 @@ class Photo:
     """probability of each category that has a model; empty if unknown"""
     direction: tuple[float, float] | None = None
     """azimuth and elevation (rad) from a chair's 3D box; front and back may be confused"""
+    side: Side | None = None  # of the object that it shows, as a person says
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape

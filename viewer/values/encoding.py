@@ -163,7 +163,10 @@ def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
         return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
 
 
-_BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur", "mask_confidence"
+_BESIDE_IMAGE = (
+    *("camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur", "mask_confidence"),
+    "side",
+)
 """Fields of a photo that a PNG cannot store."""
 
 
