@@ -20,8 +20,10 @@ from core.fitting.search import SearchResult, log_ratio, optimise, score, with_r
 from core.fitting.steps import SearchState
 
 _CLEAR_MARGIN = 1.2  # of a photo alone, above which its runner-up places no photos
-_MISFIT = 1.5
-"""Log ratio of a photo's loss with the common codes to that with its own, above which it shows another object."""
+_LARGEST_MARGIN = 5.0  # of a photo of which all rivals find the same camera
+_MISFIT = 1.0
+"""Log ratio of a photo's loss with the common codes to that with its own, above which it shows another object. Photos
+of one object have at most 0.5, of another object 0.9 to 2.3."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ def best_assignments(problem: Problem, assignments: Sequence[Assignment], count:
 def find_misfit(problem: Problem, singles: Sequence[SingleFit], winner: HypothesisBatch) -> int | None:
     """Return the number of the photo that shows another object, the clearest; None if all show the same one.
 
-    Such a photo is explained far worse by the common codes than by its own. The first photo of two is kept.
+    Such a photo is explained far worse by the common codes than by its own. Of two photos the first is kept.
 
     Args:
         winner: the hypothesis of all photos.
@@ -100,10 +102,9 @@ def find_misfit(problem: Problem, singles: Sequence[SingleFit], winner: Hypothes
             codes = [one_view(winner.parameters, view), one_view(single.result.winner.parameters, -1)]
             common, own = (score(single.alone, HypothesisBatch.of(parameters), math.inf).loss for parameters in codes)
             excess[view] = log_ratio(common, own)
-    if int(problem.included.sum()) == 2:
-        excess = dict(list(excess.items())[-1:])
-    view = max(excess, key=lambda number: excess[number])
-    return view if excess[view] > _MISFIT and int(problem.included.sum()) > 1 else None
+    if max(excess.values()) < _MISFIT:
+        return None
+    return max(excess) if int(problem.included.sum()) == 2 else max(excess, key=lambda number: excess[number])
 
 
 def view_margins(
@@ -124,7 +125,7 @@ def view_margins(
             rivals = yield from _place(single, winner.parameters, schedule, generator)
             camera = HypothesisBatch.of(one_view(winner.parameters, view))
             camera = score(single.alone, camera, schedule.final.robust_scale)
-            margins[view] = with_runner_up(single.alone, camera, rivals).margin
+            margins[view] = min(with_runner_up(single.alone, camera, rivals).margin, _LARGEST_MARGIN)
     return tuple(margins)
 
 

@@ -41,7 +41,7 @@ class FitStep:
     search_psnr: float | None = None
     """dB of the codes alone, in the free stage: by these, as free biases explain photos from any camera"""
     runner_up: RunnerUp | None = None
-    """if a single camera is unknown, at the end of a search; never in the paper's recipe"""
+    """if a camera is unknown, at the end of a search; never in the paper's recipe"""
     margin: float | None = None
     """Log ratio of the runner-up's loss to the leader's on the same pixels; after two agreeing searches, the smaller
     of the two. None without runner-up, and in a resumed fit."""
@@ -131,11 +131,12 @@ class SearchState(NamedTuple):
         )
         if self.freed is not None:
             fit_step = replace(fit_step, search_psnr=psnr_from_mse(float(searched.squared_error)))
-        if not (self.result and runner_up and math.isfinite(self.result.margin)):
+        if not (self.result and math.isfinite(self.result.margin)):
             return fit_step
-        cameras = to_cameras(self.problem.model, runner_up.parameters, 0, self.problem.cameras)
-        rival = RunnerUp(cameras, float(runner_up.loss))
-        return replace(fit_step, runner_up=rival, margin=self.result.margin, uncertainty=self.result.uncertainty)
+        if runner_up:
+            cameras = to_cameras(self.problem.model, runner_up.parameters, 0, self.problem.cameras)
+            fit_step = replace(fit_step, runner_up=RunnerUp(cameras, float(runner_up.loss)))
+        return replace(fit_step, margin=self.result.margin, uncertainty=self.result.uncertainty)
 
     def _ranked(self) -> tuple[Hypothesis, ...]:
         """Return the leader, then the others, as :attr:`FitStep.hypotheses`."""

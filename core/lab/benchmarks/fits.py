@@ -28,9 +28,11 @@ from core.metrics import rotation_error, translation_error
 from core.models.model import Model
 from core.runtime.precision import use_dtype
 
+SURE_FROM = 0.8  # confidence above which no camera is to be wrong
 _FAR = 20.0  # degrees: a camera further off may still be right by symmetry
 _SYMMETRY_TOLERANCE = 5.0  # degrees: a view is symmetric if it matches the true one as well as a turn by this does
 KEY = "preset", "name", "view"  # of a trial
+BANDS = (0.0, 0.5, 0.7, 0.8, 0.9, 1.0)  # edges of bands of confidence
 TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))  # s, at which the curves are read
 
 
@@ -47,6 +49,7 @@ class FitTrial:
     translation: float  # error as a fraction of the true distance
     psnr: float  # dB, of the fitted image
     held_out: float  # dB, mean over the held-out views, from their true cameras
+    restarted: bool  # the camera was in doubt after the first search
     margin: float | None  # over the runner-up; None without one
     uncertainty: float | None  # degrees, as in FitStep
     confidence: float | None
@@ -72,6 +75,9 @@ class FitSummary:
     within_10_degrees: Mean
     within_3_percent: Mean
     held_out: Mean  # dB
+    photo: float  # dB, of the fitted images
+    restarts: float  # fraction of fits
+    wrong_sure: int  # number of wrong cameras with a confidence above SURE_FROM
     auroc: float | None
     """of the confidence, right cameras against wrong ones; None without confidence, or if all are right or wrong"""
     whole: ViewScore | None  # mean of the held-out views at the dataset's size
@@ -136,6 +142,7 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         rotation=errors[-1],
         translation=translation_error(last.cameras[0], target.camera),
         psnr=last.psnr,
+        restarted=any(step.restart for step in steps),
         held_out=float(np.mean([score.psnr for score in scores])) if scores else math.nan,
         margin=last.margin,
         uncertainty=last.uncertainty,
@@ -177,6 +184,9 @@ def summarise_fits(preset: str, trials: pd.DataFrame) -> FitSummary:
         fraction_within(rotations, 10.0),
         fraction_within(trials.translation.mask(trials.symmetric, 0.0), 0.03),
         mean_of(trials.held_out),
+        trials.psnr.mean(),
+        trials.restarted.mean(),
+        int(((rotations > RIGHT_DEGREES) & (trials.confidence.fillna(0.0) > SURE_FROM)).sum()),
         _confidence_auroc(trials),
         ViewScore(*(trials[f"whole.{name}"].mean() for name in ViewScore._fields)) if "whole.psnr" in trials else None,
         tuple(zip(TIMES, curves.median(), (curves <= 5.0).mean(), strict=True)),
@@ -186,6 +196,15 @@ def summarise_fits(preset: str, trials: pd.DataFrame) -> FitSummary:
 def effective_rotations(trials: pd.DataFrame) -> pd.Series:
     """Return the rotation errors in degrees; 0 for cameras that are right by symmetry."""
     return trials.rotation.mask(trials.symmetric, 0.0)
+
+
+def reliability(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each band of confidence: fits, their mean confidence (stated) and fraction right (observed)."""
+    rated = trials[trials.confidence.notna()]
+    correct = effective_rotations(rated) <= RIGHT_DEGREES
+    bands = pd.cut(rated.confidence, BANDS, include_lowest=True)
+    grouped = pd.DataFrame({"stated": rated.confidence, "observed": correct}).groupby(bands, observed=True)
+    return grouped.mean().assign(fits=grouped.size())
 
 
 def calibrate_fits(trials: pd.DataFrame) -> Calibration | None:

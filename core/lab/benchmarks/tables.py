@@ -7,7 +7,7 @@ import pandas as pd
 
 from core.fitting.confidence import auroc
 from core.lab.benchmarks.candidates import SHIPPED
-from core.lab.benchmarks.fits import FitSummary, calibrate_fits, summarise_presets
+from core.lab.benchmarks.fits import SURE_FROM, FitSummary, calibrate_fits, reliability, summarise_presets
 from core.lab.benchmarks.robustness import ROUGH_DEGREES, SUCCESS_DEGREES, rough_rates, success_rates, successes
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.evaluation.protocol import ViewScore
@@ -53,6 +53,11 @@ def fit_table(trials: pd.DataFrame) -> str:
     if calibration := calibrate_fits(trials):
         numbers = ", ".join(f"{name} {value:.3f}" for name, value in calibration._asdict().items())
         lines.append(f"A calibration of the confidence on these fits alone: {numbers}.")
+        bands = (
+            f"{row.stated:.2f} stated, {row.observed:.2f} observed ({row.fits:.0f})"
+            for row in reliability(trials).itertuples()
+        )
+        lines.append(f"Confidence by bands, fits in brackets: {'; '.join(bands)}.")
     summaries = summarise_presets(trials)
     conditions = f"{summaries[0].fits} views, cameras unknown; shares with their 95 % intervals."
     table = markdown(map(_fit_cells, summaries))
@@ -85,11 +90,13 @@ def ablations_table(ablations: pd.DataFrame) -> str:
             "normal preset": row["summary.preset"],
             "views": row["summary.fits"],
             "time": f"{row['time']:.2f}",
-            "rotation error (median)": f"{row['summary.rotation']:.2f}°",
-            "within 5°": format_fraction(interval(row, "summary.within_5_degrees")),
             "within 10°": format_fraction(interval(row, "summary.within_10_degrees")),
             "other views (dB)": f"{row['summary.held_out.mean']:.1f}",
             "difference to the full method (dB)": format_difference(interval(row, "gain")),
+            "photo (dB)": f"{row['summary.photo']:.1f}",
+            "restarts": f"{row['summary.restarts']:.0%}",
+            f"wrong above {SURE_FROM:g}": row["summary.wrong_sure"],
+            "confidence (AUROC)": f"{row['summary.auroc']:.2f}" if pd.notna(row.get("summary.auroc")) else "",
         }
         for row in ablations.to_dict("records")
     )

@@ -434,12 +434,16 @@ def test_low_confidence_gives_a_warning(margin, warning, file, model, capsys, fi
     assert result["uncertainty_deg"] == 1.5
 
 
-def test_several_photos_without_confidence_give_a_warning(file, model, capsys, fit_ends):
-    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 2, model[0]))
-    run(f"fit a.png a.png --model {file}")
+def test_a_photo_of_another_object_is_left_out_by_name(file, model, capsys, fit_ends, tmp_path):
+    cameras = (model.camera(0.3, 0.3),) * 2
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, cameras, model[0], margin=9.0, uncertainty=1.0, left_out=(1,))
+    fit_ends(replace(step, view_margins=(2.0, None)))
+    Path("b.png").write_bytes(Path("a.png").read_bytes())
+    run(f"fit left:a.png b.png --model {file}")
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["confidence"] is None
-    assert "of several photos together" in printed.err
+    assert printed.err == "b.png: this looks like another object, so it is left out\n"
+    photos = json.loads(printed.out)["photos"]
+    assert photos[1] is None and photos[0]["confidence"] > 0.9
 
 
 def test_a_chair_and_a_car_are_not_fitted_as_one_object_unless_a_model_is_named(

@@ -56,7 +56,7 @@ def test_a_camera_is_less_certain_if_more_parameters_are_free(tiny: Model):
     turned = torch.tensor([[True, True, False, False, False, False, False, False]])
 
     def uncertainty(free: torch.Tensor) -> float:
-        return camera_uncertainty(tiny, hypothesis, pixels, STAGE, OBJECTIVE, free, 0)
+        return camera_uncertainty(tiny, hypothesis, pixels, STAGE, OBJECTIVE, free, torch.tensor([True]))
 
     assert 0 < uncertainty(turned) < uncertainty(FREE) < math.pi
     assert uncertainty(torch.zeros_like(turned)) == 0

@@ -1,11 +1,10 @@
-import math
 from dataclasses import replace
 
 import pytest
 import torch
 
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras
-from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
+from core.fitting.initial import initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.problem import Problem
 from core.fitting.schedule import LOCAL_HYPOTHESES, LOCAL_OFFSETS
 from core.fitting.settings import Components, FitSettings
@@ -119,18 +118,6 @@ def test_resume_from_restores_the_hypothesis_and_keeps_known_cameras(tiny: Model
         (fitted[1].azimuth, fitted[1].distance, fitted[1].focal)
     )
     torch.testing.assert_close(spaces[0].code(batch.parameters.shape[0]), tiny.codes[1].shape, atol=1e-4, rtol=1e-4)
-
-
-def test_the_best_combinations_of_single_searches_are_kept(tiny: Model, cameras: list[Camera]):
-    batches = [initial(problem_of(tiny, *photos_of(tiny, [camera], (False,))), 4) for camera in cameras]
-    losses = [0.1, 0.5, 9.0, 9.0], [0.3, math.inf, 0.2, 9.0]
-    first, second = (replace(batch, loss=torch.tensor(loss)) for batch, loss in zip(batches, losses, strict=True))
-    batch = combine_views([([0], first), ([1], second)], 2, 3)
-    chosen = [(0, 2), (0, 0), (1, 2)]
-    expected = torch.stack([torch.cat((first.parameters.angles[i], second.parameters.angles[j])) for i, j in chosen])
-    assert torch.equal(batch.parameters.angles, expected)
-    mean = (first.parameters.shape[0] + second.parameters.shape[2]) / 2
-    torch.testing.assert_close(batch.parameters.shape[0], mean)
 
 
 def test_disabled_components_do_not_affect_initial_hypotheses(tiny: Model, cameras: list[Camera]):

@@ -29,7 +29,8 @@ def ablations(monkeypatch: pytest.MonkeyPatch) -> tuple[Ablation, ...]:
         psnr = 50.0 - 10 * index - (not many)
         errors = (3.0, 2.0, 0.01)
         return FitTrial(
-            preset, target.views.name, 0, seconds, *errors, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False
+            *(preset, target.views.name, 0, seconds, *errors, 30.0, psnr, not many, 1.0, 1.0, 0.9),
+            *((2.0,) * len(TIMES), False),
         )
 
     monkeypatch.setattr(fits, "fit_view", fit_view)
@@ -49,13 +50,15 @@ def test_each_ablation_differs_from_the_full_fit_and_is_compared_with_it(ablatio
     assert len(set(USED.values())) >= different - (USED["in float32"] == USED[FULL])
     rows = ablations_table(frame_of(ablations, {"machine": "m"})).splitlines()[4:]
     assert len(rows) == len(ablations) == len(ABLATIONS)
-    assert rows[0].startswith(f"| {FULL} | 3 | 1.00 | 2.00° |")
+    assert rows[0].startswith(f"| {FULL} | 3 | 1.00 | 100 %")
+    assert [ablation.summary.restarts for ablation in ablations] == [float(row is single) for row in ablations]
+    assert all(ablation.summary.wrong_sure == 0 for ablation in ablations)
     assert sum("| -1.00 (-1.00 to -1.00) |" in row for row in rows) == 1
 
 
 def test_a_seed_of_the_full_method_is_compared_with_the_other_seeds() -> None:
     trials = [
-        FitTrial(name, "a", 0, 1.0, 3.0, 2.0, 0.01, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False)
+        FitTrial(name, "a", 0, 1.0, 3.0, 2.0, 0.01, 30.0, psnr, False, None, None, None, (2.0,) * len(TIMES), False)
         for name, psnr in zip((*REPEATS, "in float32"), (20.0, 23.0, 26.0, 25.0), strict=True)
     ]
     assert [ablation.gain.mean for ablation in summarise_ablations(frame_of(trials))] == [-4.5, 0.0, 4.5, 2.0]
