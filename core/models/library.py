@@ -4,7 +4,8 @@ from functools import cache
 from pathlib import Path
 
 from core.models.authors_checkpoint import load_authors
-from core.models.model import Model
+from core.models.codes import Codes
+from core.models.model import Instance, Model
 from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
@@ -43,13 +44,30 @@ def load_model(name: str, device: str = "cpu") -> Model:
     """
     model = _read(name)
     model.field.to(require_device(device))
+    if _shipped_path(name):
+        object.__setattr__(model, "shipped_as", name)
     return model
 
 
+def shipped_instance(name: str, fingerprint: str, device: str, codes: Codes) -> Instance:
+    """Return an object that was pickled without its shipped model. Raises ``ValueError`` if that has changed since."""
+    model = _opened(name, device)
+    if model.fingerprint != fingerprint:
+        raise ValueError(f"the object was pickled by another version, whose model {name!r} differs from this one")
+    return Instance(model, codes)
+
+
+_opened = cache(load_model)  # one model for all objects that are unpickled
+
+
+def _shipped_path(name: str) -> Path | None:
+    paths = [path for folder in (SHIPPED, FORMER) for path in folder.glob("*.safetensors")]
+    return next((path for path in paths if path.stem == name), None)
+
+
 def _read(name: str) -> Model:
-    for folder in (SHIPPED, FORMER):
-        if name in {path.stem for path in folder.glob("*.safetensors")}:
-            return Model.load(folder / f"{name}.safetensors")
+    if shipped := _shipped_path(name):
+        return Model.load(shipped)
     path = Path(name)
     if path.suffix.lower() in (".pth", ".pt"):
         return load_authors(path)

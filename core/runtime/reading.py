@@ -8,6 +8,7 @@ value's ``__post_init__`` checks the rest. Nothing is decoded that could exceed 
 import json
 import pickle
 import types
+import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get
 from PIL import Image, PngImagePlugin
 
 from core.runtime.numbers import abbreviated, number, whole
+from core.runtime.process import SharedContext
 from core.runtime.raw_previews import raw_preview
 
 if TYPE_CHECKING:
@@ -250,6 +252,20 @@ def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
 
 
 @contextmanager
+def _our_pillow() -> Iterator[None]:
+    """Lift Pillow's limit of pixels, which ignores drafts and modes, and its warnings about damaged metadata."""
+    limit = Image.MAX_IMAGE_PIXELS
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        Image.MAX_IMAGE_PIXELS = None
+        yield
+        Image.MAX_IMAGE_PIXELS = limit
+
+
+_OUR_PILLOW = SharedContext(_our_pillow)
+
+
+@contextmanager
 def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
     """Open an image after checking its header against the memory limit; of a camera raw, its largest preview.
 
@@ -259,7 +275,7 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
 
     Raises ``ValueError`` for other files and for images that are too large; decoding may raise anything.
     """
-    with _opened(file) as opened:
+    with _OUR_PILLOW, _opened(file) as opened:
         image = raw_preview(opened)
         _seek_largest(image)
         full = image.size
@@ -274,14 +290,10 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
 
 
 def _opened(file: Path | BytesIO) -> Image.Image:
-    limit = Image.MAX_IMAGE_PIXELS
     try:
-        Image.MAX_IMAGE_PIXELS = None  # Pillow's own limit ignores drafts and modes
         return Image.open(file, formats=(*_FORMATS, "HEIF") if _is_heif(file) else _FORMATS)
     except Image.UnidentifiedImageError:
         raise ValueError("this is not an image (PNG, JPEG, WebP, ...)") from None
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
 
 
 def _seek_largest(image: Image.Image) -> None:
