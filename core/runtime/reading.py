@@ -32,6 +32,7 @@ MAX_TEXT = 16_000_000  # bytes of JSON or numbers as text; Python objects take u
 _MAX_MEMBERS = 10_000  # files in a zip
 _MAX_PAGES = 100  # pages of a TIFF that are examined
 _MAX_MESSAGE, _MAX_REASON = 200, 100  # characters of an error, and of its reason after a long path
+_MAX_PATH = 4096  # characters of the longest path; a longer text names no file
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 """Supported image formats, besides HEIF. Pillow's others are refused: its EPS reader starts another program."""
 _HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
@@ -77,7 +78,7 @@ def shortened(text: str, most: int) -> str:
 
 def _most(path: Path | str) -> int:
     """Return the character limit of an error about a file."""
-    return max(_MAX_MESSAGE, len(str(path)) + _MAX_REASON)
+    return max(_MAX_MESSAGE, min(len(str(path)), _MAX_PATH) + _MAX_REASON)
 
 
 def _reason(error: Exception, path: Path | str, kind: str) -> str:
