@@ -12,6 +12,8 @@ from core.cli.argument_types import (
     degrees_up_to,
     edits,
     image_size,
+    input_file,
+    model_name,
     number_from,
     paints,
     point,
@@ -67,7 +69,9 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     add_model(command)
     what = command.add_mutually_exclusive_group()
     what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
-    what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) that embeds one")
+    what.add_argument(
+        "--scene", type=input_file, metavar="S.json", help="a saved scene, or an image (png) that embeds one"
+    )
     add_no_photo_detail(command, "show the colours of the codes alone, without the photo detail of a fitted scene")
     command.add_argument(
         "--edit",
@@ -184,9 +188,10 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
-    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object; see --each")
+    command.add_argument("images", type=input_file, nargs="+", metavar="IMAGE", help="images of one object; see --each")
     _add_each(command)
-    command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
+    models = "shipped name or path (default: by the first image's category)"
+    command.add_argument("--model", type=model_name, metavar="M", help=models)
     add_device(command)
     _add_poses(command)
     _add_hints(command)
@@ -219,7 +224,7 @@ def _add_each(command: argparse.ArgumentParser) -> None:
 def _add_poses(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--pose",
-        type=Path,
+        type=input_file,
         nargs="+",
         default=[],
         metavar="POSE",
@@ -237,7 +242,9 @@ def _add_poses(command: argparse.ArgumentParser) -> None:
 def _add_hints(command: argparse.ArgumentParser) -> None:
     hints = command.add_mutually_exclusive_group()
     hints.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
-    hints.add_argument("--mask", type=Path, nargs="+", default=[], metavar="MASK", help="one per image, white on it")
+    hints.add_argument(
+        "--mask", type=input_file, nargs="+", default=[], metavar="MASK", help="one per image, white on it"
+    )
     hints.add_argument(
         "--box",
         type=box,

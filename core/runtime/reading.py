@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get
 from PIL import Image, PngImagePlugin
 
 from core.runtime.numbers import abbreviated, number, whole
+from core.runtime.pipes import refuse_pipe
 from core.runtime.process import SharedContext
 from core.runtime.raw_previews import raw_preview
 
@@ -62,6 +63,7 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
         ValueError: chair.json: not a scene that can be read (Expecting property name enclosed in double quotes: ...
     """
     try:
+        refuse_pipe(Path(path))
         yield
     except Exception as error:
         named = isinstance(error, ValueError) and str(path) in str(error)
@@ -120,6 +122,7 @@ def optional(read: Callable[[], Any]) -> Any:
 
 def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
     """Read a file's content. Raises ``TooLargeError`` for more than ``most`` bytes."""
+    refuse_pipe(path)
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -276,6 +279,8 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
 
     Raises ``ValueError`` for other files and for images that are too large; decoding may raise anything.
     """
+    if isinstance(file, Path):
+        refuse_pipe(file)
     with _OUR_PILLOW, _opened(file) as opened:
         image = raw_preview(opened)
         _seek_largest(image)
