@@ -174,7 +174,7 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         "--metres",
         type=number_from(1e-4, 1e6),
         metavar="M",
-        help="longest side, on the ground (default: --size-cm, else scene units)",
+        help="longest side, on the ground (default: --size-cm, else usual for the model)",
     )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
