@@ -60,10 +60,10 @@ def test_signs_of_other_keyboards_zoom_search_and_scale_text(window: Driver, mon
     window.wait_for_view()
     window.ctx.mouse_move("//View/orbit")
     distance = window.session.viewport.camera.distance
-    imgui.get_io().add_input_character(ord("+"))
+    window.ctx.key_chars("+")
     window.ctx.yield_(3)
     assert window.session.viewport.camera.distance < distance
-    imgui.get_io().add_input_character(ord("?"))
+    window.ctx.key_chars("?")
     window.ctx.yield_(3)
     assert window.context.help_open
     window.press(imgui.Key.escape)
@@ -76,7 +76,7 @@ def test_signs_of_other_keyboards_zoom_search_and_scale_text(window: Driver, mon
 @in_window()
 def test_a_sign_is_one_press_of_its_key(window: Driver) -> None:
     window.ctx.key_down(chord(imgui.Key.mod_shift, imgui.Key.slash))
-    imgui.get_io().add_input_character(ord("?"))
+    window.ctx.key_chars("?")
     window.ctx.yield_(3)
     window.ctx.key_up(chord(imgui.Key.mod_shift, imgui.Key.slash))
     window.ctx.yield_(3)
