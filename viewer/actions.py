@@ -233,9 +233,9 @@ def is_pressed(chord: int) -> bool:
 
 
 def is_typed(text: str) -> bool:
-    """Return whether a chord of a sign, such as ``?`` or ``Ctrl++``, is pressed on a keyboard with other keys for it.
+    """Return whether a chord of a sign, ``?`` or ``Ctrl++``, is pressed by other keys than those of :func:`chords`.
 
-    A key alone counts by the sign that it types, one with Ctrl, which types nothing, by the sign that it prints.
+    A key alone counts by the sign that it types; with Ctrl, which types nothing, by the sign that it prints.
     """
     held, sign = text[:-1], text[-1:]
     if sign.isalnum() or not sign:

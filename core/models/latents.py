@@ -55,7 +55,7 @@ class Latents:
         return hash((self.shape_key, self.texture_key))
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what is pickled: a row of a code book without the book."""
+        """Return the fields to pickle; a row of a code book without the book."""
         return {
             name: value.detach().clone() if isinstance(value, Tensor) else value for name, value in vars(self).items()
         }

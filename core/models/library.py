@@ -4,8 +4,7 @@ from functools import cache
 from pathlib import Path
 
 from core.models.authors_checkpoint import load_authors
-from core.models.codes import Codes
-from core.models.model import Instance, Model
+from core.models.model import Model
 from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
@@ -45,19 +44,17 @@ def load_model(name: str, device: str = "cpu") -> Model:
     model = _read(name)
     model.field.to(require_device(device))
     if _shipped_path(name):
-        object.__setattr__(model, "shipped_as", name)
+        object.__setattr__(model, "origin", (_opened, (name, model.fingerprint, device)))
     return model
 
 
-def shipped_instance(name: str, fingerprint: str, device: str, codes: Codes) -> Instance:
-    """Return an object that was pickled without its shipped model. Raises ``ValueError`` if that has changed since."""
-    model = _opened(name, device)
+@cache  # one model for all objects that are unpickled
+def _opened(name: str, fingerprint: str, device: str) -> Model:
+    """Load the shipped model of pickled objects. Raises ``ValueError`` if it has changed since."""
+    model = load_model(name, device)
     if model.fingerprint != fingerprint:
         raise ValueError(f"the object was pickled by another version, whose model {name!r} differs from this one")
-    return Instance(model, codes)
-
-
-_opened = cache(load_model)  # one model for all objects that are unpickled
+    return model
 
 
 def _shipped_path(name: str) -> Path | None:

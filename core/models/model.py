@@ -3,7 +3,7 @@
 import copy
 import hashlib
 import math
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -61,7 +61,8 @@ class Model:
     """small views to compare photos with; None: the file has none, :mod:`core.photos.view_bank` computes it"""
     words: Words | None = None
     """of its directions; None: the file has none, :func:`core.directions.words.direction_words` finds them"""
-    shipped_as: str = field(default="", init=False)  # name in the library; '' for other and for changed models
+    origin: "tuple[Callable[..., Model], tuple[str, ...]] | None" = field(default=None, init=False)
+    """function and arguments that return a shipped model, by which its objects are pickled; None: pickle all of it"""
 
     def __post_init__(self) -> None:
         self._check_numbers()
@@ -94,7 +95,7 @@ class Model:
             raise ValueError("the view bank does not fit the codes")
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what is pickled: the fields, without values cached from them."""
+        """Return the fields to pickle, without values cached from them."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
     def __getitem__(self, index: int) -> "Instance":
@@ -294,12 +295,10 @@ class Instance:
         return self._hash
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickle the codes with the model; a shipped model by its name and fingerprint."""
-        if not self.model.shipped_as:
+        """Pickle the codes with the model, or with its origin."""
+        if self.model.origin is None:
             return Instance, (self.model, self.codes)
-        from core.models.library import shipped_instance  # which imports this module
-
-        return shipped_instance, (self.model.shipped_as, self.fingerprint, str(self.model.device), self.codes)
+        return _instance, (*self.model.origin, self.codes)
 
     def _is_like(self, second: "Instance") -> bool:
         if self.is_missing or second.is_missing:
@@ -408,6 +407,11 @@ class Instance:
     def _require_same_model(self, second: "Instance") -> None:
         if self.fingerprint != second.fingerprint:
             raise ValueError("objects of different models cannot be combined")
+
+
+def _instance(load: Callable[..., Model], arguments: tuple[str, ...], codes: Codes) -> Instance:
+    """Return an object that was pickled with the origin of its model."""
+    return Instance(load(*arguments), codes)
 
 
 def singular(category: str) -> str:
