@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.runtime.folders import config_folder, is_temporary
+from core.runtime.pipes import as_file
 from core.runtime.program import program_name
 from core.runtime.signals import on_signals
 from core.runtime.threads import use_one_torch_thread, use_threads
@@ -123,9 +124,10 @@ def _count(text: str) -> int:
 def _image(text: str) -> Path:
     if text.startswith(("http://", "https://")):
         raise argparse.ArgumentTypeError(f"{text} is an address: save the image from there, and give its path")
-    if not Path(text).is_file():
+    path = as_file(Path(text))
+    if not path.is_file():
         raise argparse.ArgumentTypeError(f"no such image: {text}")
-    return Path(text)
+    return path
 
 
 def _png(text: str) -> Path:

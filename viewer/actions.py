@@ -1,9 +1,12 @@
 """The table of all actions: source of menus, keys, help, tooltips and the README's table."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from imgui_bundle import imgui
+from imgui_bundle import imgui  # before glfw, so that both use the same library
+
+import glfw  # isort: skip
 
 from viewer.context import PanelContext
 from viewer.values.preferences import LARGEST, SMALLEST
@@ -199,8 +202,9 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
     typing = context.files.asking or context.share_open
     for action in ACTIONS.values():
         keys = ", ".join(key for key in action.keys.split(", ") if not typing or "Ctrl" in key or key == "F1")
-        pressed = (action.id in _IN_VIEW_ONLY) == in_view and any(map(is_pressed, chords(keys)))
-        if pressed and _is_allowed(action, context) and action.enabled(context):
+        pressed = any(map(is_pressed, chords(keys))) or any(map(is_typed, keys.split(", ")))
+        here = (action.id in _IN_VIEW_ONLY) == in_view
+        if pressed and here and _is_allowed(action, context) and action.enabled(context):
             action.run(context)
 
 
@@ -228,6 +232,22 @@ def is_pressed(chord: int) -> bool:
     return held == mods and imgui.is_key_pressed(imgui.Key(chord - mods))
 
 
+def is_typed(text: str) -> bool:
+    """Return whether a chord of a sign, ``?`` or ``Ctrl++``, is pressed by other keys than those of :func:`chords`.
+
+    A key alone counts by the sign that it types; with Ctrl, which types nothing, by the sign that it prints.
+    """
+    held, sign = text[:-1], text[-1:]
+    if sign.isalnum() or not sign:
+        return False
+    if held:
+        return any(
+            is_pressed(chord(*map(_MODIFIERS.__getitem__, held.split("+")[:-1]), key)) for key in _printing(sign)
+        )
+    keys = [imgui.Key(number & ~chord(*_EVERY_MODIFIER)) for number in chords(sign)]
+    return ord(sign) in imgui.get_io().input_queue_characters and not any(map(imgui.is_key_down, keys))
+
+
 def chords(keys: str) -> list[int]:
     """Return imgui's numbers of key chords, such as ``Ctrl++``: =, Shift+= and the keypad's +."""
     return [sum(chord) for text in keys.split(", ") if text for chord in _chord(text)]
@@ -239,7 +259,7 @@ def chord(*keys: imgui.Key) -> int:
 
 
 def _chord(text: str) -> list[tuple[int, ...]]:
-    *modifiers, name = text.replace("++", "+plus").split("+")
+    *modifiers, name = re.sub(r"(^|\+)\+$", r"\1plus", text).split("+")
     held = tuple(int(_MODIFIERS[modifier]) for modifier in modifiers)
     return [(*held, *map(int, keys)) for keys in _key(name)]
 
@@ -253,6 +273,16 @@ def _key(name: str) -> list[tuple[imgui.Key, ...]]:
     return [(getattr(key, name.lower()),)]
 
 
+def _printing(sign: str) -> list[imgui.Key]:
+    """Return the keys that print a sign without Shift on this keyboard; imgui names them by their US signs."""
+    names = [name for name in _SIGN_KEYS if glfw.get_key_name(getattr(glfw, f"KEY_{name.upper()}"), 0) == sign]
+    return [getattr(imgui.Key, name) for name in names]
+
+
+_SIGN_KEYS = (
+    *("apostrophe", "comma", "minus", "period", "slash", "semicolon", "equal", "left_bracket", "backslash"),
+    *("right_bracket", "grave_accent"),
+)  # as imgui and GLFW name them
 _EVERY_MODIFIER = imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt, imgui.Key.mod_super
 _MODIFIERS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift}
 _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {

@@ -290,6 +290,7 @@ class App:
         window.set_title(f"{window.NAME}: saving …")
         if self._instance:
             self._instance.end()
+        self.context.files.close()
         self.session.jobs.worker.stop()  # its current step goes on while the session is saved
         if self.context.autosave:
             self.context.autosave.close()

@@ -1,6 +1,6 @@
 """The context of panels: the session, the window's own state, and actions on both."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -213,13 +213,21 @@ class PanelContext:
     def drop(self, paths: list[str]) -> None:
         """Open dropped projects, models, scenes and images of scenes; fit all other files as photos."""
         photos = []
-        for path in map(Path, paths):
+        for path in self._files(paths):
             if path.suffix.lower() in (*PROJECTS, ".json", *MODELS) or embedded_scene(path):
                 self.load(path)
             else:
                 photos.append(path)
         if photos:
             self.fit(*photos)
+
+    def _files(self, texts: list[str]) -> Iterator[Path]:
+        """Yield the files that dropped texts name; report the others."""
+        for text in texts:
+            try:
+                yield self.clipboard.file(text)
+            except (ValueError, OSError) as error:
+                self.session.messages.report("Cannot take this text", error)
 
     def _remember(self, path: Path) -> None:
         if is_there(path):

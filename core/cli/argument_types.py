@@ -4,9 +4,25 @@ import argparse
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
+
+from core.runtime.pipes import as_file
 
 _FARTHEST_EDIT = 10.0  # standard deviations; beyond, nothing is left of an object
 _ENDLESS = 10**9  # limit of counts that nothing else limits
+
+
+def input_file(text: str) -> Path:
+    """Parse the path of a file to read; the content of a pipe, such as /dev/stdin, is copied into a file."""
+    try:
+        return as_file(Path(text))
+    except (OSError, ValueError) as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def model_name(text: str) -> str:
+    """Parse the name or the path of a model."""
+    return str(input_file(text))
 
 
 def number_from(low: float, high: float, unit: str = "") -> Callable[[str], float]:

@@ -2,7 +2,7 @@
 
 import argparse
 
-from core.cli.argument_types import number_from, whole_from
+from core.cli.argument_types import model_name, number_from, whole_from
 
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
@@ -26,7 +26,9 @@ def add_command(commands: argparse._SubParsersAction, name: str, run: str, descr
 
 def add_model(command: argparse.ArgumentParser) -> None:
     """Add ``--model`` and ``--device``."""
-    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    command.add_argument(
+        "--model", type=model_name, default="chairs", metavar="M", help="a shipped name or the path of a model file"
+    )
     add_device(command)
 
 

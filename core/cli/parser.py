@@ -12,6 +12,8 @@ from core.cli.argument_types import (
     degrees_up_to,
     edits,
     image_size,
+    input_file,
+    model_name,
     number_from,
     paints,
     point,
@@ -67,7 +69,9 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     add_model(command)
     what = command.add_mutually_exclusive_group()
     what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
-    what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) that embeds one")
+    what.add_argument(
+        "--scene", type=input_file, metavar="S.json", help="a saved scene, or an image (png) that embeds one"
+    )
     add_no_photo_detail(command, "show the colours of the codes alone, without the photo detail of a fitted scene")
     command.add_argument(
         "--edit",
@@ -170,7 +174,7 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         "--metres",
         type=number_from(1e-4, 1e6),
         metavar="M",
-        help="longest side, on the ground (default: --size-cm, else scene units)",
+        help="longest side, on the ground (default: --size-cm, else usual for the model)",
     )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
@@ -186,14 +190,15 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
     command.add_argument(
         "images",
-        type=Path,
+        type=input_file,
         nargs="+",
         metavar="[SIDE:]IMAGE",
         help="images of one object, up to 12, such as back:chair.jpg (front, left, back, right, above); see --each",
     )
     command.set_defaults(sides=())
     _add_each(command)
-    command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
+    models = "shipped name or path (default: by the first image's category)"
+    command.add_argument("--model", type=model_name, metavar="M", help=models)
     add_device(command)
     _add_poses(command)
     _add_hints(command)
@@ -226,7 +231,7 @@ def _add_each(command: argparse.ArgumentParser) -> None:
 def _add_poses(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--pose",
-        type=Path,
+        type=input_file,
         nargs="+",
         default=[],
         metavar="POSE",
@@ -244,7 +249,9 @@ def _add_poses(command: argparse.ArgumentParser) -> None:
 def _add_hints(command: argparse.ArgumentParser) -> None:
     hints = command.add_mutually_exclusive_group()
     hints.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
-    hints.add_argument("--mask", type=Path, nargs="+", default=[], metavar="MASK", help="one per image, white on it")
+    hints.add_argument(
+        "--mask", type=input_file, nargs="+", default=[], metavar="MASK", help="one per image, white on it"
+    )
     hints.add_argument(
         "--box",
         type=box,

@@ -21,7 +21,7 @@ from core.geometry.pixels import to_bytes
 from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Instance
 from core.models.scene import Scene, open_scene, save_image, scene_model
-from core.rendering.size import portion_sized, sized
+from core.rendering.size import portion_sized, size_of, sized
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
@@ -73,9 +73,13 @@ def _shown_frames(shots: Sequence[View], chosen: argparse.Namespace) -> int:
 def mesh(chosen: argparse.Namespace) -> None:
     """Run ``mesh``: write an object as a coloured mesh."""
     from core.export.mesh import MeshSettings, export_mesh  # imports scipy, which videos and images do not need
+    from core.export.mesh_formats import LARGEST_PRINT, PRINTED
 
     instance, camera = _load_selection(chosen)
-    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture or 0, chosen.triangles or 0)
+    metres = chosen.metres or (None if instance.codes.is_sized else instance.model.metres)
+    settings = MeshSettings(chosen.resolution, metres, chosen.texture or 0, chosen.triangles or 0)
+    if chosen.out.suffix.lower() in PRINTED and (side := metres or max(size_of(instance)) / 100) > LARGEST_PRINT:
+        say(f"{chosen.out}: {side:.1f} m long, larger than any printer builds; --metres makes it smaller")
     fractions = export_mesh(instance, chosen.out, settings, camera if chosen.scene else None)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for fraction in fractions:

@@ -29,6 +29,7 @@ from core.models.photo_detail import MAX_PHOTOS
 from core.rendering.folded_layers import batch_density
 from core.rendering.images import render_steps
 from core.rendering.reference import Rendered
+from core.runtime.modes import usual_settings
 from core.runtime.reading import open_image, reading
 
 FOLDER = Path(__file__).resolve().parents[2] / "assets" / "borrowed"
@@ -168,7 +169,7 @@ def most_similar(fitted: Instance, pictures: Collection[int]) -> int:
 
 @lru_cache(maxsize=2)
 def _occupied_by_training_objects(model: Model, numbers: tuple[int, ...]) -> Bool[Tensor, "objects points"]:
-    with torch.inference_mode(False):  # cached
+    with usual_settings():  # cached
         return _occupied(model, torch.stack([model[number].biases[0] for number in numbers]))
 
 

@@ -17,6 +17,7 @@ from core.rendering.ground_shadow import GroundShadow
 from core.rendering.images import SAMPLES, is_cached, render_steps
 from core.rendering.occupancy import shape_occupancy
 from core.rendering.reference import Rendered, render_exact
+from core.runtime.modes import isolated
 from core.streams import run_to_end
 
 
@@ -79,6 +80,7 @@ class Frame:
         return self.stage == self.stage_count - 1
 
 
+@isolated
 def render_progressively(job: RenderJob) -> Iterator[Frame | None]:
     """Render from coarse to fine: yield a Frame after every stage, and None after every chunk of rays.
 

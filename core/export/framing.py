@@ -14,6 +14,7 @@ from core.geometry.camera import Camera
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS, shape_occupancy
+from core.runtime.modes import isolated
 
 MARGIN = 0.04  # of the frame's width and height, left free on each side
 _SHAPES = 6  # evenly spaced shapes of a video that are checked; shapes between are mixtures of these
@@ -24,6 +25,7 @@ _BLOCK = 16384
 _NEAREST = 0.05  # scene units in front of the camera; closer points, or points behind, are moved there
 
 
+@isolated
 def filling_frame(views: Sequence[View], zoom_out: bool = True) -> list[View]:
     """Return the views with one common zoom at which the object just stays inside every frame.
 

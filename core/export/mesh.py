@@ -34,6 +34,7 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, shape_occupancy
 from core.rendering.size import size_of
 from core.runtime.files import atomic_file
+from core.runtime.modes import isolated
 from core.runtime.pool import map_pieces
 from core.streams import subprogress
 
@@ -80,6 +81,7 @@ class MeshSettings:
             raise ValueError(f"a mesh has {MIN_TRIANGLES} triangles or more, got {self.triangles}")
 
 
+@isolated
 def export_mesh(
     instance: Instance, path: Path, settings: MeshSettings | None = None, camera: Camera | None = None
 ) -> Generator[float, None, None]:

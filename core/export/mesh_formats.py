@@ -14,6 +14,8 @@ from core.export.glb import MeshParts, glb
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.geometry.pixels import to_bytes
 
+PRINTED = (".stl", ".3mf")  # formats for printers
+LARGEST_PRINT = 1.0  # m, side of the space of the largest usual printers
 _MILLIMETRES = 1000  # per metre; programs for printing expect millimetres
 _3MF = "http://schemas.microsoft.com/3dmanufacturing"
 _PACKAGE = "http://schemas.openxmlformats.org/package/2006"

@@ -38,6 +38,7 @@ from core.gl.baking import bake
 from core.models.model import Instance
 from core.rendering.ground_shadow import GroundShadow
 from core.runtime.files import atomic_file
+from core.runtime.modes import isolated
 
 MAX_BYTES = 2_000_000  # of a page: accepted by every mail service and messenger
 SUFFIX = ".html"
@@ -65,6 +66,7 @@ void main() { colour = texelFetch(image, ivec2(gl_FragCoord.xy), 0); }
 """
 
 
+@isolated
 def write_page(instance: Instance, camera: Camera, path: Path, name: str) -> Iterator[None]:
     """Write the page of an object atomically; yields None many times.
 

@@ -19,6 +19,7 @@ from core.export.keyframes import View
 from core.export.video_frames import render_frames
 from core.gl.background import Background, Rgb
 from core.runtime.files import atomic_file, atomic_folder
+from core.runtime.modes import isolated
 
 WHITE: Rgb = (255, 255, 255)
 _BT709, _LIMITED_RANGE = 1, 1  # numbers of H.264 and FFmpeg
@@ -41,6 +42,7 @@ class VideoSettings:
             raise ValueError(f"a video has 1 to 100 frames a second, quality 1 to 100; got {self.rate}, {self.quality}")
 
 
+@isolated
 def write_video(views: Sequence[View], path: Path, settings: VideoSettings | None = None) -> Generator[int, None, None]:
     """Render and write views in order, as large as their cameras.
 

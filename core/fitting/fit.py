@@ -43,10 +43,12 @@ from core.fitting.search import (
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitStep, RunnerUp, SearchState
 from core.models.model import Model
+from core.runtime.modes import isolated
 
 __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerUp", "fit"]
 
 
+@isolated
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Find codes and unknown cameras: yield a FitStep per iteration, the last one with the best result.
 

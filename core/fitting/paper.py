@@ -22,6 +22,7 @@ from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
 from core.models.codes import CodeSpace
 from core.models.model import Model
+from core.runtime.modes import isolated
 
 _RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}  # learning rates; rad, scene units, numbers of a code
 _HALVED_EVERY = 50  # steps, in the authors' code
@@ -33,6 +34,7 @@ def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:
     return fit(model, job) if isinstance(job.settings, PaperSettings) else search.fit(model, job)
 
 
+@isolated
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Fit by the paper's recipe; yield steps like :func:`core.fitting.fit.fit`, without margin and photo detail."""
     began = time.perf_counter()

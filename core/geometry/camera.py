@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.runtime.modes import usual_settings
 from core.runtime.numbers import whole
 
 FRONT_AZIMUTH = math.pi / 2  # rad, of a camera that sees an object's front
@@ -199,7 +200,7 @@ class StretchedCamera(Camera):
 
 @lru_cache(maxsize=8)
 def _world_to_camera(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
-    with torch.inference_mode(False):  # cached, and a later caller may differentiate
+    with usual_settings():  # cached, and a later caller may differentiate
         azimuth, elevation = torch.tensor([camera.azimuth, camera.elevation], device=device)
         rotation = camera_rotation(azimuth, elevation)
         return rotation, camera.distance * rotation[2]

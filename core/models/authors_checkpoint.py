@@ -13,6 +13,7 @@ from core.models.codes import CODE_KINDS, CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.model import Model
+from core.runtime.modes import isolated
 from core.runtime.reading import open_zip, read_json, reading, typed
 
 _LAYERS = {
@@ -70,6 +71,7 @@ class _Settings(NamedTuple):
     far: float
 
 
+@isolated
 def load_authors(path: Path, config: Path | None = None) -> Model:
     """Read a model from ``models.pth`` and ``hpam.json``; nothing in the files is executed.
 
@@ -90,7 +92,8 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
         shapes, textures = (_codes(_tensors(state, f"{kind}_code_params")) for kind in CODE_KINDS)
     with reading(settings_path, "settings of the authors' trainer"):
         settings = typed(_Settings, read_json(settings_path), name="hpam")
-        field = Field(settings.net_hyperparams.config)
+        with torch.random.fork_rng(devices=[]):  # a network draws initial weights
+            field = Field(settings.net_hyperparams.config)
     with reading(path, "a checkpoint of the authors' trainer"):
         field.load_state_dict(network)
         if len(shapes) != len(textures):

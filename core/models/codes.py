@@ -16,6 +16,7 @@ from core.geometry.warp import Warp, mixed_warp
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
 from core.models.paints import MAX_PAINTS, PartPaint, mixed_paints
 from core.models.photo_detail import PhotoDetail
+from core.runtime.modes import usual_settings
 
 __all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", "farthest_first"]
 
@@ -164,7 +165,7 @@ class CodeSpace:
     def from_codes(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
         """Fit a PCA to the rows, without directions of no variance; each direction's largest component is positive."""
         # Cached, so no inference tensor: the first caller may be rendering, and a fit needs gradients.
-        with torch.inference_mode(False), torch.no_grad():
+        with usual_settings(), torch.no_grad():
             mean = codes.mean(0)
             _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)
             std = singular / max(1, len(codes) - 1) ** 0.5

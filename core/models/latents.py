@@ -54,6 +54,12 @@ class Latents:
     def __hash__(self) -> int:
         return hash((self.shape_key, self.texture_key))
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields to pickle; a row of a code book without the book."""
+        return {
+            name: value.detach().clone() if isinstance(value, Tensor) else value for name, value in vars(self).items()
+        }
+
     def detached(self) -> "Latents":
         """Return a copy on the processor, without gradients."""
 

@@ -43,13 +43,28 @@ def load_model(name: str, device: str = "cpu") -> Model:
     """
     model = _read(name)
     model.field.to(require_device(device))
+    if _shipped_path(name):
+        object.__setattr__(model, "origin", (_opened, (name, model.fingerprint, device)))
     return model
 
 
+@cache  # one model for all objects that are unpickled
+def _opened(name: str, fingerprint: str, device: str) -> Model:
+    """Load the shipped model of pickled objects. Raises ``ValueError`` if it has changed since."""
+    model = load_model(name, device)
+    if model.fingerprint != fingerprint:
+        raise ValueError(f"the object was pickled by another version, whose model {name!r} differs from this one")
+    return model
+
+
+def _shipped_path(name: str) -> Path | None:
+    paths = [path for folder in (SHIPPED, FORMER) for path in folder.glob("*.safetensors")]
+    return next((path for path in paths if path.stem == name), None)
+
+
 def _read(name: str) -> Model:
-    for folder in (SHIPPED, FORMER):
-        if name in {path.stem for path in folder.glob("*.safetensors")}:
-            return Model.load(folder / f"{name}.safetensors")
+    if shipped := _shipped_path(name):
+        return Model.load(shipped)
     path = Path(name)
     if path.suffix.lower() in (".pth", ".pt"):
         return load_authors(path)

@@ -17,6 +17,10 @@ class MissingInstance(Instance):
     def __repr__(self) -> str:
         return f"MissingInstance({self.fingerprint!r}, {self.codes!r})"
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle the fingerprint and the codes."""
+        return MissingInstance, (self.fingerprint, self.codes)
+
     @property
     def model(self) -> Model:
         """Raises ``ValueError``."""

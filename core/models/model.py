@@ -3,8 +3,8 @@
 import copy
 import hashlib
 import math
-from collections.abc import Hashable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from core.models.part_head import PartHead
 from core.models.photo_detail import PhotoDetail
 from core.models.view_bank import ViewBank
 from core.runtime.files import atomic_file
+from core.runtime.modes import usual_settings
 from core.runtime.numbers import number, whole
 from core.runtime.reading import reading
 
@@ -60,6 +61,8 @@ class Model:
     """small views to compare photos with; None: the file has none, :mod:`core.photos.view_bank` computes it"""
     words: Words | None = None
     """of its directions; None: the file has none, :func:`core.directions.words.direction_words` finds them"""
+    origin: "tuple[Callable[..., Model], tuple[str, ...]] | None" = field(default=None, init=False)
+    """function and arguments that return a shipped model, by which its objects are pickled; None: pickle all of it"""
 
     def __post_init__(self) -> None:
         self._check_numbers()
@@ -90,6 +93,10 @@ class Model:
             raise ValueError("the part head does not fit the field")
         if self.view_bank and not self.view_bank.fits(self.codes):
             raise ValueError("the view bank does not fit the codes")
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields to pickle, without values cached from them."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
     def __getitem__(self, index: int) -> "Instance":
         """Return a training object. Raises ``ValueError`` for an index outside the book of codes."""
@@ -192,7 +199,7 @@ class Model:
 
         Contrast does not change them.
         """
-        with torch.inference_mode(False), torch.no_grad():  # cached
+        with usual_settings(), torch.no_grad():  # cached
             biases = self.field.shape_bias(self.codes.shapes), self.field.texture_bias(self.codes.textures)
             shape, texture = (bias.std(0, unbiased=False).clamp_min(_MIN_BIAS_STD) for bias in biases)
             return shape, texture
@@ -253,9 +260,8 @@ class Model:
 
     def save(self, path: Path) -> None:
         """Write weights, codes and configuration as one safetensors file; an interrupted write leaves no file."""
-        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
         with atomic_file(path, Model.load) as partial:
-            write_model_file(partial, values | {"stored_cells": self.occupied_cells})
+            write_model_file(partial, self.__getstate__() | {"stored_cells": self.occupied_cells})
 
     @classmethod
     def load(cls, path: Path) -> "Model":
@@ -287,6 +293,12 @@ class Instance:
 
     def __hash__(self) -> int:
         return self._hash
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle the codes with the model, or with its origin."""
+        if self.model.origin is None:
+            return Instance, (self.model, self.codes)
+        return _instance, (*self.model.origin, self.codes)
 
     def _is_like(self, second: "Instance") -> bool:
         if self.is_missing or second.is_missing:
@@ -395,6 +407,11 @@ class Instance:
     def _require_same_model(self, second: "Instance") -> None:
         if self.fingerprint != second.fingerprint:
             raise ValueError("objects of different models cannot be combined")
+
+
+def _instance(load: Callable[..., Model], arguments: tuple[str, ...], codes: Codes) -> Instance:
+    """Return an object that was pickled with the origin of its model."""
+    return Instance(load(*arguments), codes)
 
 
 def singular(category: str) -> str:

@@ -23,6 +23,7 @@ from core.models.latents import CodeKind
 from core.models.occupied_cells import pack, unpack
 from core.models.part_head import PartHead
 from core.models.view_bank import ViewBank
+from core.runtime.modes import isolated
 from core.runtime.reading import parse_json, read_tensors, typed
 
 _FORMAT = "codenerf-1"
@@ -69,6 +70,7 @@ def write_model_file(path: Path, values: Mapping[str, Any]) -> None:
     path.write_bytes(save(_all_tensors(values), metadata={"format": _FORMAT, "model": json.dumps(metadata)}))
 
 
+@isolated
 def read_model_file(path: Path) -> dict[str, Any]:
     """Read the values of a model's fields. Raises ``ValueError`` if the file is not one of this program."""
     texts, tensors = read_tensors(path)
@@ -88,11 +90,12 @@ def rendering_tensors(field: Field, codes: CodeBook) -> dict[str, Tensor]:
 
 def _pop_values(tensors: dict[str, Tensor], metadata: _Metadata) -> dict[str, Any]:
     """Remove a file's tensors and return the values that a model makes of them, by field."""
-    field = build_field(metadata.config)
+    with torch.random.fork_rng(devices=[]):  # networks draw initial weights
+        field = build_field(metadata.config)
+        classifier = _pop_classifier(tensors)
     shapes = tensors.pop("codes.shapes").float()
     textures = tensors.pop("codes.textures").float()
     cells = tensors.pop(_CELLS, None)
-    classifier = _pop_classifier(tensors)
     head = PartHead(metadata.parts, *(tensors.pop(name).float() for name in _PARTS)) if metadata.parts else None
     views = _pop_prefixed(tensors, _BANK)
     bank = ViewBank.from_tensors(views, metadata.distance) if views else None

@@ -24,6 +24,7 @@ from core.models.model import Instance, Model
 from core.models.paints import PartPaint
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
+from core.runtime.pipes import refuse_pipe
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 
 IMAGE_FORMATS = (".png", ".jpg", ".webp")  # endings to offer: nearly every program opens these
@@ -185,6 +186,7 @@ def embedded_scene(path: Path) -> str | None:
     """Return the JSON of the scene embedded in an image; None for any other file."""
 
     def read() -> object:
+        refuse_pipe(path)
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
             # The scene precedes the pixels, which `image.text` would decode to reach later chunks.
             return image.info.get(_KEY)

@@ -2,7 +2,6 @@
 
 import io
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -50,21 +49,19 @@ def read_rgba(path: Path) -> Image.Image:
     Reads the largest page of a TIFF, and the first frame of an animation, as ``info[NOTE]`` tells.
     Raises ``ValueError`` naming the file if it is not an image, or too large.
     """
-    with reading(path, "an image"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with open_image(path, WORKING_SIDE) as image:
-            if max(image.size) > _NARROWEST * min(image.size):
-                raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
-            page = image.tell() + 1
-            count = getattr(image, "n_frames", 1)
-            raw = image.info.get(RAW_SIZE)
-            rgba = _small_rgba(image)
-            if raw:
-                sizes = f"{image.width}x{image.height} px of {raw[0]}x{raw[1]}"
-                rgba.info[NOTE] = f"only the preview of this camera raw is read ({sizes}): export it as JPEG"
-            elif count > 1:
-                rgba.info[NOTE] = f"image {page} of the {count} in this file is used"
-            return rgba
+    with reading(path, "an image"), open_image(path, WORKING_SIDE) as image:
+        if max(image.size) > _NARROWEST * min(image.size):
+            raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
+        page = image.tell() + 1
+        count = getattr(image, "n_frames", 1)
+        raw = image.info.get(RAW_SIZE)
+        rgba = _small_rgba(image)
+        if raw:
+            sizes = f"{image.width}x{image.height} px of {raw[0]}x{raw[1]}"
+            rgba.info[NOTE] = f"only the preview of this camera raw is read ({sizes}): export it as JPEG"
+        elif count > 1:
+            rgba.info[NOTE] = f"image {page} of the {count} in this file is used"
+        return rgba
 
 
 def on_white(image: Image.Image) -> Image.Image:
@@ -85,10 +82,8 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     Raises ``ValueError`` naming the file if it is not an image, has other proportions than the photo, more than two
     classes, or no object or no background.
     """
-    with reading(path, "an image"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with open_image(path, WORKING_SIDE) as image:
-            mask = _shrunk(_mask_values(image), WORKING_SIDE, Image.Resampling.BOX)
+    with reading(path, "an image"), open_image(path, WORKING_SIDE) as image:
+        mask = _shrunk(_mask_values(image), WORKING_SIDE, Image.Resampling.BOX)
     mask = _turned(mask, _orientation(path))
     note = ""
     drawn, upright = (upright_size(file) for file in (path, photo))

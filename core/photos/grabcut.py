@@ -1,5 +1,7 @@
 """GrabCut (Rother et al. 2004, OpenCV's) at a small size for speed."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
@@ -35,9 +37,12 @@ def grabcut(
         raise ValueError("no object found: the strokes removed all of it")
     if not np.isin(seeds, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
         raise NoBackgroundError("the strokes add the whole image to the object: leave some background")
-    cv2.setRNGSeed(0)
     mixtures = np.zeros((1, 65)), np.zeros((1, 65))
-    result, *_ = cv2.grabCut(image, seeds, (0, 0, 1, 1), *mixtures, _ROUNDS, cv2.GC_INIT_WITH_MASK)
+    with ThreadPoolExecutor(1) as new_thread:  # has OpenCV's first random numbers; the caller's stay as they are
+        job = new_thread.submit(
+            lambda: cv2.grabCut(image, seeds, (0, 0, 1, 1), *mixtures, _ROUNDS, cv2.GC_INIT_WITH_MASK)
+        )
+    result, *_ = job.result()
     opacity = np.isin(result, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
     mask = np.zeros(colours.shape[:2], dtype=bool)
     mask[top:bottom, left:right] = cv2.resize(opacity, crop.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0.5

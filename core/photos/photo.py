@@ -24,6 +24,7 @@ from core.photos.ranking import ObjectMask, offset_from_expected
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.sharpness import edge_softness, measure_blur
 from core.photos.view_bank import SizeRange, apparent_size, view_bank
+from core.runtime.modes import isolated
 
 DOUBTFUL_MASK = 0.5  # confidence of a mask below which people are warned
 _MAX_OFFSET = 0.02  # focal lengths: an object further from its expected position was moved in its image
@@ -69,6 +70,7 @@ class Photo:
             raise ValueError(f"the camera is for {self.camera.width}x{self.camera.height} px, not {width}x{height}")
 
 
+@isolated
 def load_photo(
     path: Path | str,
     model: Model,

@@ -11,6 +11,7 @@ from core.models.paints import painted
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
 from core.runtime.layers import relu_
+from core.runtime.modes import usual_settings
 from core.runtime.precision import matmul_dtype
 
 
@@ -79,7 +80,7 @@ class FoldedField:
 @lru_cache(maxsize=8)
 def _folded(instance: Instance, dtype: torch.dtype) -> FoldedField:
     """Return a folded field by everything that it depends on."""
-    with torch.inference_mode(False):  # cached
+    with usual_settings():  # cached
         return FoldedField(instance)
 
 

@@ -10,6 +10,7 @@ from core.geometry.camera import Camera
 from core.models.model import Instance
 from core.rendering import fast
 from core.rendering.reference import Rendered, render_exact
+from core.runtime.modes import isolated
 from core.streams import run_to_end
 
 SAMPLES = 192  # intervals along the longest side of the scene's box in a finished image
@@ -29,6 +30,7 @@ render_steps: Renderer = fast.render_steps
 is_cached = fast.is_cached  # True if a render with the same arguments only evaluates colours
 
 
+@isolated
 def render_image(instance: Instance, camera: Camera, samples: int | None = None) -> Rendered:
     """Render in one call; exactly for the authors' checkpoints and for M1 and M2.
 

@@ -25,6 +25,7 @@ from core.models.motion import unmoved_distance, warp_to_fitted
 from core.models.photo_detail import BACKGROUND, PhotoView
 from core.rendering.folded_layers import batch_density
 from core.rendering.shape_cells import shape_cells
+from core.runtime.modes import usual_settings
 
 FADED = 1.5  # distance of an edited shape, in standard deviations, at which the detail has vanished
 _HEIGHT = 512  # px of the photo in a map of distances
@@ -141,7 +142,7 @@ def _distances(view: PhotoView) -> tuple[Camera, Float[Tensor, "1 1 rows columns
     outside = np.pad(background, _PADDING, constant_values=True)
     camera = view.camera.resized(width, _HEIGHT)
     camera = replace(camera, width=width + 2 * _PADDING, height=_HEIGHT + 2 * _PADDING)
-    with torch.inference_mode(False):  # cached
+    with usual_settings():  # cached
         distance = torch.from_numpy(distance_transform_edt(outside).astype(np.float32))
         return camera, ((distance - 0.5).clamp_min(0) / camera.focal)[None, None]  # the edge lies between pixels
 
@@ -155,7 +156,7 @@ def _distances_and_gains(fitted: Instance, view: PhotoView) -> Float[Tensor, "1 
     on_mask = functional.adaptive_avg_pool2d((distances == 0).float(), (small.height, small.width))[0, 0] > 0.5
     gains = torch.ones(1, 1, *on_mask.shape)
     gains[0, 0, on_mask] = (_OPAQUE / _optical_depth(fitted, small, on_mask)).clamp(1, _MAX_GAIN)
-    with torch.inference_mode(False):  # cached
+    with usual_settings():  # cached
         return torch.cat((distances, functional.interpolate(gains, distances.shape[2:], mode="bilinear")), 1)
 
 

@@ -15,6 +15,7 @@ from core.models.model import Instance, Model
 from core.models.paints import PartPaint, painted
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
+from core.runtime.modes import isolated
 from core.runtime.pool import map_pieces
 
 _CHUNK_POINTS = 8192  # points evaluated at a time, so that activations stay in cache (32k ran up to 1.7x slower)
@@ -102,6 +103,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
     return replace(rays, near=near, far=near + 1.0)
 
 
+@isolated
 @torch.no_grad()
 def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rendered:
     """Render every pixel with every sample in float32: the standard for all faster renderers."""

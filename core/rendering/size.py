@@ -11,6 +11,7 @@ from core.geometry.camera import Factors
 from core.models.codes import MAX_DISTORTION, STRETCH
 from core.models.model import Instance
 from core.rendering.bounds import Bounds, Size, natural_bounds, portion_of
+from core.runtime.modes import isolated
 
 LIMITS = 0.1, 100_000.0  # cm, of a length
 _TOLERANCE = 1e-4  # relative difference of a length from the wanted one, above which it is out of reach
@@ -26,6 +27,7 @@ def bounds_of(instance: Instance) -> Bounds:
     return natural_bounds(instance).bent(instance.codes.bend).stretched(instance.codes.factors)
 
 
+@isolated
 def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
     """Return an object stretched to a size; None: in its natural size and proportions.
 
@@ -77,6 +79,7 @@ def with_side(stretch: Factors, axis: int, factor: float) -> Factors:
     return factors[0], factors[1], factors[2]
 
 
+@isolated
 def portion_sized(instance: Instance, name: str, length: float, keeps_height: bool = False) -> Instance:
     """Return an object with legs (chairs) or a roof (cars) of a length in cm.
 

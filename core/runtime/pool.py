@@ -5,6 +5,7 @@ times slower than one thread. Here a thread computes a whole piece and then take
 pieces. The pieces and their results, bit for bit, do not depend on the number of threads.
 """
 
+import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -31,6 +32,16 @@ class _Caller(threading.local):
 
 
 _caller = _Caller()
+
+
+def _forget_pools() -> None:
+    """Start anew in a forked process, which has none of its parent's threads."""
+    global _caller
+    _caller = _Caller()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_pools)
 
 
 def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) -> Iterator[_Result]:
@@ -75,11 +86,17 @@ def _helpers() -> ThreadPoolExecutor | None:
     return _caller.helpers
 
 
-def _started(count: int) -> ThreadPoolExecutor:
+def _started(count: int) -> ThreadPoolExecutor | None:
+    """Start the threads of a pool; None if there cannot be so many."""
     helpers = ThreadPoolExecutor(count, "pool", _begin)
     all_begun = threading.Barrier(count + 1)
-    for _ in range(count):
-        helpers.submit(all_begun.wait)
+    try:
+        for _ in range(count):
+            helpers.submit(all_begun.wait)
+    except RuntimeError:  # the system grants no more threads
+        all_begun.abort()
+        helpers.shutdown(cancel_futures=True)
+        return None
     all_begun.wait()
     # set_num_threads in a pool thread also changes the default of later threads, some of other libraries: restore it.
     torch.set_num_threads(torch.get_num_threads())

@@ -8,6 +8,7 @@ value's ``__post_init__`` checks the rest. Nothing is decoded that could exceed 
 import json
 import pickle
 import types
+import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,6 +21,8 @@ from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get
 from PIL import Image, PngImagePlugin
 
 from core.runtime.numbers import abbreviated, number, whole
+from core.runtime.pipes import refuse_pipe
+from core.runtime.process import SharedContext
 from core.runtime.raw_previews import raw_preview
 
 if TYPE_CHECKING:
@@ -30,6 +33,7 @@ MAX_TEXT = 16_000_000  # bytes of JSON or numbers as text; Python objects take u
 _MAX_MEMBERS = 10_000  # files in a zip
 _MAX_PAGES = 100  # pages of a TIFF that are examined
 _MAX_MESSAGE, _MAX_REASON = 200, 100  # characters of an error, and of its reason after a long path
+_MAX_PATH = 4096  # characters of the longest path; a longer text names no file
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 """Supported image formats, besides HEIF. Pillow's others are refused: its EPS reader starts another program."""
 _HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
@@ -59,6 +63,7 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
         ValueError: chair.json: not a scene that can be read (Expecting property name enclosed in double quotes: ...
     """
     try:
+        refuse_pipe(Path(path))
         yield
     except Exception as error:
         named = isinstance(error, ValueError) and str(path) in str(error)
@@ -75,7 +80,7 @@ def shortened(text: str, most: int) -> str:
 
 def _most(path: Path | str) -> int:
     """Return the character limit of an error about a file."""
-    return max(_MAX_MESSAGE, len(str(path)) + _MAX_REASON)
+    return max(_MAX_MESSAGE, min(len(str(path)), _MAX_PATH) + _MAX_REASON)
 
 
 def _reason(error: Exception, path: Path | str, kind: str) -> str:
@@ -117,6 +122,7 @@ def optional(read: Callable[[], Any]) -> Any:
 
 def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
     """Read a file's content. Raises ``TooLargeError`` for more than ``most`` bytes."""
+    refuse_pipe(path)
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -250,6 +256,20 @@ def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
 
 
 @contextmanager
+def _our_pillow() -> Iterator[None]:
+    """Lift Pillow's limit of pixels, which ignores drafts and modes, and its warnings about damaged metadata."""
+    limit = Image.MAX_IMAGE_PIXELS
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        Image.MAX_IMAGE_PIXELS = None
+        yield
+        Image.MAX_IMAGE_PIXELS = limit
+
+
+_OUR_PILLOW = SharedContext(_our_pillow)
+
+
+@contextmanager
 def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
     """Open an image after checking its header against the memory limit; of a camera raw, its largest preview.
 
@@ -259,7 +279,9 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
 
     Raises ``ValueError`` for other files and for images that are too large; decoding may raise anything.
     """
-    with _opened(file) as opened:
+    if isinstance(file, Path):
+        refuse_pipe(file)
+    with _OUR_PILLOW, _opened(file) as opened:
         image = raw_preview(opened)
         _seek_largest(image)
         full = image.size
@@ -274,14 +296,10 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
 
 
 def _opened(file: Path | BytesIO) -> Image.Image:
-    limit = Image.MAX_IMAGE_PIXELS
     try:
-        Image.MAX_IMAGE_PIXELS = None  # Pillow's own limit ignores drafts and modes
         return Image.open(file, formats=(*_FORMATS, "HEIF") if _is_heif(file) else _FORMATS)
     except Image.UnidentifiedImageError:
         raise ValueError("this is not an image (PNG, JPEG, WebP, ...)") from None
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
 
 
 def _seek_largest(image: Image.Image) -> None:

@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
+import glfw  # isort: skip
+from tests.viewer.driver import Driver, in_window
 from viewer import actions
-from viewer.actions import ACTIONS, TABLE, Action, chords
+from viewer.actions import ACTIONS, TABLE, Action, chord, chords
 
 
 def markdown_table() -> str:
@@ -50,3 +52,32 @@ def test_every_action_is_in_the_readme_and_every_key_once() -> None:
 )
 def test_keys_are_chords(keys: str, expected: list[int]) -> None:
     assert chords(keys) == [int(chord) for chord in expected]
+
+
+@in_window()
+def test_signs_of_other_keyboards_zoom_search_and_scale_text(window: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a German keyboard the key right of P prints +, and Shift with the key right of 0 prints ?."""
+    window.wait_for_view()
+    window.ctx.mouse_move("//View/orbit")
+    distance = window.session.viewport.camera.distance
+    window.ctx.key_chars("+")
+    window.ctx.yield_(3)
+    assert window.session.viewport.camera.distance < distance
+    window.ctx.key_chars("?")
+    window.ctx.yield_(3)
+    assert window.context.help_open
+    window.press(imgui.Key.escape)
+    text = window.context.preferences.text
+    monkeypatch.setattr(glfw, "get_key_name", lambda key, _: "+" if key == glfw.KEY_RIGHT_BRACKET else None)
+    window.press(imgui.Key.mod_ctrl, imgui.Key.right_bracket)
+    assert window.context.preferences.text > text
+
+
+@in_window()
+def test_a_sign_is_one_press_of_its_key(window: Driver) -> None:
+    window.ctx.key_down(chord(imgui.Key.mod_shift, imgui.Key.slash))
+    window.ctx.key_chars("?")
+    window.ctx.yield_(3)
+    window.ctx.key_up(chord(imgui.Key.mod_shift, imgui.Key.slash))
+    window.ctx.yield_(3)
+    assert window.context.help_open

@@ -1,6 +1,5 @@
 """Messages in the view's lower right corner, above the history. Not a docked panel."""
 
-import textwrap
 from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
@@ -114,7 +113,7 @@ def _draw(context: PanelContext, message: Message, number: int, room: float) -> 
     imgui.text_colored((*colour, 1.0), _ICONS[message.kind])
     imgui.same_line()
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _line_width(room))
-    imgui.text_unformatted(textwrap.shorten(message.text, 400))
+    imgui.text_unformatted(message.text)
     imgui.pop_text_wrap_pos()
     for place, action in enumerate(message.buttons):
         if place:

@@ -9,12 +9,13 @@ import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.export.mesh_formats import FORMATS as MESHES
-from core.export.mesh_formats import TEXTURED
+from core.export.mesh_formats import LARGEST_PRINT, PRINTED, TEXTURED
 from core.export.video import FORMATS as VIDEOS
 from core.export.video_frames import Image
 from core.gl.background import Background, Rgb, background_rows
 from core.models.model import Instance
 from core.models.scene import IMAGE_FORMATS
+from core.rendering.size import size_of
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed
@@ -247,13 +248,23 @@ def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:
     if instance.codes.is_sized:
         _label("Size")
         imgui.text("as in Sliders")
+        _draw_print_limit(settings, instance)
         return settings
     _label("Longest side")
     imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
     side = settings.mesh_settings(instance).metres or 1.0
     changed, metres = imgui.drag_float("##metres", side, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
     tooltip("The object stands on the ground, this large. Drag, or click to type")
+    _draw_print_limit(settings, instance)
     return replace(settings, metres=metres) if changed else settings
+
+
+def _draw_print_limit(settings: ShareSettings, instance: Instance) -> None:
+    """Tell that a file for printers holds an object larger than they build."""
+    if settings.mesh in PRINTED:
+        metres = settings.mesh_settings(instance).metres or max(size_of(instance)) / 100
+        if metres > LARGEST_PRINT:
+            imgui.text_disabled("Larger than any printer builds")
 
 
 def _draw_background(settings: ShareSettings) -> ShareSettings:

@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
-from viewer.actions import ACTIONS, run_keys
+from viewer.actions import ACTIONS, chords, is_pressed, is_typed, run_keys
 from viewer.activities.viewport import Viewport
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
@@ -132,8 +132,8 @@ class ViewPanel(Panel):
         buttons = (imgui.MouseButton_.middle, imgui.MouseButton_.right)
         if self._pans and any(imgui.get_io().mouse_delta):
             context.session.viewport.pan_by(*_motion(size))
-        is_pressed = imgui.is_window_hovered() and any(map(imgui.is_mouse_clicked, buttons))
-        self._pans = any(map(imgui.is_mouse_down, buttons)) and (self._pans or is_pressed)
+        begins = imgui.is_window_hovered() and any(map(imgui.is_mouse_clicked, buttons))
+        self._pans = any(map(imgui.is_mouse_down, buttons)) and (self._pans or begins)
 
     def _zoom(self, context: PanelContext, steps: float) -> None:
         """Zoom about the point under the mouse."""
@@ -154,8 +154,8 @@ class ViewPanel(Panel):
         for key, (azimuth, elevation) in turns.items():
             if imgui.is_key_pressed(getattr(imgui.Key, key)):
                 self._nudge(context, orbit.turned(camera, azimuth, elevation), "keys")
-        for keys, steps in ((("equal", "keypad_add"), 1), (("minus", "keypad_subtract"), -1)):
-            if any(imgui.is_key_pressed(getattr(imgui.Key, key)) for key in keys):
+        for sign, steps in (("+", 1), ("-", -1)):
+            if any(map(is_pressed, chords(sign))) or is_typed(sign):
                 self._nudge(context, orbit.zoomed(camera, steps, context.session.editor.model), "zoom")
         run_keys(context, in_view=True)
 

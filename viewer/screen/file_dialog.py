@@ -1,8 +1,8 @@
 """The choice of a file in the system's dialog or, without one, by typing its path."""
 
 import os
-import shutil
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,9 +13,12 @@ from typing import Protocol, runtime_checkable
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle import portable_file_dialogs as dialogs
 
+from viewer.screen.dialog_programs import ProgramDialog, command, installed_program
 from viewer.values.printable import printable
 
 _TITLE = "Choose a file###ask"
+_WAITING = "Waiting for the file dialog###waiting"
+_PATIENCE = 3.0  # s after which a dialog of the system may be hidden or hang
 _LINES = 8  # of paths that complete the typed one
 
 
@@ -27,7 +30,10 @@ class NativeDialog(Protocol):
         """Wait up to ``timeout`` ms; return True once a person has answered."""
 
     def result(self) -> str | list[str]:
-        """Return the chosen path or paths, empty if cancelled."""
+        """Return the chosen path or paths, empty if cancelled. Raises ``OSError`` if the dialog failed."""
+
+    def kill(self) -> object:
+        """Close the dialog."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +50,10 @@ class FileRequest:
         """Return typed text as a path; a file to save gets the proposed ending if it has none."""
         path = _expanded(typed)
         return Path(f"{path}{Path(self.name).suffix}") if self.save and not path.suffix else path
+
+    def start(self, folder: Path) -> str:
+        """Return the path to begin with: of the proposed file, or of the folder with a separator."""
+        return f"{folder / self.name}{'' if self.name else os.sep}"
 
     def completions(self, typed: str) -> list[Path]:
         """Return folders and files to choose from whose path begins with typed text, in any case; folders first."""
@@ -109,11 +119,14 @@ def _downloads() -> Path:
 
 def has_native() -> bool:
     """True if the system has a file dialog; on Linux, if a program that shows one is installed."""
-    return sys.platform != "linux" or any(map(shutil.which, ("zenity", "kdialog", "matedialog", "qarma")))
+    return sys.platform != "linux" or installed_program() is not None
 
 
 class FileDialog:
-    """Asks for one file at a time, without blocking."""
+    """Asks for one file at a time, without blocking.
+
+    If the system's dialog fails, a path can be typed; likewise if a file is asked for again while it is open.
+    """
 
     def __init__(self, native: bool | None = None, open_native: Callable[..., NativeDialog] | None = None) -> None:
         """Use the system's dialog if there is one; ``native`` and ``open_native`` override it, for tests."""
@@ -121,6 +134,7 @@ class FileDialog:
         self._open_native = open_native or _open_native
         self._request: FileRequest | None = None
         self._dialog: NativeDialog | None = None
+        self._opened = 0.0  # s on the monotonic clock, when the system's dialog was opened
         self._text = ""  # of the input line
         self._listed: tuple[str, list[Path]] = ("", [])  # typed text and the paths that complete it
         self._fresh = False  # the input line opens in the next frame
@@ -146,18 +160,37 @@ class FileDialog:
         return self._request is not None
 
     def ask(self, request: FileRequest) -> None:
-        """Open a request; it is ignored while another one is open."""
-        if self._request:
+        """Open a request. While a path is typed it is ignored; it ends a dialog of the system, which may hang."""
+        if self._request and not self._dialog:
             return
+        again = self._request is not None
+        self.close()
         self._request = request
         folder = self.saves if request.save else self.folder
-        if self._native:
-            self._dialog = self._open_native(request, folder)
+        if self._native and not again:
+            self._show_native(request, folder)
         else:
-            start = f"{folder / request.name}{'' if request.name else os.sep}"
-            self._text = printable(start)
-            self._fresh = True
-            self._to_replace = None
+            self._show_line(request, folder)
+
+    def close(self) -> None:
+        """End the request without an answer, and a dialog of the system."""
+        if self._dialog:
+            self._dialog.kill()
+        self._dialog = self._request = None
+
+    def _show_native(self, request: FileRequest, folder: Path) -> None:
+        """Open the system's dialog, or the input line if it cannot be started."""
+        self._opened = time.monotonic()
+        try:
+            self._dialog = self._open_native(request, folder)
+        except OSError:
+            self._show_line(request, folder)
+
+    def _show_line(self, request: FileRequest, folder: Path) -> None:
+        self._dialog = None
+        self._text = printable(request.start(folder))
+        self._fresh = True
+        self._to_replace = None
 
     def draw(self) -> None:
         """Poll the native dialog or draw the input line; call once a frame."""
@@ -166,8 +199,30 @@ class FileDialog:
         if self._dialog is None:
             self._draw_line(self._request)
         elif self._dialog.ready(0):
-            result = self._dialog.result()
-            self._answered(self._request, result if isinstance(result, str) else next(iter(result), ""))
+            try:
+                result = self._dialog.result()
+            except OSError:
+                self._show_line(self._request, self.saves if self._request.save else self.folder)
+            else:
+                self._answered(self._request, result if isinstance(result, str) else next(iter(result), ""))
+        else:
+            self._draw_waiting(self._request)
+
+    def _draw_waiting(self, request: FileRequest) -> None:
+        """Offer to do without the system's dialog once it has been open for a while: it may hang or be hidden."""
+        if imgui.is_key_pressed(imgui.Key.escape):
+            self.close()
+        elif time.monotonic() - self._opened > _PATIENCE:
+            imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
+            flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.always_auto_resize
+            if imgui.begin(_WAITING, None, flags | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_docking)[0]:
+                imgui.text("A window of another program asks for the file.")
+                if imgui.button("Type its path"):
+                    self.ask(request)
+                imgui.same_line()
+                if imgui.button("Cancel"):
+                    self.close()
+            imgui.end()
 
     def _answered(self, request: FileRequest, answer: str) -> None:
         """Handle an answer of the system's dialog.
@@ -176,7 +231,7 @@ class FileDialog:
         """
         path = request.path(answer)
         if request.save and answer and path != Path(answer) and is_there(path):
-            self._dialog = self._open_native(replace(request, name=path.name), path.parent)
+            self._show_native(replace(request, name=path.name), path.parent)
         else:
             self._close(answer)
 
@@ -249,6 +304,10 @@ class FileDialog:
 
 
 def _open_native(request: FileRequest, folder: Path) -> NativeDialog:
+    """Open the system's dialog. Raises ``OSError`` if it cannot be started."""
+    if program := installed_program():
+        start = request.start(folder)
+        return ProgramDialog(command(program, request.title, start, request.suffixes, request.save))
     filters = [request.title, " ".join(f"*{suffix}" for suffix in request.suffixes), "All files", "*"]
     if request.save:
         return dialogs.save_file(request.title, str(folder / request.name), filters)

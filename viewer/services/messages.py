@@ -13,11 +13,13 @@ from typing import Any, NamedTuple
 
 import torch
 
+from core.runtime.reading import shortened
 from viewer.values.printable import printable
 
 _MAX_OLDER = 3  # older messages kept beside a new one
 _MAX_ERRORS, _MAX_OFFERS = 2, 3  # shown at a time
 _SHORT, _LONG = 5.0, 10.0  # s on screen: messages of success; notes and problems
+_LONGEST = 400  # characters of a message
 _LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
@@ -90,7 +92,7 @@ class Messages:
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
         """Show a message, replacing an equal one; ``more`` are fields of :class:`Message`."""
-        text = printable(text)
+        text = shortened(" ".join(printable(text).split()), _LONGEST)
         if "detail" in more:
             more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
@@ -119,7 +121,7 @@ class Messages:
 
 def error_text(error: Exception) -> str:
     """Return an exception's message for a person, without folders and programming terms."""
-    text = (str(error).strip().splitlines() or [""])[0]
+    text = (printable(error).strip().splitlines() or [""])[0]
     if isinstance(error, MemoryError | torch.OutOfMemoryError) or _NO_MEMORY in text:
         return "not enough memory; try a smaller size"
     if isinstance(error, json.JSONDecodeError | UnicodeError):

@@ -13,6 +13,7 @@ from core.runtime.numbers import abbreviated
 from viewer.values.printable import printable
 from viewer.values.variety import families
 
+_LONGEST_NAME = 200  # characters
 _DIGITS = 20  # a key has fewer: ns until the year 2286 have 19
 
 
@@ -256,7 +257,7 @@ class ObjectLibrary:
 
 def unique_name(name: str, taken: Container[str]) -> str:
     """Return a name, printable, with a number if it is taken."""
-    name = stem = printable(name)
+    name = stem = printable(name)[:_LONGEST_NAME]
     count = 1
     while name in taken:
         count += 1

@@ -3,13 +3,14 @@
 import re
 
 _CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
+_LONGEST = 4096  # characters, those of the longest path
 _JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))  # characters that join parts of an emoji: no glyphs
 
 
 def printable(text: object) -> str:
     """Clean text for the window: invalid characters become question marks.
 
-    File names may hold bytes that are not UTF-8, which imgui rejects.
+    File names may hold bytes that are not UTF-8, which imgui rejects. Text longer than any path is cut.
 
     Example:
         >>> printable("bad_\\udcff.png")
@@ -17,7 +18,7 @@ def printable(text: object) -> str:
         >>> printable("\u2764\ufe0f")
         '\u2764'
     """
-    return str(text).encode("utf-8", "replace").decode().translate(_CONTROLS | _JOINERS)
+    return str(text)[:_LONGEST].encode("utf-8", "replace").decode().translate(_CONTROLS | _JOINERS)
 
 
 def as_label(text: str) -> str:

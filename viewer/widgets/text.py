@@ -1,9 +1,13 @@
 """Text in two styles beside the usual one: headings, and small, quiet captions."""
 
+from bisect import bisect_right
+
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import HEADING, ON_PLATE, PLATE, PLATE_OPACITY, SMALL, packed
+
+_LONGEST = 500  # characters of a caption that are looked at, more than fit anywhere
 
 
 def heading(context: PanelContext, words: str) -> None:
@@ -37,10 +41,11 @@ def paint_caption(
         quiet: less contrast than usual text has.
     """
     push_small()
+    words = words[:_LONGEST]
     if imgui.calc_text_size(words).x > width:
-        while words and imgui.calc_text_size(f"{words}…").x > width:
-            words = words[:-1]
-        words += "…"
+        counts = range(1, len(words) + 1)
+        count = bisect_right(counts, width, key=lambda count: imgui.calc_text_size(f"{words[:count]}…").x)
+        words = f"{words[:count]}…"
     place = corner + ImVec2(across * (width - imgui.calc_text_size(words).x), 0)
     colour = context.palette.quiet if quiet else context.palette.text
     imgui.get_window_draw_list().add_text(place, packed(colour), words)

@@ -133,6 +133,19 @@ def test_mesh_writes_the_object():
     assert b"baseColorTexture" in Path("a.glb").read_bytes()
 
 
+def test_a_mesh_stands_on_the_ground_in_natural_size_and_may_be_too_large_to_print(capsys: pytest.CaptureFixture[str]):
+    replace(tiny_model(), metres=1.5).save(Path("m.safetensors"))
+    run("mesh --model m.safetensors --object 1 --resolution 24 --out a.stl")
+    low, high = trimesh.load_mesh("a.stl").bounds
+    assert low[2] == pytest.approx(0, abs=1) and max(high - low) == pytest.approx(1500, abs=1)
+    assert "a.stl: 1.5 m long, larger than any printer" in capsys.readouterr().err
+    run("mesh --model m.safetensors --object 1 --resolution 24 --size-cm 20x20x120 --out a.3mf")
+    assert "a.3mf: 1.2 m long" in capsys.readouterr().err
+    for options in ("--metres 0.2 --out a.stl", "--out a.glb"):
+        run(f"mesh --model m.safetensors --object 1 --resolution 24 {options}")
+        assert "printer" not in capsys.readouterr().err
+
+
 def test_a_size_in_centimetres_is_that_of_the_mesh_and_of_pictures():
     tiny_model().save(Path("m.safetensors"))
     options = "--model m.safetensors --object 1"

@@ -231,6 +231,12 @@ def test_keys_turn_and_zoom_and_a_double_tap_resets_the_view(page: Chromium) -> 
     assert page.evaluate("JSON.stringify(view) === JSON.stringify(home)")
 
 
+def test_the_canvas_follows_the_density_of_the_screen(page: Chromium) -> None:
+    before = page.evaluate("canvas.width")
+    page.send("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=False)
+    page.wait(f"canvas.width > {1.5 * before}")
+
+
 def test_page_heads_have_an_image_for_previews_of_links(page: Chromium) -> None:
     address = page.evaluate("document.querySelector('meta[property=\"og:image\"]').content")
     assert address.startswith("data:image/jpeg;base64,")

@@ -65,3 +65,20 @@ def test_a_container_limits_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         assert available_cores(folder) == cores
     (tmp_path / "cpu.max").write_text("max 100000\n")
     assert available_cores(tmp_path) == available_cores(tmp_path / "nothing") == 16
+
+
+@pytest.mark.parametrize(("folder", "line"), [("", "0::/outer/inner"), ("cpu", "1:cpu,cpuacct:/outer/inner")])
+def test_any_group_around_the_process_limits_cores(
+    folder: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: range(16), raising=False)
+    inner = tmp_path / folder / "outer" / "inner"
+    inner.mkdir(parents=True)
+    groups = tmp_path / "groups"
+    groups.write_text(f"5:memory:/elsewhere\n{line}\n")
+    for group, cores in ((inner, 5), (inner.parent, 2)):
+        (group / "cpu.max").write_text(f"{cores}00 100\n")
+        (group / "cpu.cfs_quota_us").write_text(f"{cores}00\n")
+        (group / "cpu.cfs_period_us").write_text("100\n")
+        available_cores.cache_clear()
+        assert available_cores(tmp_path, groups) == cores

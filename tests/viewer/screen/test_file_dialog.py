@@ -20,6 +20,9 @@ class Dialog:
     def result(self) -> str:
         return self.answer
 
+    def kill(self) -> None:
+        """Nothing is open."""
+
 
 def test_a_file_that_an_ending_leads_to_is_confirmed(tmp_path: Path) -> None:
     (tmp_path / "video.mp4").touch()
