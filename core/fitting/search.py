@@ -33,7 +33,7 @@ _EMA = 0.4  # weight of a step's loss in the running mean for pruning
 _WINDOW = 4  # steps of the refinement averaged for a score, as single steps overfit their pixels
 _MIN_SAMPLES_FOR_CELLS = 60_000  # samples of a stage from which a shape's cells are computed
 _SAMPLES_BETWEEN_UPDATES = 100_000  # samples after which the cells are recomputed
-RESTART_BELOW = 0.92  # confidence of a camera below which the search restarts; belongs to CALIBRATION
+RESTART_BELOW = 0.65  # confidence of a camera below which the search restarts; belongs to CALIBRATION
 
 
 class SearchResult(NamedTuple):
