@@ -4,7 +4,7 @@ Files are named by a path or a text. Angles are radians, images are rows of pixe
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -54,17 +54,18 @@ _PROGRESS_STEPS = 10  # steps of a fit between two lines of progress
 
 def fit(
     model: Model,
-    photo: Photo | Path | str,
+    photo: Photo | Path | str | Sequence[Photo | Path | str],
     progress: Callable[[str], object] | None = None,
     settings: FitSettings | None = None,
     seed: int = 0,
 ) -> Instance:
-    """Find the object of a photo, and its camera: ``instance.detail.views[0].camera``.
+    """Find the object of one or several photos, and their cameras: ``instance.detail.views[0].camera``.
 
-    :func:`core.fitting.fit.fit` has every step of it, :class:`core.fitting.fit.FitJob` several photos of one object.
+    :func:`core.fitting.fit.fit` has every step of it, with a confidence for each photo.
 
     Args:
-        photo: a prepared one (:func:`load_photo`), or a file, whose object is cut out.
+        photo: a prepared one (:func:`load_photo`), or a file, whose object is cut out; or up to 12 of the same object,
+            of which those that show another one are left out.
         progress: called with one readable line now and then.
         settings: cost and parts of the fit; None: about ten seconds on an ordinary processor.
         seed: of the random numbers; the same seed gives the same object.
@@ -80,11 +81,14 @@ def fit(
         (True, torch.Size([64]), 1)
     """
     say = progress or (lambda line: None)
-    if not isinstance(photo, Photo):
-        say(f"Cutting out {photo}")
-        photo = load_photo(photo, model)
+    photos = []
+    for source in [photo] if isinstance(photo, Photo | Path | str) else photo:
+        if not isinstance(source, Photo):
+            say(f"Cutting out {source}")
+            source = load_photo(source, model)
+        photos.append(source)
     last: FitStep | None = None
-    for last in fitting.fit(model, fitting.FitJob((photo,), settings or SETTINGS, seed)):
+    for last in fitting.fit(model, fitting.FitJob(tuple(photos), settings or SETTINGS, seed)):
         if last.step % _PROGRESS_STEPS == 0:
             say(f"Step {last.step} of {last.steps}, {last.psnr:.1f} dB")
     assert last is not None, "a fit has a step"
@@ -99,6 +103,9 @@ def _described(last: FitStep) -> str:
     if last.confidence is None:
         return f"Found at {angles}"
     doubt = "; in doubt, look at a render" if last.confidence < DOUBTFUL else ""
+    if last.left_out:
+        numbers = ", ".join(str(number + 1) for number in last.left_out)
+        doubt += f"; without photo {numbers}, which looks like another object"
     return f"Found at {angles}, with confidence {last.confidence:.2f}{doubt}"
 
 

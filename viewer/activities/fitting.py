@@ -374,7 +374,9 @@ class Fitting:
             self.results.notify(f"{checking.name} was checked from other sides: {verdict}", checking)
         else:
             ready = self._add(last)
-            self.results.notify(f"{how} {last.seconds:.0f} s: {ready.name}", ready)
+            left_out = ", ".join(self.history.photos[number].source.name for number in last.left_out)
+            note = f"; {left_out} looks like another object and was left out" if left_out else ""
+            self.results.notify(f"{how} {last.seconds:.0f} s: {ready.name}{note}", ready)
         self.request = self.results.checking = None
         self._viewport.unfollow()
 
@@ -394,7 +396,8 @@ class Fitting:
         """Keep the shown fit as that of an object, and its whole photos for later launches."""
         self.view.keep(name)
         views = step.instance.detail.views if step.instance.detail else ()
-        for view, fitted in zip(views, self.history.photos, strict=False):
+        photos = [photo for number, photo in enumerate(self.history.photos) if number not in step.left_out]
+        for view, fitted in zip(views, photos, strict=False):
             if fitted.preview:
                 self._copies.keep_photo(view, fitted.preview)
 

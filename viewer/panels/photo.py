@@ -174,8 +174,10 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, history: FitHistory) 
     if len(history.photos) > 1 and step is not None:
         first, *later = (fitted.photo.categories for fitted in history.photos)
         differ = any(describe_difference(first, categories) for categories in later)
-        agree = explained(step.psnr) > _AGREE and not differ
+        agree = explained(step.psnr) > _AGREE and not differ and not step.left_out
         words = f"{len(history.photos)} photos {'agree' if agree else 'disagree'}"
+        if step.left_out:
+            words = f"{history.photos[step.left_out[0]].source.name} shows another object"
         _draw_dot_and_words(context, words, "sure" if agree else "doubtful")
         tooltip("Whether one object, seen from the cameras that were found, explains all of them")
         return

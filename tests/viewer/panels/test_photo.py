@@ -359,16 +359,22 @@ def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("psnr", "second", "words"), [(30, "cars", "sure"), (12, "cars", "doubtful"), (30, "chairs", "doubtful")]
+    ("psnr", "second", "left_out", "words"),
+    [
+        (30, "cars", (), "sure"),
+        (12, "cars", (), "doubtful"),
+        (30, "chairs", (), "doubtful"),
+        (30, "cars", (1,), "doubtful"),
+    ],
 )
 def test_several_photos_agree_or_not_by_a_dot(
-    drive: Drive, backend: Backend, photo: Path, psnr: float, second: str, words: str
+    drive: Drive, backend: Backend, photo: Path, psnr: float, second: str, left_out: tuple[int, ...], words: str
 ) -> None:
     second_photo = photo.with_name("block two.png")
     second_photo.write_bytes(photo.read_bytes())
 
     def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
-        return (replace(step, psnr=psnr) for step in quick_fit(model, job))
+        return (replace(step, psnr=psnr, left_out=left_out) for step in quick_fit(model, job))
 
     def told(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
         category = second if source.path == second_photo else "cars"
