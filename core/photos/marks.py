@@ -77,7 +77,8 @@ def _has_other_object(pieces: _Pieces, detections: tuple[Detection, ...]) -> boo
     """True if a large piece apart is detected, or nothing is, so that it may be what a person wants."""
     large = np.flatnonzero(pieces.apart & (pieces.areas > _OTHER * pieces.areas.max()))
     boxes = [mask_box(pieces.numbers == number) for number in large]
-    return any(not detections or box_overlap(box, other.box) > _SAME for box in boxes for other in detections or [None])
+    seen = [box for box in boxes for detection in detections if box_overlap(box, detection.box) > _SAME]
+    return bool(seen or (boxes and not detections))
 
 
 def _watermark(image: Image.Image, pieces: _Pieces) -> Bool[np.ndarray, "height width"]:
