@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -11,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.geometry.camera import OPENCV_FROM_OPENGL, Camera
-from core.runtime.reading import optional, read_json, read_numbers, reading, typed
+from core.runtime.reading import field_types, optional, read_json, read_numbers, reading, typed
 
 _HINTS = {  # error messages for poses with other axes
     "opengl": "it is a pose in OpenGL axes (--pose-axes opengl reads it)",
@@ -19,6 +20,11 @@ _HINTS = {  # error messages for poses with other axes
     "opencv inverse": "it goes from world to camera; its inverse is wanted",
     "opengl inverse": "it goes from world to camera, in OpenGL axes; its inverse is wanted",
 }
+_FOCALS = "camera_angle_x", "fl_x", "fl_y"  # fields that give a focal length
+_DISTORTIONS = "k1", "k2", "k3", "k4", "p1", "p2"
+_MAX_DISTORTION = 1e-3  # moves the corners of an image by less than half a pixel at a model's size
+_PINHOLE_MODELS = "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"  # without distortion
+_TOLERANCE = 0.01  # relative to the focal length or the image: a pixel at a model's size
 
 _RADII = 0.15, 0.55  # scene units: plausible distances of an object's outermost point from the origin
 _RADIUS = 0.5  # scene units: that of a box with a diagonal of 1
@@ -37,7 +43,29 @@ class PosedImage(NamedTuple):
         return Camera.from_pose(self.pose, focal if self.focal is None else self.focal * width, width, height)
 
 
-class _Frame(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class _Intrinsics:
+    """JSON of a camera's lens: of a frame or, for frames without their own, of the whole file."""
+
+    camera_angle_x: float | None = None  # rad, horizontal field of view
+    fl_x: float | None = None  # px, instead of the angle
+    w: float | None = None  # px
+    fl_y: float | None = None  # px
+    h: float | None = None  # px
+    cx: float | None = None  # px, where the optical axis meets the image
+    cy: float | None = None  # px
+    k1: float = 0.0  # distortion
+    k2: float = 0.0
+    k3: float = 0.0
+    k4: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    is_fisheye: bool = False
+    camera_model: str = "PINHOLE"  # COLMAP's name
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Frame(_Intrinsics):
     """JSON of a frame."""
 
     file_path: str
@@ -48,9 +76,6 @@ class _Transforms(NamedTuple):
     """JSON of ``transforms.json``."""
 
     frames: tuple[_Frame, ...]
-    camera_angle_x: float | None = None  # rad, horizontal field of view
-    fl_x: float | None = None  # px, instead of the angle
-    w: float | None = None  # px
 
 
 def find_pose(path: Path, image: Path, axes: str = "opencv", scale: float = 1.0) -> PosedImage:
@@ -74,21 +99,24 @@ def find_pose(path: Path, image: Path, axes: str = "opencv", scale: float = 1.0)
 
 
 def read_transforms(path: Path, scale: float = 1.0) -> tuple[PosedImage, ...]:
-    """Read the frames of a ``transforms.json``: camera to world with OpenGL axes, z up, one field of view.
+    """Read the frames of a ``transforms.json``: camera to world with OpenGL axes, z up.
+
+    The field of view is a frame's or the file's.
 
     Args:
         scale: scene units of a unit of the file.
 
-    Raises ``ValueError`` naming the file unless every camera is upright and looks at the origin.
+    Raises ``ValueError`` naming the file unless every camera is upright, looks at the origin, and has a lens without
+    distortion whose axis meets the middle of the image.
     """
     with reading(path, "a file of poses (transforms.json)"):
-        content = typed(_Transforms, read_json(path), name="transforms")
-        if not content.frames:
+        content = read_json(path)
+        frames = typed(_Transforms, _with_intrinsics(content), name="transforms").frames
+        if not frames:
             raise ValueError("it has no frames")
-        focal = _focal(content)
         return tuple(
-            PosedImage(path.parent / frame.file_path.replace("\\", "/"), _pose_of(frame, scale), focal)
-            for frame in content.frames
+            PosedImage(path.parent / frame.file_path.replace("\\", "/"), _pose_of(frame, scale), _focal(frame))
+            for frame in frames
         )
 
 
@@ -124,14 +152,52 @@ def _visible_radius(mask: Bool[np.ndarray, "height width"], camera: Camera) -> f
     return camera.distance * math.sin(math.atan(float(offset) / camera.focal))
 
 
-def _focal(content: _Transforms) -> float:
-    """Return the focal length in image widths."""
-    angle = content.camera_angle_x
-    if angle is not None and 0 < angle < math.pi:
-        return 0.5 / math.tan(angle / 2)
-    if content.fl_x and content.w and content.fl_x > 0 and content.w > 0:
-        return content.fl_x / content.w
-    raise ValueError("it needs camera_angle_x (the horizontal field of view, 0 to 3.14), or fl_x and w")
+def _with_intrinsics(content: Any) -> Any:
+    """Return the JSON of ``transforms.json`` with the file's intrinsics in every frame that has none of its own."""
+    if not isinstance(content, dict) or not isinstance(content.get("frames"), list):
+        return content
+    common = {name: content[name] for name in field_types(_Intrinsics) if content.get(name) is not None}
+    return {"frames": [_inherited(frame, common) for frame in content["frames"]]}
+
+
+def _inherited(frame: Any, common: dict[str, Any]) -> Any:
+    """Return a frame's JSON with the intrinsics that it lacks; its focal length replaces the file's, in any form."""
+    if not isinstance(frame, dict):
+        return frame
+    stated = {name: value for name, value in frame.items() if value is not None}
+    if "fl_x" in stated or "camera_angle_x" in stated:
+        common = {name: value for name, value in common.items() if name not in _FOCALS}
+    return common | stated
+
+
+def _focal(frame: _Frame) -> float:
+    """Return a frame's focal length in image widths. Raises ``ValueError`` for other cameras than pinhole cameras."""
+    _require_pinhole(frame)
+    angle = frame.camera_angle_x
+    by_angle = 0.5 / math.tan(angle / 2) if angle is not None and 0 < angle < math.pi else None
+    by_length = frame.fl_x / frame.w if frame.fl_x and frame.w and frame.fl_x > 0 and frame.w > 0 else None
+    if by_angle and by_length and abs(by_length / by_angle - 1) > _TOLERANCE:
+        raise ValueError(f"{frame.file_path}: fl_x / w is {by_length:.3f}, but camera_angle_x says {by_angle:.3f}")
+    focal = by_length or by_angle
+    if focal is None:
+        raise ValueError("it needs camera_angle_x (the horizontal field of view, 0 to 3.14), or fl_x and w")
+    return focal
+
+
+def _require_pinhole(frame: _Frame) -> None:
+    """Raise ``ValueError`` naming the field by which a frame's camera is no centred pinhole camera."""
+    if frame.is_fisheye or frame.camera_model not in _PINHOLE_MODELS:
+        model = "fisheye" if frame.is_fisheye else frame.camera_model
+        raise ValueError(f"{frame.file_path}: camera_model {model} is not read: undistort the images first")
+    for name in _DISTORTIONS:
+        if abs(value := getattr(frame, name)) > _MAX_DISTORTION:
+            raise ValueError(f"{frame.file_path}: {name} = {value:g} distorts: undistort the images first")
+    if frame.fl_x and frame.fl_y and abs(frame.fl_y / frame.fl_x - 1) > _TOLERANCE:
+        raise ValueError(f"{frame.file_path}: fl_y {frame.fl_y:g} differs from fl_x {frame.fl_x:g}: make pixels square")
+    for name, axis, side, size in (("cx", frame.cx, "w", frame.w), ("cy", frame.cy, "h", frame.h)):
+        if axis is not None and not (size and abs(axis / size - 0.5) <= _TOLERANCE):
+            stated = f"{name} {axis:g} is not the image's middle ({side} is {size or 'missing'})"
+            raise ValueError(f"{frame.file_path}: {stated}: crop the images")
 
 
 def _pose_of(frame: _Frame, scale: float) -> Float[Tensor, "4 4"]:

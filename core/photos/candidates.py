@@ -54,9 +54,18 @@ def rank_candidates(image: Image.Image, box: Box) -> list[Candidate]:
     if len(candidates) < 2:
         return [replace(candidate, confidence=_ALONE) for candidate in candidates]
     best, second = candidates
-    overlap = mask_overlap(best.opacity > 0.5, second.opacity > 0.5)
-    confidence = 1 / (1 + math.exp(-(_LOG_ODDS[0] + _LOG_ODDS[1] * overlap)))
+    confidence = _confidence(best.opacity > 0.5, second.opacity > 0.5)
     return [replace(best, confidence=confidence), replace(second, confidence=min(confidence, 1 - confidence))]
+
+
+def network_agreement(image: Image.Image, mask: Bool[np.ndarray, "height width"]) -> float:
+    """Return the confidence, 0..1, of a mask by its agreement with the saliency network."""
+    return _confidence(mask, network_candidate(image, mask_box(mask)).opacity > 0.5)
+
+
+def _confidence(first: Bool[np.ndarray, "height width"], second: Bool[np.ndarray, "height width"]) -> float:
+    """Return the probability that one of two independent masks is right, by their overlap."""
+    return 1 / (1 + math.exp(-(_LOG_ODDS[0] + _LOG_ODDS[1] * mask_overlap(first, second))))
 
 
 def _fit(candidate: Candidate, box: Box) -> float:
@@ -66,7 +75,7 @@ def _fit(candidate: Candidate, box: Box) -> float:
 
 def network_candidate(image: Image.Image, box: Box) -> Candidate:
     """Return the saliency network's mask in a box, including faint parts."""
-    window = _in_pixels(_scaled(box, _MARGIN), image)
+    window = in_pixels(scaled(box, _MARGIN), image)
     salient = (_saliency_map(image, window) * (0.5 / _FAINT)).clip(0, 1)
     side = max(window[2] - window[0], window[3] - window[1])
     # Inside an object the network may be unsure of its kind, but not of its presence.
@@ -77,11 +86,11 @@ def network_candidate(image: Image.Image, box: Box) -> Candidate:
 def colour_candidate(image: Image.Image, box: Box) -> Candidate | None:
     """Return GrabCut's mask of pixels whose colours differ from the surroundings of a box."""
     colours = np.asarray(image, np.float32) / 255
-    left, top, right, bottom = _in_pixels(box, image)
+    left, top, right, bottom = in_pixels(box, image)
     labels = np.zeros(colours.shape[:2], np.uint8)
     labels[top:bottom, left:right] = 3
     with suppress(ValueError):
-        mask = grabcut(colours, labels, _in_pixels(_scaled(box, _SURROUNDINGS), image))
+        mask = grabcut(colours, labels, in_pixels(scaled(box, _SURROUNDINGS), image))
         return Candidate("colours", mask.astype(np.float32))
     return None
 
@@ -89,7 +98,7 @@ def colour_candidate(image: Image.Image, box: Box) -> Candidate | None:
 def box_candidate(image: Image.Image, boxes: list[Box]) -> Candidate:
     """Return a mask that fills the boxes, for boxes without a detected object."""
     opacity = np.zeros((image.height, image.width), np.float32)
-    for left, top, right, bottom in (_in_pixels(box, image) for box in boxes):
+    for left, top, right, bottom in (in_pixels(box, image) for box in boxes):
         opacity[top:bottom, left:right] = 1
     return Candidate("nothing but its place", opacity, confidence=0.0)
 
@@ -106,7 +115,7 @@ def salient_box(image: Image.Image) -> Box:
 def salient_box_at(image: Image.Image, point: tuple[float, float]) -> Box:
     """Return the box of the salient object at a point (fractions of width and height)."""
     for side in _WINDOWS:
-        salient = _saliency_map(image, _in_pixels(_around(point, side, image), image)) > 0.5
+        salient = _saliency_map(image, in_pixels(_around(point, side, image), image)) > 0.5
         pieces, _ = label(salient, np.ones((3, 3)))
         height, width = pieces.shape
         if piece := pieces[min(height - 1, int(point[1] * height)), min(width - 1, int(point[0] * width))]:
@@ -129,7 +138,7 @@ def mask_overlap(first: Bool[np.ndarray, "height width"], second: Bool[np.ndarra
     return float((first & second).sum() / max(1, (first | second).sum()))
 
 
-def _scaled(box: Box, factor: float) -> Box:
+def scaled(box: Box, factor: float) -> Box:
     """Scale a box about its middle, clipped to the image."""
     left, top, right, bottom = box
     across, down = ((factor - 1) * size / 2 for size in (right - left, bottom - top))
@@ -143,7 +152,8 @@ def _around(point: tuple[float, float], side: float, image: Image.Image) -> Box:
     return max(0.0, x - across), max(0.0, y - down), min(1.0, x + across), min(1.0, y + down)
 
 
-def _in_pixels(box: Box, image: Image.Image) -> tuple[int, int, int, int]:
+def in_pixels(box: Box, image: Image.Image) -> tuple[int, int, int, int]:
+    """Return a box in px of an image, at least one px wide and high."""
     left, top = (min(size - 1, int(start * size)) for start, size in zip(box[:2], image.size, strict=True))
     right, bottom = (math.ceil(end * size) for end, size in zip(box[2:], image.size, strict=True))
     return left, top, max(left + 1, right), max(top + 1, bottom)

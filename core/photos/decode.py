@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
+from core.photos.colour_encoding import colour_encoding, decoded
 from core.runtime.raw_previews import RAW_SIZE
 from core.runtime.reading import open_image, optional, reading
 
@@ -189,7 +190,8 @@ def _exif(image: Image.Image) -> Image.Exif:
 
 def _small_rgba(image: Image.Image) -> Image.Image:
     """Convert to upright 8-bit RGBA, shrinking before the conversion to save memory."""
-    profile = image.info.get("icc_profile")
+    encoding = colour_encoding(image)
+    profile = None if encoding else image.info.get("icc_profile")
     exif = _exif(image)
     if image.mode.startswith(("I", "F")):
         image = _eight_bits(_shrunk(image, 4 * WORKING_SIDE))
@@ -203,6 +205,7 @@ def _small_rgba(image: Image.Image) -> Image.Image:
         image = _in_srgb(image, profile)
     # Pillow resizes RGBA with the colours weighted by alpha.
     image = _in_srgb(_shrunk(image.convert("RGBA"), WORKING_SIDE, Image.Resampling.LANCZOS), profile)
+    image = decoded(image, encoding) if encoding else image
     image = _turned(image, exif.pop(ExifTags.Base.Orientation, 1))
     exif_bytes = optional(exif.tobytes)
     image.info = {"exif": exif_bytes} if exif_bytes else {}

@@ -30,7 +30,7 @@ class PlainBackground(NamedTuple):
 def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
     """Find the plain background of an image (sRGB, 0..1).
 
-    None unless the border has one even colour, and the rest is one object that hardly touches the border, or nothing.
+    None unless the border has one even colour.
 
     The background's colour may change slowly (a wall lit from one side). The background spreads from the border over
     similar colours, soft light and shadow: similar hue without an edge. Enclosed areas belong to the object unless
@@ -49,12 +49,10 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
     areas[0] = 0
     outside |= (areas > 4e-4 * outside.size)[pieces]
-    if not (outside.all() or _is_compact(~outside)):
-        return None
     return PlainBackground(outside, white=bool(model[..., 0].min() > 96 and np.abs(model[..., 1:]).max() < 3))
 
 
-def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
+def is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
     """True if the foreground is mostly one object that hardly touches the border."""
     border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
     pieces, _ = label(mask, np.ones((3, 3)))

@@ -9,13 +9,22 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label
 
-from core.geometry.pixels import bounding_box
-from core.photos.candidates import Candidate, box_candidate, mask_overlap, rank_candidates, salient_box, salient_box_at
+from core.geometry.pixels import bounding_box, to_bytes
+from core.photos.candidates import (
+    Candidate,
+    box_candidate,
+    mask_overlap,
+    network_agreement,
+    rank_candidates,
+    salient_box,
+    salient_box_at,
+)
 from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import NOTE, lens_focal, on_white
 from core.photos.detector import UNDETECTED, Box, Detection, box_overlap, detect, detection_of, mask_box
 from core.photos.grabcut import grabcut
-from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
+from core.photos.marks import find_marks
+from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background, is_compact
 
 MIN_SIDE = 8  # px: images with a shorter side are not fitted
 _MIN_OBJECT_PIXELS = 12  # px: smaller objects are not fitted
@@ -109,10 +118,12 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     if hints.object >= max(1, len(detections)):
         raise ValueError(f"there is no object {hints.object + 1}: only {len(detections)} chairs and cars were found")
     cut = _cut_out(rgb, np.asarray(image.getchannel("A"), np.float32) / 255, hints, detections)
+    if cut.white and cut.confidence < 1:  # The detector saw the marks that were removed, too.
+        detected = detect(Image.fromarray(to_bytes(cut.pixels)))
     if hints.strokes:
         cut = _stroked(cut, rgb, hints.strokes)
     note = "; ".join(filter(None, (image.info.get(NOTE), cut.note)))
-    cut = replace(cut, focal=lens_focal(image), note=note, detections=detections)
+    cut = replace(cut, focal=lens_focal(image), note=note, detections=detected or ())
     return _with_category(cut, rgb, detected)
 
 
@@ -140,13 +151,14 @@ def _cut_out(
         confidence = _ODD_MASK if doubt else 1.0
         cut = _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True, confidence=confidence))
         return replace(cut, note=doubt)
-    plain = _plain_background(colours, detections)
+    plain, confidence = _plain_background(rgb, detections)
     if plain is None:
         return _in_boxes(rgb, [detections[0].box if detections else salient_box(rgb)], hints)
     if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
     opacity = (~plain.mask).astype(np.float32)
-    return _on_white(colours, Candidate("plain background", opacity, white=plain.white, certain=True))
+    candidate = Candidate("plain background", opacity, white=plain.white, certain=True, confidence=confidence)
+    return _on_white(colours, candidate)
 
 
 def _doubt_about(mask: Bool[np.ndarray, "height width"]) -> str:
@@ -165,15 +177,30 @@ def _is_cut_out(clear: Bool[np.ndarray, "height width"]) -> bool:
     return bool(clear.mean() > (_CORNERS if border.mean() < 0.5 else 0.001))
 
 
-def _plain_background(
-    colours: Float[np.ndarray, "height width 3"], detections: tuple[Detection, ...]
-) -> PlainBackground | None:
-    """Find a plain background, also within a frame; None if it is only the frame of a photo."""
+def _plain_background(rgb: Image.Image, detections: tuple[Detection, ...]) -> tuple[PlainBackground | None, float]:
+    """Find a plain background, with the marks on it, and return its confidence.
+
+    None unless the rest is one object that hardly touches the border, or nothing.
+    """
+    colours = np.asarray(rgb, np.float32) / 255
     plain = find_background(colours)
     if plain is None or plain.mask.all():
-        return plain
-    if detections and not plain.white and box_overlap(mask_box(~plain.mask), detections[0].box) < _SAME_BOX:
-        return None
+        return plain, 1.0
+    confidence = 1.0
+    marks = find_marks(rgb, ~plain.mask, detections)
+    if marks is not None:
+        plain = plain._replace(mask=plain.mask | marks)
+        confidence = network_agreement(rgb, ~plain.mask)
+    if not is_compact(~plain.mask):
+        return None, 0.0
+    ambiguous = marks is not None or not plain.white
+    if detections and ambiguous and box_overlap(mask_box(~plain.mask), detections[0].box) < _SAME_BOX:
+        return None, 0.0
+    return _within_frame(colours, plain), confidence
+
+
+def _within_frame(colours: Float[np.ndarray, "height width 3"], plain: PlainBackground) -> PlainBackground | None:
+    """Return the plain background within a frame, if there is one; None if it is only the frame of a photo."""
     left, top, right, bottom = bounding_box(~plain.mask)
     height, width = plain.mask.shape
     if right - left < max(4 * _RINGING, _FRAMED * width) or bottom - top < max(4 * _RINGING, _FRAMED * height):

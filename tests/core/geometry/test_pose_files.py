@@ -97,6 +97,59 @@ def test_broken_transforms_are_named(content: dict, message: str, tmp_path: Path
         read_transforms(path)
 
 
+def write_frames(folder: Path, common: dict, *intrinsics: dict) -> Path:
+    """Frames whose only focal lengths are those given, each with the same pose."""
+    frames = [{"file_path": f"r_{i}", "transform_matrix": OPENGL.tolist()} | own for i, own in enumerate(intrinsics)]
+    path = folder / "transforms.json"
+    path.write_text(json.dumps(common | {"frames": frames}))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("common", "own", "focal"),
+    [
+        ({}, {"fl_x": 180, "fl_y": 180, "w": 200, "h": 200}, 0.9),
+        ({"fl_x": 180, "w": 200}, {"fl_x": 270}, 1.35),
+        ({"fl_x": 180, "fl_y": 180, "w": 200}, {"fl_x": 270, "w": 300}, 0.9),
+        ({"camera_angle_x": 0.5}, {"fl_x": 270, "w": 200}, 1.35),
+        ({"camera_angle_x": 0.5}, {"camera_angle_x": 2 * math.atan(0.5 / 1.35)}, 1.35),
+        ({"fl_x": 180, "w": 200}, {"fl_x": None}, 0.9),
+        ({"fl_x": 180, "fl_y": 180.5, "w": 200, "h": 100, "cx": 100.4, "cy": 49.9, "k1": 0, "p2": 0.0}, {}, 0.9),
+        ({"fl_x": 180, "w": 200, "camera_model": "OPENCV", "is_fisheye": False}, {}, 0.9),
+        ({"fl_x": 180, "w": 200, "camera_angle_x": 1.0141}, {}, 0.9),
+    ],
+)
+def test_a_frame_has_the_focal_length_that_it_states(common: dict, own: dict, focal: float, tmp_path: Path) -> None:
+    first, second = read_transforms(write_frames(tmp_path, {"fl_x": 100, "w": 200} | common, own, {"fl_x": 300}))
+    assert first.focal == pytest.approx(focal, rel=1e-3)
+    assert second.focal == 1.5
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "message"),
+    [
+        ({"cx": 110}, r"cx 110 is not the image's middle \(w is 200"),
+        ({"h": 100, "cy": 30}, r"cy 30 is not the image's middle \(h is 100"),
+        ({"cy": 100}, "h is missing"),
+        ({"k1": -0.3}, "k1 = -0.3 distorts"),
+        ({"p2": 0.02}, "p2 = 0.02 distorts"),
+        ({"k4": 0.1}, "k4 = 0.1 distorts"),
+        ({"camera_model": "OPENCV_FISHEYE"}, "camera_model OPENCV_FISHEYE is not read"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "camera_model EQUIRECTANGULAR is not read"),
+        ({"is_fisheye": True}, "camera_model fisheye is not read"),
+        ({"fl_y": 270}, "fl_y 270 differs from fl_x 180"),
+        ({"camera_angle_x": 0.5}, "but camera_angle_x says 1.958"),
+        ({"fl_x": "wide"}, "fl_x must be a finite number"),
+    ],
+)
+@pytest.mark.parametrize("in_frame", [False, True])
+def test_other_lenses_are_refused_by_name(intrinsics: dict, message: str, in_frame: bool, tmp_path: Path) -> None:
+    stated = {"fl_x": 180, "w": 200} | intrinsics
+    path = write_frames(tmp_path, {} if in_frame else stated, stated if in_frame else {})
+    with pytest.raises(ValueError, match=rf"transforms\.json: .*{message}"):
+        read_transforms(path)
+
+
 @pytest.mark.parametrize("scale", [0.05, 0.3, 4.0])
 def test_the_scale_that_fits_is_named(scale: float) -> None:
     """A disc as wide as a ball of radius 0.5 in the middle of the image."""
@@ -114,3 +167,8 @@ def test_transforms_that_once_failed_are_read(shared: Path) -> None:
     first, *_ = read_transforms(shared / "failing/5/transforms_train.json")
     assert first.camera(100, 100).distance == pytest.approx(2.0)
     assert first.camera(100, 100).elevation == pytest.approx(0.0)
+    image = shared / "failing/6/N25/img/r1.png"
+    assert [find_pose(shared / f"failing/6/N25/t{i}.json", image).focal for i in range(3)] == [0.9, 0.9, 1.35]
+    for i, name in ((3, "cx"), (4, "camera_model"), (5, "fl_y")):
+        with pytest.raises(ValueError, match=f"img/r0.png: {name} "):
+            find_pose(shared / f"failing/6/N25/t{i}.json", image)
