@@ -24,6 +24,8 @@ from core.geometry.camera import Camera
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.scene import Scene
+from core.photos.clip import is_clip
+from core.photos.clip_object import load_clip
 from core.photos.photo import Photo, load_photo
 from core.rendering.size import portion_sized, sized
 
@@ -36,6 +38,7 @@ __all__ = [
     "camera_of",
     "export_mesh",
     "fit",
+    "load_clip",
     "load_model",
     "load_photo",
     "portion_sized",
@@ -64,7 +67,7 @@ def fit(
     :func:`core.fitting.fit.fit` has every step of it, :class:`core.fitting.fit.FitJob` several photos of one object.
 
     Args:
-        photo: a prepared one (:func:`load_photo`), or a file, whose object is cut out.
+        photo: a prepared one (:func:`load_photo`), or a file, whose object is cut out; a video is several photos.
         progress: called with one readable line now and then.
         settings: cost and parts of the fit; None: about ten seconds on an ordinary processor.
         seed: of the random numbers; the same seed gives the same object.
@@ -80,11 +83,13 @@ def fit(
         (True, torch.Size([64]), 1)
     """
     say = progress or (lambda line: None)
-    if not isinstance(photo, Photo):
+    if isinstance(photo, Photo):
+        photos: tuple[Photo, ...] = (photo,)
+    else:
         say(f"Cutting out {photo}")
-        photo = load_photo(photo, model)
+        photos = load_clip(photo, model) if is_clip(photo) else (load_photo(photo, model),)
     last: FitStep | None = None
-    for last in fitting.fit(model, fitting.FitJob((photo,), settings or SETTINGS, seed)):
+    for last in fitting.fit(model, fitting.FitJob(photos, settings or SETTINGS, seed)):
         if last.step % _PROGRESS_STEPS == 0:
             say(f"Step {last.step} of {last.steps}, {last.psnr:.1f} dB")
     assert last is not None, "a fit has a step"

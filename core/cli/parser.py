@@ -184,10 +184,14 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
-    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object; see --each")
+    command.add_argument(
+        "images", type=Path, nargs="+", metavar="IMAGE", help="images or a video of one object; see --each"
+    )
     _add_each(command)
     command.add_argument("--model", metavar="M", help="shipped name or path (default: by the first image's category)")
     add_device(command)
+    frames = "frames of a video: the sharpest at even steps of time (default: 8)"
+    command.add_argument("--frames", type=whole_from(1, 100), metavar="N", help=frames)
     _add_poses(command)
     _add_hints(command)
     _add_preset(command)

@@ -8,6 +8,7 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -19,7 +20,6 @@ from core.photos.decode import WORKING_SIDE
 from core.photos.sharpness import measure_sharpness
 from core.runtime.reading import reading
 from core.runtime.threads import thread_count
-from core.streams import run_to_end
 
 if TYPE_CHECKING:
     import av
@@ -123,7 +123,9 @@ def _list_packets(video: "_Video") -> Generator[float, None, list[_Packet]]:
         raise ValueError("the video has no frames")
     times = [packet.seconds for packet in packets]
     if max(times) - min(times) > _MAX_SECONDS:
-        raise ValueError(f"the video is longer than {_MAX_SECONDS / 60:.0f} minutes: cut it to the walk around the object")
+        raise ValueError(
+            f"the video is longer than {_MAX_SECONDS / 60:.0f} minutes: cut it to the walk around the object"
+        )
     return packets
 
 
@@ -156,7 +158,7 @@ class _Plan:
     def spacing(self) -> float:
         """Longest time between neighbouring frames in seconds."""
         times = sorted(packet.seconds for packet in self.packets)
-        return max(after - before for before, after in zip(times[:-1], times[1:], strict=True))
+        return max(later - earlier for earlier, later in pairwise(times))
 
     @cached_property
     def is_needed(self) -> list[bool]:
@@ -181,10 +183,11 @@ class _Video:
         try:
             self._container = av.open(self._file, options={"format_whitelist": _FORMATS})
             self._stream = self._video_stream()
-        except BaseException as error:
+        except av.FFmpegError:
             self._file.close()
-            if isinstance(error, av.FFmpegError):
-                raise ValueError("this is no video (mp4, mov, webm), or most of it is missing") from None
+            raise ValueError("this is no video (mp4, mov, webm), or most of it is missing") from None
+        except ValueError:
+            self._file.close()
             raise
         self._codec = self._stream.codec_context
         self._codec.thread_type = "AUTO"
