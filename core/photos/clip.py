@@ -183,7 +183,7 @@ class _Video:
         try:
             self._container = av.open(self._file, options={"format_whitelist": _FORMATS})
             self._stream = self._video_stream()
-        except av.FFmpegError:
+        except (av.FFmpegError, OSError):  # the latter by an empty file
             self._file.close()
             raise ValueError("this is no video (mp4, mov, webm), or most of it is missing") from None
         except ValueError:

@@ -41,7 +41,7 @@ class PhotoCopies:
         return source
 
     def keep_image(self, source: PhotoSource, image: Image.Image) -> PhotoSource:
-        """Return a photo whose copy is an image, such as a frame of a video; it is not written if the folder denies it."""
+        """Return a photo whose copy is an image, such as a frame; it is not written if the folder denies that."""
         encoded = BytesIO()
         image.save(encoded, "PNG", compress_level=1)
         content = encoded.getvalue()

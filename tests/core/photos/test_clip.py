@@ -239,19 +239,20 @@ def test_one_image_of_each_step_is_held(tmp_path: Path, monkeypatch: pytest.Monk
     """The frames become sharper and sharper, so that each replaces the last one."""
     path = write_clip(tmp_path / "a.mp4", [image.resize(SIZE) for image in fading(60)])
     convert = clip._to_image
-    images = weakref.WeakSet[Image.Image]()
+    images: list[weakref.ref[Image.Image]] = []
     most = 0
 
     def track(frame: av.VideoFrame) -> Image.Image:
         nonlocal most
         gc.collect()
         image = convert(frame)
-        images.add(image)
-        most = max(most, len(images))
+        images.append(weakref.ref(image))
+        most = max(most, sum(reference() is not None for reference in images))
         return image
 
     monkeypatch.setattr(clip, "_to_image", track)
     assert len(frames_of(path, 3)) == 3
+    assert len(images) > 12
     assert most <= 4  # one of each step, and the new one
 
 

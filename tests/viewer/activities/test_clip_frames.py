@@ -55,7 +55,7 @@ def test_spread_frames_of_a_video_are_fitted_as_photos_of_one_object(session: Se
     assert lefts == [20, 22, 23, 25]
     assert [source.path for source in history.sources] == [video] * 4
     assert len(set(history.sources)) == 4
-    notes = [message.text for message in session.messages.shown if message.kind == MessageKind.NOTE]
+    notes = [message.text for message in session.messages.log if message.kind is MessageKind.NOTE]
     assert "block.mp4: 2 of 8 frames are left out: no object at 7.0 s" in notes
 
 
