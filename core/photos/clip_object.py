@@ -55,7 +55,7 @@ def cut_out_clip(path: Path, count: int = FRAMES) -> Generator[float, None, Clip
     Raises ``ValueError`` naming the file if it cannot be read, or no frame shows a whole object.
     """
     frames = yield from subprogress(read_clip(path, count), 0.0, _READING)
-    whole = list[FrameCut]()
+    candidates = list[FrameCut]()
     reasons = list[str]()
     for number, (image, seconds) in enumerate(frames, 1):
         try:
@@ -66,16 +66,18 @@ def cut_out_clip(path: Path, count: int = FRAMES) -> Generator[float, None, Clip
             if _is_truncated(cut):
                 reasons.append(f"the object is cut off at {seconds:.1f} s")
             else:
-                whole.append(FrameCut(f"{path.name} at {seconds:.1f} s", image, cut))
+                candidates.append(FrameCut(f"{path.name} at {seconds:.1f} s", image, cut))
         yield _READING + (1 - _READING) * number / len(frames)
-    if not whole:
+    if not candidates:
         raise ValueError(f"{path}: no frame shows a whole object ({', '.join(reasons)})")
-    clear = [frame for frame in whole if _is_clear(frame.cut)]
-    if 2 * len(clear) >= len(whole):
-        reasons += [f"a doubtful cut-out{frame.name.removeprefix(path.name)}" for frame in whole if frame not in clear]
-        whole = clear
+    clear = [frame for frame in candidates if _is_clear(frame.cut)]
+    if 2 * len(clear) >= len(candidates):
+        reasons += [
+            f"a doubtful cut-out{frame.name.removeprefix(path.name)}" for frame in candidates if frame not in clear
+        ]
+        candidates = clear
     note = f"{len(reasons)} of {len(frames)} frames are left out: {', '.join(reasons)}" if reasons else ""
-    return ClipCuts(tuple(_with_mean_categories(whole)), note)
+    return ClipCuts(tuple(_with_mean_categories(candidates)), note)
 
 
 def _is_truncated(cut: CutOut) -> bool:

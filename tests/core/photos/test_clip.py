@@ -93,9 +93,8 @@ def test_suffixes_of_videos_are_recognised_in_any_case() -> None:
 @pytest.mark.parametrize(("name", "codec"), [("a.mp4", "libx264"), ("a.mov", "libx264"), ("a.webm", "libvpx-vp9")])
 def test_the_sharp_frame_of_each_step_is_chosen(name: str, codec: str, tmp_path: Path) -> None:
     sharp = (3, 12, 21, 30)  # one of each quarter of 36 frames
-    images = walk(36)
-    shown = [image if number in sharp else blurred(image) for number, image in enumerate(images)]
-    frames = frames_of(write_clip(tmp_path / name, shown, codec=codec), 4)
+    images = [image if number in sharp else blurred(image) for number, image in enumerate(walk(36))]
+    frames = frames_of(write_clip(tmp_path / name, images, codec=codec), 4)
     assert [round(24 * frame.seconds) for frame in frames] == list(sharp)
     assert [square_position(frame) for frame in frames] == pytest.approx([number / 35 for number in sharp], abs=0.02)
     assert all(frame.image.mode == "RGBA" and frame.image.size == SIZE for frame in frames)
@@ -240,20 +239,20 @@ def test_one_image_of_each_step_is_held(tmp_path: Path, monkeypatch: pytest.Monk
     path = write_clip(tmp_path / "a.mp4", [image.resize(SIZE) for image in fading(60)])
     convert = clip._to_image
     images: list[weakref.ref[Image.Image]] = []
-    most = 0
+    peak = 0
 
     def track(frame: av.VideoFrame) -> Image.Image:
-        nonlocal most
+        nonlocal peak
         gc.collect()
         image = convert(frame)
         images.append(weakref.ref(image))
-        most = max(most, sum(reference() is not None for reference in images))
+        peak = max(peak, sum(reference() is not None for reference in images))
         return image
 
     monkeypatch.setattr(clip, "_to_image", track)
     assert len(frames_of(path, 3)) == 3
     assert len(images) > 12
-    assert most <= 4  # one of each step, and the new one
+    assert peak <= 4  # one of each step, and the new one
 
 
 def fading(count: int) -> list[Image.Image]:
