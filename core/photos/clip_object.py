@@ -70,12 +70,10 @@ def cut_out_clip(path: Path, count: int = FRAMES) -> Generator[float, None, Clip
         yield _READING + (1 - _READING) * number / len(frames)
     if not candidates:
         raise ValueError(f"{path}: no frame shows a whole object ({', '.join(reasons)})")
-    clear = [frame for frame in candidates if _is_clear(frame.cut)]
-    if 2 * len(clear) >= len(candidates):
-        reasons += [
-            f"a doubtful cut-out{frame.name.removeprefix(path.name)}" for frame in candidates if frame not in clear
-        ]
-        candidates = clear
+    doubtful = [frame for frame in candidates if not _is_clear(frame.cut)]
+    if 2 * len(doubtful) <= len(candidates):
+        reasons += [f"a doubtful cut-out{frame.name.removeprefix(path.name)}" for frame in doubtful]
+        candidates = [frame for frame in candidates if frame not in doubtful]
     note = f"{len(reasons)} of {len(frames)} frames are left out: {', '.join(reasons)}" if reasons else ""
     return ClipCuts(tuple(_with_mean_categories(candidates)), note)
 
