@@ -181,7 +181,7 @@ class _Video:
         self._av = av
         self._file = path.open("rb")
         try:
-            self._container = av.open(self._file, options={"format_whitelist": _FORMATS})
+            self._container = av.open(self._file, "r", options={"format_whitelist": _FORMATS})
             self._stream = self._video_stream()
         except (av.FFmpegError, OSError):  # the latter by an empty file
             self._file.close()
@@ -255,7 +255,8 @@ class _Video:
 
 
 def _seconds(packet: "av.Packet") -> float:
-    return float((packet.dts if packet.pts is None else packet.pts) * packet.time_base)
+    timestamp = packet.dts if packet.pts is None else packet.pts
+    return float((timestamp or 0) * packet.time_base)
 
 
 # Frames
