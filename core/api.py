@@ -24,6 +24,8 @@ from core.geometry.camera import Camera
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.scene import Scene
+from core.photos.clip import is_clip
+from core.photos.clip_object import load_clip
 from core.photos.photo import Photo, load_photo
 from core.rendering.size import portion_sized, sized
 
@@ -36,6 +38,7 @@ __all__ = [
     "camera_of",
     "export_mesh",
     "fit",
+    "load_clip",
     "load_model",
     "load_photo",
     "portion_sized",
@@ -64,8 +67,8 @@ def fit(
     :func:`core.fitting.fit.fit` has every step of it, with a confidence for each photo.
 
     Args:
-        photo: a prepared one (:func:`load_photo`), or a file, whose object is cut out; or up to 12 of the same object,
-            of which those that show another one are left out.
+        photo: a prepared one (:func:`load_photo`), or a file, whose object is cut out; a video is several photos. Or up
+            to 12 of the same object, of which those that show another one are left out.
         progress: called with one readable line now and then.
         settings: cost and parts of the fit; None: about ten seconds on an ordinary processor.
         seed: of the random numbers; the same seed gives the same object.
@@ -81,12 +84,13 @@ def fit(
         (True, torch.Size([64]), 1)
     """
     say = progress or (lambda line: None)
-    photos = []
+    photos: list[Photo] = []
     for source in [photo] if isinstance(photo, Photo | Path | str) else photo:
-        if not isinstance(source, Photo):
+        if isinstance(source, Photo):
+            photos.append(source)
+        else:
             say(f"Cutting out {source}")
-            source = load_photo(source, model)
-        photos.append(source)
+            photos += load_clip(source, model) if is_clip(source) else [load_photo(source, model)]
     last: FitStep | None = None
     for last in fitting.fit(model, fitting.FitJob(tuple(photos), settings or SETTINGS, seed)):
         if last.step % _PROGRESS_STEPS == 0:

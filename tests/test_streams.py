@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SAFE = {
     "atomic_file": "a path beside the file, removed when the generator is closed",
     "atomic": "atomic_file or atomic_folder",
-    "closing": "a video's unfinished file, written by a thread of its own, closed with the generator",
+    "closing": "a video's file, read, or written by a thread of its own, and closed with the generator",
     "_Encoder": "that thread",
     "renderer": "an own context of OpenGL, current only while it draws",
     "Rasteriser": "the same, for the laboratory's meshes",

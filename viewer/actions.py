@@ -97,7 +97,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Click a small thumbnail", "go to another branch: what an edit of an earlier state left behind"),
     ),
     "Photo": (
-        Action("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and fit it"),
+        Action("fit_image", "Open photo…", "Ctrl+I", "choose a photo or a video of one object, and fit it"),
         Action("paste", "Paste photo", "Ctrl+V", "fit the photo in the clipboard"),
         Gesture("Click a grey tile", "in Mine and History: find the file of a missing model"),
         Gesture("Click a photo under way", "in Mine: watch its fit from the photo's camera"),
@@ -119,11 +119,12 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     ),
     "Files": (
         Gesture("Drop a photo", "fit the object in it"),
+        Gesture("Drop a video", "fit the object that it walks around"),
         Gesture("Drop several", "up to four photos of one object, or more of an object each"),
         Gesture("Drop an image saved here", "a png restores its shape, texture and camera"),
         Gesture("Drop a project", "open everything that it holds"),
         Action("new_project", "New", "Ctrl+N", "start afresh; fitted objects stay in Mine"),
-        Action("open_scene", "Open…", "Ctrl+O", "open a photo, a project, an image saved here, or a model"),
+        Action("open_scene", "Open…", "Ctrl+O", "open a photo, a video, a project, an image saved here, or a model"),
         Action("save_project", "Save project", "Ctrl+S", "save everything in one file"),
         Action("save_project_as", "Save project as…", "Ctrl+Shift+S", "save everything in another file"),
         Action("share", "Share…", "Ctrl+E", "save a page, a film, a picture or a mesh"),

@@ -10,6 +10,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from core.models.scene import embedded_scene
+from core.photos.clip import VIDEO_SUFFIXES
 from core.photos.decode import IMAGE_SUFFIXES
 from core.runtime.files import atomic_file
 from viewer.autosave import Autosave
@@ -112,12 +113,12 @@ class PanelContext:
 
     def fit_image(self) -> None:
         """Ask for an image and fit it."""
-        self.files.ask(FileRequest("Photo of one object", self.fit, IMAGE_SUFFIXES))
+        self.files.ask(FileRequest("Photo or video of one object", self.fit, (*IMAGE_SUFFIXES, *VIDEO_SUFFIXES)))
 
     def fit(self, *paths: Path) -> None:
         """Fit images of one object, show the progress, and list the images among the recent files."""
         for path in paths:
-            if path.suffix.lower() in IMAGE_SUFFIXES:
+            if path.suffix.lower() in (*IMAGE_SUFFIXES, *VIDEO_SUFFIXES):
                 self._remember(path)
         self.fit_unlisted(*paths)
 
@@ -134,7 +135,7 @@ class PanelContext:
 
     def open_file(self) -> None:
         """Ask for a file and open it as if it were dropped."""
-        kinds = (*PROJECTS, ".json", *IMAGE_SUFFIXES, *MODELS)
+        kinds = (*PROJECTS, ".json", *IMAGE_SUFFIXES, *VIDEO_SUFFIXES, *MODELS)
         self.files.ask(FileRequest("Photo, project or model to open", lambda path: self.drop([str(path)]), kinds))
 
     def load(self, path: Path) -> None:

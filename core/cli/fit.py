@@ -12,12 +12,13 @@ from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
 
+from PIL import Image
 from tqdm import tqdm
 
 from core.classifiers.viewpoint import SIDES, Side
 from core.cli.explain import draw_detections, write_page
 from core.cli.output import LastingOutput, say
-from core.cli.progress import bars_disabled, wait_for_view_bank
+from core.cli.progress import bars_disabled, run_with_fraction, wait_for_view_bank
 from core.fitting.category_check import describe_ambiguity, describe_category, describe_difference, likeliest_model
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -28,6 +29,8 @@ from core.geometry.pose_files import PosedImage, find_pose, require_scale
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
+from core.photos.clip import FRAMES, is_clip
+from core.photos.clip_object import cut_out_clip
 from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
@@ -41,10 +44,21 @@ class Fitted(NamedTuple):
     """The result of one fit."""
 
     model: Model
-    paths: Sequence[Path]
+    names: Sequence[Path | str]  # of the photos
     photos: tuple[Photo, ...]
     cuts: tuple[CutOut, ...]  # one per photo
     last: FitStep
+    image: Image.Image  # the first photo, whole
+
+
+class _Input(NamedTuple):
+    """A photo, or a frame of a video, to be fitted."""
+
+    name: Path | str  # the file; of a frame, also its time
+    image: Image.Image  # RGBA
+    cut: CutOut
+    posed: PosedImage | None = None  # the known camera
+    side: Side | None = None  # that a person names
 
 
 def fit(chosen: argparse.Namespace) -> None:
@@ -64,22 +78,37 @@ def fit(chosen: argparse.Namespace) -> None:
 def fit_images(chosen: argparse.Namespace, clock: "Stopwatch") -> Fitted:
     """Fit the object in the chosen images, under progress bars."""
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
-    nothing = [None] * len(chosen.images)
-    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
-    poses = _poses(chosen) or nothing
-    masks = chosen.mask or nothing
-    inputs = zip(chosen.images, hints, masks, strict=True)
-    cuts = tuple(_cut_out(path, hint, mask, clock) for path, hint, mask in inputs)
-    _compare_categories(chosen, cuts)
+    inputs = list(_read_inputs(chosen, clock))
+    _compare_categories(chosen, inputs)
+    cuts = tuple(source.cut for source in inputs)
     model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
     with clock("view_bank"):
         wait_for_view_bank(model)
-    prepared = map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_scale))
-    photos = tuple(map(_with_side, prepared, chosen.sides or nothing))
+    photos = tuple(map(_photo, inputs, repeat(model), repeat(chosen.pose_scale)))
     _say_category(chosen, model, cuts[0].categories)
     with clock("search"):
         last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
-    return Fitted(model, chosen.images, photos, cuts, last)
+    return Fitted(model, [source.name for source in inputs], photos, cuts, last, inputs[0].image)
+
+
+def _read_inputs(chosen: argparse.Namespace, clock: "Stopwatch") -> Iterator[_Input]:
+    """Read the images and cut out their objects; a video gives several."""
+    nothing = [None] * len(chosen.images)
+    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
+    options = hints, chosen.mask or nothing, _poses(chosen) or nothing, chosen.sides or nothing
+    for path, hint, mask, posed, side in zip(chosen.images, *options, strict=True):
+        if is_clip(path):
+            yield from _frame_inputs(path, chosen.frames or FRAMES, clock)
+        else:
+            yield _Input(path, *_cut_out(path, hint, mask, clock), posed, side)
+
+
+def _frame_inputs(path: Path, count: int, clock: "Stopwatch") -> Iterator[_Input]:
+    """Read a video's frames and cut out their object, under a progress bar."""
+    with clock("clip"):
+        cuts = run_with_fraction(cut_out_clip(path, count), path.name)
+    _say(path, cuts.note)
+    yield from (_Input(*frame) for frame in cuts.frames)
 
 
 def say_doubts(fitted: Fitted) -> None:
@@ -88,7 +117,7 @@ def say_doubts(fitted: Fitted) -> None:
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         say(_doubt(last.confidence, last.runner_up))
     for number in last.left_out:
-        say(f"{fitted.paths[number]}: this looks like another object, so it is left out")
+        say(f"{fitted.names[number]}: this looks like another object, so it is left out")
 
 
 def fitted_scene(chosen: argparse.Namespace, last: FitStep) -> Scene:
@@ -107,7 +136,7 @@ def _write_files(chosen: argparse.Namespace, fitted: Fitted) -> None:
     if chosen.out:
         save_or_elsewhere(fitted_scene(chosen, fitted.last).save, chosen.out)
     if chosen.explain:
-        detections = draw_detections(read_rgba(chosen.images[0]), fitted.cuts[0])
+        detections = draw_detections(fitted.image, fitted.cuts[0])
         write_page(fitted.model, fitted.photos[0], fitted.last, detections, chosen.explain)
 
 
@@ -124,10 +153,6 @@ def _side_and_path(path: Path) -> tuple[Side | None, Path]:
     return None, path
 
 
-def _with_side(photo: Photo, side: Side | None) -> Photo:
-    return replace(photo, side=side)
-
-
 def check_counts(chosen: argparse.Namespace) -> None:
     """Raise ``ValueError`` for options that contradict each other or the number of images."""
     count = len(chosen.images)
@@ -136,6 +161,8 @@ def check_counts(chosen: argparse.Namespace) -> None:
         values = getattr(chosen, name)
         if values and len(values) != count and not (name == "pose" and _is_transforms(values)):
             raise ValueError(f"{count} images need as many {plural}, got {len(values)}")
+        if values and (clip := next(filter(is_clip, chosen.images), None)):
+            raise ValueError(f"{clip}: --{name} is of photos, not of a video")
     if chosen.estimate_focal and chosen.pose:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
 
@@ -166,13 +193,14 @@ def _check_apart(chosen: argparse.Namespace) -> None:
         taken[path.resolve()] = path
 
 
-def _compare_categories(chosen: argparse.Namespace, cuts: Sequence[CutOut]) -> None:
+def _compare_categories(chosen: argparse.Namespace, inputs: Sequence[_Input]) -> None:
     """Raise ``ValueError`` if an image shows another category than the first; with ``--model`` print a warning."""
-    for path, cut in zip(chosen.images[1:], cuts[1:], strict=True):
-        difference = describe_difference(cuts[0].categories, cut.categories)
+    for source in inputs[1:]:
+        difference = describe_difference(inputs[0].cut.categories, source.cut.categories)
         if difference and not chosen.model:
-            raise ValueError(f"{path}: {difference}. Fit each object by itself, or choose one model with --model")
-        _say(path, difference)
+            message = f"{source.name}: {difference}. Fit each object by itself, or choose one model with --model"
+            raise ValueError(message)
+        _say(source.name, difference)
 
 
 def _say_category(chosen: argparse.Namespace, model: Model, guess: Mapping[str, float]) -> None:
@@ -204,7 +232,8 @@ class Stopwatch:
         self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - began, 3)
 
 
-def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatch) -> CutOut:
+def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatch) -> tuple[Image.Image, CutOut]:
+    """Read an image and cut out its object."""
     try:
         with naming(path):
             with clock("decode"):
@@ -221,12 +250,12 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
             _say(path, f"{doubt}: --point, --box or --mask helps")
         if not mask:
             _say(path, _further_objects(cut, hints))
-        return cut
+        return image, cut
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
 
 
-def _say(path: Path, text: str) -> None:
+def _say(path: Path | str, text: str) -> None:
     """Print a line about an image to stderr, unless it is empty."""
     if text:
         say(f"{path}: {text}")
@@ -243,12 +272,12 @@ def _is_transforms(poses: Sequence[Path]) -> bool:
     return len(poses) == 1 and poses[0].suffix.lower() == ".json"
 
 
-def _photo(path: Path, cut: CutOut, model: Model, posed: PosedImage | None, scale: float) -> Photo:
-    with naming(path):
-        photo = prepare_photo(cut, model, posed)
-        if posed and posed.focal and photo.camera:  # SRN's poses are in a model's units
+def _photo(source: _Input, model: Model, scale: float) -> Photo:
+    with naming(source.name):
+        photo = prepare_photo(source.cut, model, source.posed)
+        if source.posed and source.posed.focal and photo.camera:  # SRN's poses are in a model's units
             require_scale([photo.mask.numpy()], [photo.camera], scale)
-        return photo
+        return replace(photo, side=source.side)
 
 
 def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:

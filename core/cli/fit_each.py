@@ -24,7 +24,7 @@ from tqdm import tqdm
 from core.cli.contact_sheet import photo_strip, write_contact_sheet
 from core.cli.fit import Stopwatch, check_counts, fit_images, fitted_scene, say_doubts, seconds_of, to_dict
 from core.cli.output import collected_lines, say
-from core.photos.decode import read_rgba
+from core.photos.clip import is_clip
 from core.runtime.files import atomic_file, require_writable
 from core.runtime.threads import thread_count, use_threads
 
@@ -90,7 +90,7 @@ def _key(single: argparse.Namespace) -> str:
     So a photo that moved is not fitted again, and one that changed, or is fitted with other options, is.
     """
     digest = hashlib.sha256(single.images[0].name.encode(errors="surrogateescape"))
-    for name in (*_PER_IMAGE, *_FOR_ALL):
+    for name in (*_PER_IMAGE, *_FOR_ALL, *(("frames",) if is_clip(single.images[0]) else ())):
         value = getattr(single, name)
         for item in value if isinstance(value, list) else [value]:
             is_file = isinstance(item, Path) or (name == "model" and item and Path(item).is_absolute())
@@ -226,7 +226,7 @@ def _fit_one(key: str, single: argparse.Namespace) -> Row:
     say_doubts(fitted)
     scene = fitted_scene(single, fitted.last)
     with atomic_file(single.out / f"{key}.png") as partial:
-        photo_strip(read_rgba(single.images[0]), scene).save(partial)
+        photo_strip(fitted.image, scene).save(partial)
     scene.save(single.out / f"{key}.json")  # last: it marks the photo as done
     return {"category": fitted.model.category, **to_dict(fitted.last), **seconds_of(single, clock)}
 

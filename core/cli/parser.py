@@ -193,13 +193,16 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         type=input_file,
         nargs="+",
         metavar="[SIDE:]IMAGE",
-        help="images of one object, up to 12, such as back:chair.jpg (front, left, back, right, above); see --each",
+        help="up to 12 images, or a video, of one object; back:chair.jpg (front, left, back, right, above) names the "
+        "side that an image shows; see --each",
     )
     command.set_defaults(sides=())
     _add_each(command)
     models = "shipped name or path (default: by the first image's category)"
     command.add_argument("--model", type=model_name, metavar="M", help=models)
     add_device(command)
+    frames = "frames of a video: the sharpest at even steps of time (default: 8)"
+    command.add_argument("--frames", type=whole_from(1, 12), metavar="N", help=frames)
     _add_poses(command)
     _add_hints(command)
     _add_preset(command)

@@ -107,8 +107,8 @@ def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Add the file's name to errors about an image."""
+def naming(path: Path | str) -> Iterator[None]:
+    """Add the name of a file or a frame to errors about an image."""
     try:
         yield
     except ValueError as error:

@@ -1,10 +1,10 @@
-"""Image sharpness: the blur of an image, and the softness of a mask's edge beyond it."""
+"""Image sharpness: an image's blur, its sharpness among images of one scene, the softness of a mask's edge."""
 
 import math
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import binary_erosion, gaussian_filter
+from scipy.ndimage import binary_erosion, gaussian_filter, laplace
 from torch import Tensor
 
 _BLUR_AGAIN = 2.0  # px of additional blur: the sharper the image, the more it flattens edges
@@ -38,3 +38,8 @@ def edge_softness(opacity: Float[Tensor, "height width"], blur: float) -> float:
     soft = int(((values > _SOFT) & (values < 1 - _SOFT)).sum())
     ramp = soft / max(1, length) / _RAMP
     return math.sqrt(max(0.0, ramp**2 - blur**2 - (1 / _RAMP) ** 2))
+
+
+def measure_sharpness(grey: Float[np.ndarray, "height width"]) -> float:
+    """Measure the variance of an image's Laplacian; it compares images of the same scene."""
+    return float(laplace(grey).var())

@@ -3,14 +3,18 @@
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import core
 from core import api
+from core.fitting.fit import FitJob, FitStep
 from core.fitting.settings import PRESETS, FitSettings
 from core.models.model import Model
+from core.photos.clip import FRAMES
+from tests.core.photos.test_clip_object import write_blocks
 from tests.core.tiny import photo_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,6 +63,21 @@ def test_a_prepared_photo_is_fitted_equally_by_the_same_seed_and_rendered_from_i
     assert first.detail is not None and camera == first.detail.views[0].camera.resized(40, 30)
     image = core.render(first, camera)
     assert image.shape == (30, 40, 3) and (image < 255).any()
+
+
+def test_a_video_is_fitted_as_photos_of_one_object(
+    tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_blocks(tmp_path / "walk.mp4", [10, 20, 30])
+    counts: list[int] = []
+
+    def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        counts.append(len(job.photos))
+        yield FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(1.2, 0.3),) * len(job.photos), model[1])
+
+    monkeypatch.setattr(api.fitting, "fit", fit)
+    assert core.fit(tiny, path) == tiny[1]
+    assert counts == [FRAMES]
 
 
 def test_bad_input_is_refused_by_name(tiny: Model, tmp_path: Path) -> None:

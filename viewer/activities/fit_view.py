@@ -26,12 +26,14 @@ class FitView:
         self.name = ""  # name of the object of the last finished fit that was shown
         self._finished: dict[str, FitHistory] = {}  # by name of the object, the oldest first
         self.preview: CutOutPreview | None = None  # cut-out of the photo that was read last
+        self.read_fraction: float | None = None  # finished fraction of a video that is being read, 0..1
         self.from_runner_up = False  # the runner-up's camera is shown
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which is finished or about to begin."""
         self.history = history
         self.preview = None
+        self.read_fraction = None
         self.from_runner_up = False
 
     def kept(self, name: str) -> FitHistory:

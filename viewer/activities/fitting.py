@@ -8,7 +8,9 @@ from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_views import with_photo_detail
 from core.models.model import Model
 from core.models.photo_detail import MAX_PHOTOS
+from core.photos.clip import is_clip
 from core.photos.segmentation import Hints
+from viewer.activities.clip_frames import ClipRequest, ReadFraction, is_of_clip, read_frames
 from viewer.activities.fit_queue import FitQueue
 from viewer.activities.fit_results import FitResults
 from viewer.activities.fit_stream import Confirmed, Doubt, FitOptions, fit_stream
@@ -141,8 +143,13 @@ class Fitting:
     # What is fitted
 
     def start(self, *paths: Path) -> None:
-        """Fit one object to image files; to more than an object keeps, an object to each."""
-        sources, no_images = photo_sources(paths)
+        """Fit one object to image files; to more than an object keeps, an object to each, as to each video."""
+        for path in filter(is_clip, paths):
+            self.fit(PhotoSource(path))  # not copied, as its frames are
+        images = tuple(path for path in paths if not is_clip(path))
+        if not images:
+            return
+        sources, no_images = photo_sources(images)
         if no_images:
             names = ", ".join(printable(path.name) for path in no_images[:_NAMED])
             names += ", …" * (len(no_images) > _NAMED)
@@ -314,9 +321,35 @@ class Fitting:
         if follow:
             self._waiting = replace(self._waiting, chosen=None)
             self._viewport.follow()
+        self._submit(request)
+
+    def _submit(self, request: FitRequest) -> None:
+        """Read the video of a request or, of photos, run the fit."""
+        if is_of_clip(request, self._waiting.confirmed):
+            frames = partial(read_frames, self._jobs.backend, request, self._copies.keep_image)
+            self._jobs.submit(Job("fit", frames, self._receive_frames, self._read, weight=FIT_WEIGHT))
+            return
         settings = self.options.settings(request.resume_from is not None)
         stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self._waiting.confirmed)
         self._jobs.submit(Job("fit", stream, self._receive, self._ended, weight=FIT_WEIGHT))
+
+    def _receive_frames(self, value: ReadFraction | ClipRequest) -> None:
+        if isinstance(value, ReadFraction):
+            self.view.read_fraction = value.value
+            return
+        self.request = value.request
+        self.view.show(value.request.history)
+        self._waiting = replace(self._waiting, confirmed={**self._waiting.confirmed, **value.confirmed})
+        if value.note:
+            name = value.request.history.sources[0].name
+            self._jobs.messages.notify(f"{name}: {value.note}", MessageKind.NOTE)
+
+    def _read(self, error: Exception | None) -> None:
+        """Fit the frames of a video that was read."""
+        if error or self.request is None:
+            self._ended(error)
+        else:
+            self._submit(self.request)
 
     def _receive(self, value: Model | Doubt | CutOutPreview | FittedPhoto | FitStep) -> None:
         if isinstance(value, Model):

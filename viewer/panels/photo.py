@@ -136,9 +136,11 @@ def _draw_progress(context: PanelContext) -> None:
     if last is not None:
         search = "Checking from other sides" if last.restart else "Finding camera, shape and texture"
         label = "Taking its own shape" if last.is_free else search
+    elif fitting.view.read_fraction is not None:
+        label = "Reading the video …"
     else:
         label = "Looking for the camera …" if fitting.history.photo or fitting.view.preview else "Cutting out …"
-    imgui.progress_bar(fitting.history.progress, (-1, 0), label)
+    imgui.progress_bar(fitting.view.read_fraction or fitting.history.progress, (-1, 0), label)
 
 
 def _draw_again(context: PanelContext, fitting: Fitting, history: FitHistory) -> None:

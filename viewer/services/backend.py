@@ -21,6 +21,7 @@ from core.gl.baking import bake
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.paints import Rgb
+from core.photos.clip_object import ClipCuts, cut_out_clip
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
@@ -40,6 +41,7 @@ class Backend:
 
     load_model: Callable[[str], Model] = load_model
     cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out
+    clip: Callable[[Path], Generator[float, None, ClipCuts]] = cut_out_clip
     frame_photo: Callable[[CutOut, Model, PhotoSource], Photo] = frame_photo
     frames: Callable[[RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit

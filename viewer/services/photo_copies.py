@@ -5,10 +5,12 @@ import os
 import shutil
 from collections.abc import Iterable
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
+from PIL import Image
 
 from core.models.photo_detail import PhotoView
 from core.runtime.files import atomic_file
@@ -33,14 +35,21 @@ class PhotoCopies:
             return source
         with suppress(ValueError, OSError):
             content = read_bytes(source.file)
-            copy = self._folder / hashlib.sha256(content).hexdigest()[:16] / source.path.name
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            if not copy.exists():
-                with atomic_file(copy) as written:
-                    written.write_bytes(content)
-            os.utime(copy.parent)  # the newest
+            copy = self._folder / _digest(content) / source.path.name
+            _write_copy(copy, content)
             return source._replace(copy=copy)
         return source
+
+    def keep_image(self, source: PhotoSource, image: Image.Image) -> PhotoSource:
+        """Return a photo whose copy is an image, such as a frame; it is not written if the folder denies that."""
+        encoded = BytesIO()
+        image.save(encoded, "PNG", compress_level=1)
+        content = encoded.getvalue()
+        copy = (self._folder or Path()) / _digest(content) / f"{source.path.stem}.png"
+        if self._folder:
+            with suppress(ValueError, OSError):
+                _write_copy(copy, content)
+        return source._replace(copy=copy)
 
     def keep_photo(self, view: PhotoView, preview: CutOutPreview) -> None:
         """Keep the whole photo of which a fitted object holds a view, unless the folder denies that."""
@@ -59,7 +68,7 @@ class PhotoCopies:
         return self._read[1] if self._read else None
 
     def _photo_file(self, view: PhotoView) -> Path | None:
-        return self._folder and self._folder / f"{hashlib.sha256(view.image).hexdigest()[:16]}.webp"
+        return self._folder and self._folder / f"{_digest(view.image)}.webp"
 
     def sweep(self, needed: Iterable[PhotoSource], views: Iterable[PhotoView] = ()) -> None:
         """Delete the oldest copies beyond a limit, except those of some photos, and of objects with some views."""
@@ -71,3 +80,16 @@ class PhotoCopies:
         for path in [path for path in paths if not path.is_dir()][:-_MAX_KEPT]:
             if path not in kept:
                 path.unlink(missing_ok=True)
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def _write_copy(copy: Path, content: bytes) -> None:
+    """Write a copy unless it is there, and make its folder the newest."""
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    if not copy.exists():
+        with atomic_file(copy) as written:
+            written.write_bytes(content)
+    os.utime(copy.parent)

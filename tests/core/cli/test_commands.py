@@ -30,6 +30,7 @@ from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
 from tests.core.lab.datasets.test_glb_objects import write_folder
 from tests.core.lab.evaluation.test_protocol import views_of
+from tests.core.photos.test_clip_object import write_blocks
 from tests.core.tiny import SIDE, tiny_model
 
 
@@ -516,6 +517,21 @@ def test_a_number_selects_the_detection_and_a_second_object_is_mentioned(file, c
     assert capsys.readouterr().err == ""
     run(f"fit a.png --model {file}")
     assert "a.png: 2 objects are found: --object 2 fits the next one" in capsys.readouterr().err
+
+
+def test_a_video_is_fitted_as_photos_of_one_object(file, model, capsys, monkeypatch, fit_ends):
+    write_blocks(Path("walk.mp4"), [10, 20, 30, None])
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model[0]))
+    monkeypatch.setattr(fitting, "FitJob", lambda photos, *_: counts.append(len(photos)))
+    counts = []
+    run(f"fit walk.mp4 --frames 4 --model {file} --out scene.json")
+    run(f"fit a.png walk.mp4 --frames 2 --model {file}")
+    assert counts == [3, 3]
+    printed = capsys.readouterr()
+    assert "walk.mp4: 1 of 4 frames are left out: no object at 3." in printed.err
+    assert "clip" in json.loads(printed.out.splitlines()[0])["seconds_by_part"]
+    assert Path("scene.json").exists()
+    assert "walk.mp4: --box is of photos" in refused(capsys, f"fit walk.mp4 --box 1,2,3,4 --model {file}")
 
 
 def test_a_point_or_a_mask_selects_the_object(file, capsys, monkeypatch):

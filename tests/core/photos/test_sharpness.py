@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
-from core.photos.sharpness import edge_softness, measure_blur
+from core.photos.sharpness import edge_softness, measure_blur, measure_sharpness
 
 
 def disc(radius: float = 20.0) -> np.ndarray:
@@ -35,3 +35,10 @@ def test_sharp_images_are_not_blurred_and_their_masks_may_be_soft():
     assert edge_softness(soft, 0.0) == pytest.approx(2.0, rel=0.3)
     assert edge_softness(soft, 2.5) == 0
     assert edge_softness(torch.zeros(8, 8), 0.0) == 0
+
+
+def test_a_blurred_image_is_less_sharp() -> None:
+    grey = np.random.default_rng(0).random((32, 32)).astype(np.float32)
+    values = [measure_sharpness(gaussian_filter(grey, blur)) for blur in (0.0, 0.5, 1.0, 2.0)]
+    assert values == sorted(values, reverse=True)
+    assert values[0] > 10 * values[-1]

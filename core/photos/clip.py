@@ -1,0 +1,312 @@
+"""Videos of a walk around an object, as photos: the sharpest frame of each of several even steps of time.
+
+A first pass reads the times of all packets, because headers give no duration (browsers' recordings) or a wrong one
+(truncated files). The second pass decodes what the steps need, from the nearest keyframe on.
+"""
+
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image
+
+from core.photos.decode import WORKING_SIDE
+from core.photos.sharpness import measure_sharpness
+from core.runtime.reading import reading
+from core.runtime.threads import thread_count
+
+if TYPE_CHECKING:
+    import av
+
+VIDEO_SUFFIXES = ".mp4", ".mov", ".webm"
+FRAMES = 8  # usual number of frames
+MAX_FRAMES = 100  # 4 MB each
+_FORMATS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm"  # FFmpeg's playlists would open other files
+_MAX_PIXELS = 36_000_000  # of a frame, 8K; a decoder holds up to 20 frames
+_MAX_SECONDS = 1200.0  # of a video
+_MAX_PACKETS = 150_000  # of a video: the longest one at 120 frames a second
+_MAX_THREADS = 4  # decoding at once; each holds a frame
+_WINDOW = 2.0  # s around the middle of a step in which frames are compared; the camera moves little meanwhile
+_COMPARED_SIDE = 512  # px: longer side at which sharpness is measured
+_MIDDLE = 0.6  # fraction of a frame's sides within which sharpness is measured: the object, less of the background
+_REPORT_EVERY = 512  # packets of the first pass between two values of the stream
+_TURNS = (None, Image.Transpose.ROTATE_90, Image.Transpose.ROTATE_180, Image.Transpose.ROTATE_270)
+
+# Numbers of FFmpeg
+_UNSPECIFIED, _BT709, _BT601 = 2, 1, 5
+_PQ, _HLG = 16, 18
+
+# BT.2100 and BT.2408
+_REFERENCE_WHITE = 203.0  # cd/m², which becomes white
+_PQ_PEAK, _HLG_PEAK = 10_000.0, 1_000.0  # cd/m²
+_LUMINANCE = (0.2627, 0.6780, 0.0593)  # of BT.2020's primaries
+_BT709_FROM_BT2020 = ((1.6605, -0.5876, -0.0728), (-0.1246, 1.1329, -0.0083), (-0.0182, -0.1006, 1.1187))
+
+_Value = TypeVar("_Value")
+
+
+class ClipFrame(NamedTuple):
+    """A frame of a video."""
+
+    image: Image.Image  # RGBA, upright, sRGB, the longer side at most WORKING_SIDE
+    seconds: float  # since the first frame
+
+
+def is_clip(path: Path | str) -> bool:
+    """True for the name of a video that :func:`read_clip` reads."""
+    return Path(path).suffix.lower() in VIDEO_SUFFIXES
+
+
+def read_clip(path: Path, count: int = FRAMES) -> Generator[float, None, tuple[ClipFrame, ...]]:
+    """Read the sharpest frame of each of ``count`` even steps of time; yield the finished fraction, 0..1.
+
+    Steps without a frame, as in broken files and slide shows, give none. HDR is tone-mapped: light above the reference
+    white is clipped. At most one frame of each step is held.
+
+    Raises ``ValueError`` naming the file if it has no frame, or exceeds the limits of size and duration.
+    """
+    if not 1 <= count <= MAX_FRAMES:
+        raise ValueError(f"a video gives 1 to {MAX_FRAMES} frames, not {count}")
+    frames = yield from _naming_errors(path, _read(path, count))
+    return frames
+
+
+def _naming_errors(path: Path, stream: Generator[float, None, _Value]) -> Generator[float, None, _Value]:
+    """Pass a stream on; its errors name the file."""
+    while True:
+        with reading(path, "a video"):
+            try:
+                value = next(stream)
+            except StopIteration as done:
+                return done.value
+        yield value
+
+
+def _read(path: Path, count: int) -> Generator[float, None, tuple[ClipFrame, ...]]:
+    with closing(_Video(path)) as video:
+        packets = yield from _list_packets(video)
+    plan = _Plan(packets, count)
+    candidates = dict[int, tuple[float, ClipFrame]]()  # by step: sharpness and frame
+    with closing(_Video(path)) as video:
+        for fraction, frame in video.decode(plan.is_needed):
+            if frame is not None and (step := plan.step_of(float(frame.time))) is not None:
+                sharpness = _sharpness(frame)
+                if step not in candidates or sharpness > candidates[step][0]:
+                    candidates[step] = sharpness, ClipFrame(_to_image(frame), float(frame.time) - plan.first)
+            yield fraction
+    if not candidates:
+        raise ValueError("no frame of this video can be decoded")
+    return tuple(candidates[step][1] for step in sorted(candidates))
+
+
+class _Packet(NamedTuple):
+    seconds: float
+    is_keyframe: bool
+
+
+def _list_packets(video: "_Video") -> Generator[float, None, list[_Packet]]:
+    """List the video's packets in the order of the file. Raises ``ValueError`` for none, or too many."""
+    packets = list[_Packet]()
+    for packet in video.packets():
+        packets.append(_Packet(_seconds(packet), packet.is_keyframe))
+        if len(packets) > _MAX_PACKETS:
+            raise ValueError(f"the video has more than {_MAX_PACKETS} frames: cut it to the walk around the object")
+        if len(packets) % _REPORT_EVERY == 0:
+            yield 0.0
+    if not packets:
+        raise ValueError("the video has no frames")
+    times = [packet.seconds for packet in packets]
+    if max(times) - min(times) > _MAX_SECONDS:
+        raise ValueError(
+            f"the video is longer than {_MAX_SECONDS / 60:.0f} minutes: cut it to the walk around the object"
+        )
+    return packets
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Frames to compare, and packets to decode for them."""
+
+    packets: Sequence[_Packet]  # in the order of the file
+    count: int  # steps of time
+
+    @cached_property
+    def first(self) -> float:
+        """Time of the first frame in seconds."""
+        return min(packet.seconds for packet in self.packets)
+
+    @cached_property
+    def length(self) -> float:
+        """Duration of a step in seconds; 0 for a single frame."""
+        return (max(packet.seconds for packet in self.packets) - self.first) / self.count
+
+    def step_of(self, seconds: float) -> int | None:
+        """Return the step of a frame; None for a frame that is not compared."""
+        if not self.length:
+            return 0
+        position = (seconds - self.first) / self.length
+        step = min(self.count - 1, int(position))
+        return step if abs(position - step - 0.5) * self.length <= max(_WINDOW, self.spacing) / 2 else None
+
+    @cached_property
+    def spacing(self) -> float:
+        """Longest time between neighbouring frames in seconds."""
+        times = sorted(packet.seconds for packet in self.packets)
+        return max(later - earlier for earlier, later in pairwise(times))
+
+    @cached_property
+    def is_needed(self) -> list[bool]:
+        """True for each packet that is compared, or from which a compared one is decoded."""
+        needed = []
+        follows = False  # a needed packet follows, before the next keyframe
+        for packet in reversed(self.packets):
+            follows = follows or self.step_of(packet.seconds) is not None
+            needed.append(follows)
+            follows = follows and not packet.is_keyframe
+        return needed[::-1]
+
+
+class _Video:
+    """An open video file. Raises ``ValueError`` if it has no video, or one that is too large."""
+
+    def __init__(self, path: Path) -> None:
+        import av  # imported late: few commands read videos
+
+        self._av = av
+        self._file = path.open("rb")
+        try:
+            self._container = av.open(self._file, "r", options={"format_whitelist": _FORMATS})
+            self._stream = self._video_stream()
+        except (av.FFmpegError, OSError):  # the latter by an empty file
+            self._file.close()
+            raise ValueError("this is no video (mp4, mov, webm), or most of it is missing") from None
+        except ValueError:
+            self._file.close()
+            raise
+        self._codec = self._stream.codec_context
+        self._codec.thread_type = "AUTO"
+        self._codec.thread_count = min(_MAX_THREADS, thread_count())
+        self._codec.options = {"max_pixels": str(_MAX_PIXELS)}  # a frame may be larger than the header says
+
+    def _video_stream(self) -> Any:
+        attached = self._av.stream.Disposition.attached_pic  # the cover of a sound
+        streams = [stream for stream in self._container.streams.video if not stream.disposition & attached]
+        if not streams:
+            raise ValueError("there is sound, but no video" if self._container.streams.audio else "there is no video")
+        width = streams[0].codec_context.width
+        height = streams[0].codec_context.height
+        if width * height > _MAX_PIXELS:
+            raise ValueError(f"the video is too large ({width}x{height} px); make it smaller first")
+        return streams[0]
+
+    def packets(self) -> Iterator["av.Packet"]:
+        """Yield the packets of frames; an error of the file ends them."""
+        try:
+            for packet in self._container.demux(self._stream):
+                if packet.size and (packet.pts is not None or packet.dts is not None):
+                    yield packet
+        except self._av.FFmpegError:
+            return
+
+    def decode(self, needed: Sequence[bool]) -> Iterator[tuple[float, "av.VideoFrame | None"]]:
+        """Yield the finished fraction with each frame of the needed packets, or None."""
+        total = max(1, sum(needed))
+        done = 0
+        was_needed = False
+        for packet, is_needed in zip(self.packets(), needed, strict=False):
+            if was_needed and not is_needed:
+                yield from ((done / total, frame) for frame in self._drain())
+            if is_needed:
+                done += 1
+                yield from ((done / total, frame) for frame in self._decode(packet))
+                yield done / total, None
+            was_needed = is_needed
+        yield from ((1.0, frame) for frame in self._drain())
+
+    def _drain(self) -> list["av.VideoFrame"]:
+        """Return the frames that the decoder still holds, and prepare it for another keyframe."""
+        frames = self._decode(None)
+        self._codec.flush_buffers()
+        return frames
+
+    def _decode(self, packet: "av.Packet | None") -> list["av.VideoFrame"]:
+        """Return the undamaged frames of a packet; none if it is damaged."""
+        if packet is not None and packet.is_corrupt:
+            return []
+        try:
+            frames = self._codec.decode(packet)
+        except self._av.FFmpegError:
+            return []
+        frames = [frame for frame in frames if frame.pts is not None and not frame.is_corrupt]
+        for frame in frames:
+            frame.time_base = self._stream.time_base  # a drained decoder does not know it
+        return frames
+
+    def close(self) -> None:
+        """Close the file."""
+        self._container.close()
+        self._file.close()
+
+
+def _seconds(packet: "av.Packet") -> float:
+    timestamp = packet.dts if packet.pts is None else packet.pts
+    return float((timestamp or 0) * packet.time_base)
+
+
+# Frames
+
+
+def _sharpness(frame: "av.VideoFrame") -> float:
+    """Measure the sharpness of a frame's middle."""
+    width, height = _fitted_size(frame.width, frame.height, _COMPARED_SIDE)
+    grey = frame.reformat(width, height, "gray", interpolation="AREA").to_ndarray()
+    rows, columns = (slice(round((1 - _MIDDLE) / 2 * side), round((1 + _MIDDLE) / 2 * side)) for side in grey.shape)
+    return measure_sharpness(grey[rows, columns].astype(np.float32) / 255)
+
+
+def _to_image(frame: "av.VideoFrame") -> Image.Image:
+    """Return a frame as an upright sRGB image of moderate size."""
+    size = _fitted_size(frame.width, frame.height, WORKING_SIDE)
+    # Players take unlabelled videos for BT.709 if they are large.
+    unlabelled = _BT709 if frame.height >= 720 else _BT601
+    matrix = unlabelled if frame.colorspace == _UNSPECIFIED else frame.colorspace
+    pixels = frame.reformat(*size, "rgb24", src_colorspace=matrix, interpolation="AREA").to_ndarray()
+    if frame.color_trc in (_PQ, _HLG):
+        pixels = _tone_mapped(pixels, frame.color_trc)
+    turn = _TURNS[round(frame.rotation / 90) % 4]
+    image = Image.fromarray(pixels).convert("RGBA")
+    return image if turn is None else image.transpose(turn)
+
+
+def _fitted_size(width: int, height: int, side: int) -> tuple[int, int]:
+    """Return a size of the same proportions whose longer side is at most ``side``."""
+    scale = min(1.0, side / max(width, height))
+    return max(1, round(scale * width)), max(1, round(scale * height))
+
+
+def _tone_mapped(pixels: UInt8[np.ndarray, "height width 3"], transfer: int) -> UInt8[np.ndarray, "height width 3"]:
+    """Convert colours of BT.2100 to sRGB."""
+    signal = pixels.astype(np.float32) / 255
+    light = (_pq_light(signal) if transfer == _PQ else _hlg_light(signal)) / _REFERENCE_WHITE
+    linear = (light @ np.array(_BT709_FROM_BT2020, np.float32).T).clip(0, 1)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return (255 * encoded + 0.5).astype(np.uint8)
+
+
+def _pq_light(signal: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray, "height width 3"]:
+    """Return the light in cd/m² of a signal in perceptual quantisation (SMPTE ST 2084)."""
+    power = signal ** (1 / 78.84375)
+    return _PQ_PEAK * ((power - 0.8359375).clip(0) / (18.8515625 - 18.6875 * power)) ** (1 / 0.1593017578125)
+
+
+def _hlg_light(signal: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray, "height width 3"]:
+    """Return the light in cd/m² of a hybrid log-gamma signal on a display of 1,000 cd/m²."""
+    scene = np.where(signal <= 0.5, signal**2 / 3, (np.exp((signal - 0.55991073) / 0.17883277) + 0.28466892) / 12)
+    luminance = scene @ np.array(_LUMINANCE, np.float32)
+    return _HLG_PEAK * scene * luminance[..., None] ** 0.2

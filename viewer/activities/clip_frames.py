@@ -1,0 +1,66 @@
+"""Frames of a video as the photos of a fit."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+from PIL import Image
+
+from core.models.photo_detail import MAX_PHOTOS
+from core.photos.clip import is_clip
+from core.photos.clip_object import FrameCut
+from viewer.activities.fit_stream import Confirmed
+from viewer.services.backend import Backend
+from viewer.values.cut_out_preview import CutOutPreview
+from viewer.values.fit_history import FitRequest, PhotoSource
+
+KeepImage = Callable[[PhotoSource, Image.Image], PhotoSource]
+
+
+class ReadFraction(NamedTuple):
+    """The finished fraction of a video, 0..1."""
+
+    value: float
+
+
+class ClipRequest(NamedTuple):
+    """A request with frames in place of a video."""
+
+    request: FitRequest
+    confirmed: Confirmed  # cut-outs of the frames
+    note: str  # frames that were left out; empty for none
+
+
+def is_of_clip(request: FitRequest, confirmed: Confirmed) -> bool:
+    """True for a request of a video whose frames have not been read, or are gone."""
+    unread = request.history.sources[len(request.history.photos) :]
+    return any(is_clip(source.file) and source not in confirmed for source in unread)
+
+
+def read_frames(backend: Backend, request: FitRequest, keep_image: KeepImage) -> Iterator[ReadFraction | ClipRequest]:
+    """Yield the progress of reading a request's video, then the request of as many frames as an object keeps.
+
+    Args:
+        keep_image: returns the photo of a frame, whose copy is the image.
+    """
+    source = request.history.sources[0]._replace(copy=None)
+    stream = backend.clip(source.path)
+    while True:
+        try:
+            yield ReadFraction(next(stream))
+        except StopIteration as done:
+            cuts = done.value
+            break
+    frames = _spread(cuts.frames)
+    sources = tuple(keep_image(source, frame.image) for frame in frames)
+    previews = [CutOutPreview.of(frame.image, frame.cut) for frame in frames]
+    pairs = [(frame.cut, preview) for frame, preview in zip(frames, previews, strict=True)]
+    confirmed = {frame_source: lambda pair=pair: pair for frame_source, pair in zip(sources, pairs, strict=True)}
+    history = replace(request.history, sources=sources, photos=())
+    yield ClipRequest(request._replace(history=history, answered=len(sources)), confirmed, cuts.note)
+
+
+def _spread(frames: tuple[FrameCut, ...]) -> list[FrameCut]:
+    """Return at most :data:`MAX_PHOTOS` frames, evenly spread over the video."""
+    count = min(MAX_PHOTOS, len(frames))
+    return [frames[(2 * number + 1) * len(frames) // (2 * count)] for number in range(count)]
