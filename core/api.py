@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.detail.progressive import render_frame
+from core.editing.size import portion_sized, sized
 from core.export import mesh, page, video
 from core.export.framing import filling_frame
 from core.export.keyframes import TURN, View, turntable
@@ -25,7 +26,6 @@ from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.scene import Scene
 from core.photos.photo import Photo, load_photo
-from core.rendering.size import portion_sized, sized
 
 __all__ = [
     "Camera",

@@ -17,9 +17,9 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.warp import Warp
 from core.geometry.camera import Camera, Factors
-from core.geometry.warp import Warp
 from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
 

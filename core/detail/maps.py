@@ -22,12 +22,12 @@ from core.detail.lettering import lettering, without_lettering
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.detail.repaint import chroma, colour_match, light_share, moved_paint, repainted, same_hue
 from core.detail.surface import SOLID, SurfaceTexels, surface_colours, surface_normals, surface_texels
+from core.edits.paint import PartPaint, as_rgb
 from core.geometry.camera import Camera
 from core.geometry.pixels import lightness
 from core.geometry.rays import camera_rays
 from core.models.model import Instance, Model
 from core.models.motion import warp_to_fitted
-from core.models.paints import PartPaint, as_rgb
 from core.models.photo_detail import PhotoView
 from core.rendering.images import render_steps
 from core.rendering.outline import effective_strength

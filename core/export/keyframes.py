@@ -16,13 +16,13 @@ import torch
 from jaxtyping import Float64
 from torch import Tensor
 
-from core.geometry.bend import mixed_bend
+from core.edits.bend import mixed_bend
+from core.edits.paint import mixed_paints
+from core.edits.warp import mixed_warp
 from core.geometry.camera import Camera
-from core.geometry.warp import mixed_warp
 from core.models.codes import mixed_stretch
 from core.models.latents import Latents
 from core.models.model import Instance
-from core.models.paints import mixed_paints
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline

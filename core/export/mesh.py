@@ -21,6 +21,7 @@ from torch import Tensor
 
 from core.detail.lookup import DetailMaps
 from core.detail.maps import detail_maps
+from core.editing.size import size_of
 from core.export.glb import place_camera
 from core.export.mesh_formats import FORMATS, TEXTURED, Mesh
 from core.export.normals import face_normals, vertex_normals
@@ -32,7 +33,6 @@ from core.models.model import Instance, Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, shape_occupancy
-from core.rendering.size import size_of
 from core.runtime.files import atomic_file
 from core.runtime.pool import map_pieces
 from core.streams import subprogress

@@ -20,8 +20,8 @@ from core.detail.lookup import (
     DetailMaps,
     PhotoMaps,
 )
+from core.edits.warp import TERMS
 from core.geometry.camera import Camera
-from core.geometry.warp import TERMS
 from core.gl.camera_uniforms import camera_uniforms
 from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
 
@@ -60,12 +60,12 @@ float smooth_step(float start, float end, float value) {{
     float progress = clamp((value - start) / (end - start), 0.0, 1.0);
     return progress * progress * (3.0 - 2.0 * progress);
 }}
-// The place that a point of the bent object came from, as in core.geometry.bend.Bend.
+// The place that a point of the bent object came from, as in core.edits.bend.Bend.
 vec3 unbent(vec3 point) {{
     float below = (point.z - bend[0]) / (bend[2] - bend[0]), above = (bend[3] - point.z) / (bend[3] - bend[2]);
     return point + vec3(0.0, 0.0, (bend[1] - bend[2]) * max(min(below, above), 0.0));
 }}
-// The place that a point of the edited object came from, as in core.geometry.warp.Warp.
+// The place that a point of the edited object came from, as in core.edits.warp.Warp.
 vec3 warped(vec3 point) {{
     vec3 p = clamp(point / extent, -1.0, 1.0);
     vec4 x = vec4(1.0, p.x, p.x * p.x, p.x * p.x * p.x), y = vec4(1.0, p.y, p.y * p.y, p.y * p.y * p.y);

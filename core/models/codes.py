@@ -10,11 +10,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.geometry.bend import Bend, mixed_bend
+from core.edits.bend import Bend, mixed_bend
+from core.edits.paint import MAX_PAINTS, PartPaint, mixed_paints
+from core.edits.warp import Warp, mixed_warp
 from core.geometry.camera import Factors
-from core.geometry.warp import Warp, mixed_warp
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
-from core.models.paints import MAX_PAINTS, PartPaint, mixed_paints
 from core.models.photo_detail import PhotoDetail
 
 __all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", "farthest_first"]
@@ -35,11 +35,11 @@ class Codes(Latents):
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
     stretch: Factors | None = None
-    """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
+    """Sides relative to the natural ones (:mod:`core.editing.size`); None: natural. They follow the shape, too."""
     warp: Warp | None = None
     """The map of an edited object to the one that it was made from (:mod:`core.models.motion`); None: not edited."""
     bend: Bend | None = None
-    """Legs or roof relative to the natural ones (:mod:`core.rendering.size`); it comes before the stretch."""
+    """Legs or roof relative to the natural ones (:mod:`core.editing.size`); it comes before the stretch."""
     paints: tuple[PartPaint, ...] = ()
     """Of the parts, the last one uppermost. They belong to the texture; a photo takes them, too."""
 

@@ -13,15 +13,15 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import ViewpointClassifier
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.paint import PartPaint
+from core.edits.warp import MAX_STEPS, Warp
 from core.geometry.camera import MAX_SIDE, Camera
-from core.geometry.warp import MAX_STEPS, Warp
 from core.models.codes import CodeBook, Codes
 from core.models.field import Field
 from core.models.latents import CodeKind, Latents
 from core.models.model_file import Words, read_model_file, rendering_tensors, write_model_file
 from core.models.occupied_cells import find_occupied_cells
-from core.models.paints import PartPaint
 from core.models.part_head import PartHead
 from core.models.photo_detail import PhotoDetail
 from core.models.view_bank import ViewBank
@@ -59,7 +59,7 @@ class Model:
     view_bank: ViewBank | None = None
     """small views to compare photos with; None: the file has none, :mod:`core.photos.view_bank` computes it"""
     words: Words | None = None
-    """of its directions; None: the file has none, :func:`core.directions.words.direction_words` finds them"""
+    """of its directions; None: the file has none, :func:`core.editing.words.direction_words` finds them"""
 
     def __post_init__(self) -> None:
         self._check_numbers()

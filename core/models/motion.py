@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.warp import MAX_STEPS, TERMS, Warp, monomials
+from core.edits.warp import MAX_STEPS, TERMS, Warp, monomials
 from core.models.field import encode
 from core.models.latents import Latents
 from core.models.model import Instance, Model

@@ -14,14 +14,14 @@ import torch
 from jaxtyping import UInt8
 from PIL import Image, PngImagePlugin
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.paint import PartPaint
+from core.edits.warp import Warp
 from core.geometry.camera import Camera, Factors
-from core.geometry.warp import Warp
 from core.models.codes import Codes
 from core.models.latents import read_offsets
 from core.models.missing import MissingInstance, adopted
 from core.models.model import Instance, Model
-from core.models.paints import PartPaint
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed

@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.edits.paint import painted
 from core.models.model import Instance
-from core.models.paints import painted
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
 from core.runtime.layers import relu_

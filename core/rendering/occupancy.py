@@ -16,10 +16,10 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.warp import Warp
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
-from core.geometry.warp import Warp
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
 from core.models.model import Instance, Model
 from core.models.occupied_cells import CELLS as STORED_CELLS

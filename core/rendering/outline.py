@@ -17,9 +17,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.edits.warp import Warp
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
-from core.geometry.warp import Warp
 from core.models.model import Instance
 from core.models.motion import unmoved_distance, warp_to_fitted
 from core.models.photo_detail import BACKGROUND, PhotoView

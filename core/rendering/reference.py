@@ -7,12 +7,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.paint import PartPaint, painted
+from core.edits.warp import Warp
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
-from core.geometry.warp import Warp
 from core.models.model import Instance, Model
-from core.models.paints import PartPaint, painted
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
 from core.runtime.pool import map_pieces

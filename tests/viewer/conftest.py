@@ -11,9 +11,9 @@ from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.detail.progressive import render_progressively
+from core.editing.bounds import Bounds
 from core.models.model import Model
 from core.photos.segmentation import CutOut
-from core.rendering.bounds import Bounds
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import (

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from core.detail.paint import Paint
 from core.detail.progressive import Frame, RenderJob, RenderSettings
-from core.directions.part_map import Box, Handle, PartMap
+from core.editing.paint import Paint
+from core.editing.parts import Box, Handle, PartMap
+from core.edits.paint import PartPaint, Rgb
 from core.export.keyframes import View
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
@@ -23,7 +24,6 @@ from core.gl.background import Background
 from core.gl.baked_field import BakedField
 from core.models.field_config import FieldConfig
 from core.models.model import Instance, Model
-from core.models.paints import PartPaint, Rgb
 from core.photos.detector import Detection
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints

@@ -4,7 +4,7 @@ import re
 from functools import lru_cache
 
 from core.detail.progressive import Frame
-from core.directions.words import OPPOSITES
+from core.editing.words import OPPOSITES
 from core.models.model import Instance
 from viewer.activities.direction_words import DirectionWords
 from viewer.activities.thumbnails import Thumbnails

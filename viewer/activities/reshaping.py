@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import UInt8
 
-from core.directions.grab import Pull, find_pull
-from core.directions.part_map import Handle, PartMap
+from core.editing.parts import Handle, PartMap
+from core.editing.pull import Pull, find_pull
 from core.models.model import Instance
 from core.models.motion import prepare_motion
 from viewer.activities.viewport import Viewport

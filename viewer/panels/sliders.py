@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
-from core.directions.words import OPPOSITES
+from core.editing.words import OPPOSITES
 from core.geometry.camera import Camera
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-from core.directions.words import reshaped
+from core.editing.words import reshaped
 from core.models.codes import CodeBook, CodeKind
 from core.models.model import Instance
 from core.models.motion import position, reach

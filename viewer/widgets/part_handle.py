@@ -4,8 +4,8 @@ import time
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.directions.part_map import Handle
-from core.directions.words import OPPOSITES
+from core.editing.parts import Handle
+from core.editing.words import OPPOSITES
 from viewer.activities.reshaping import VisibleParts
 from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import torch
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
+from core.editing.bounds import Bounds, Portion, portion_of
+from core.editing.size import with_portion, with_side
 from core.geometry.camera import Camera
 from core.models.model import Instance
-from core.rendering.bounds import Bounds, Portion, portion_of
-from core.rendering.size import with_portion, with_side
 from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, packed
 from viewer.widgets.controls import end_gesture

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
+from core.editing.bounds import Bounds, portion_of
+from core.editing.size import with_portion, with_side
 from core.models.model import Instance
-from core.rendering.bounds import Bounds, portion_of
-from core.rendering.size import with_portion, with_side
 from viewer.context import PanelContext
 from viewer.widgets.controls import button, end_gesture, tooltip
 from viewer.widgets.text import heading

@@ -16,7 +16,7 @@ from PIL import ExifTags, Image
 
 from core.__main__ import main
 from core.cli import fit as fitting
-from core.directions.words import direction_words
+from core.editing.words import direction_words
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
 from core.lab.benchmarks import ablations, robustness

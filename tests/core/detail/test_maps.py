@@ -10,7 +10,8 @@ from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.detail.maps import ComparedPhoto, detail_maps, paint_weight
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
 from core.detail.surface import SurfaceTexels, surface_normals
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.paint import PartPaint
 from core.geometry.camera import Camera, Factors
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
@@ -19,7 +20,6 @@ from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.motion import FOLLOWED, moved_along
-from core.models.paints import PartPaint
 from core.models.part_head import PartHead
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering.fast import clear_cache

@@ -6,10 +6,10 @@ from itertools import pairwise
 import pytest
 import torch
 
+from core.edits.bend import Bend
+from core.edits.warp import TERMS, Warp
 from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View, morph, swing, turntable
-from core.geometry.bend import Bend
 from core.geometry.camera import Camera
-from core.geometry.warp import TERMS, Warp
 from core.models.codes import Codes
 from core.models.missing import MissingInstance
 

@@ -13,6 +13,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from core.detail.progressive import render_frame
+from core.editing.bounds import natural_bounds
+from core.editing.size import portion_sized, sized
 from core.export import mesh as module
 from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh
@@ -20,8 +22,6 @@ from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.rendering import fast
-from core.rendering.bounds import natural_bounds
-from core.rendering.size import portion_sized, sized
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import unchecked_shapes

@@ -14,9 +14,9 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from core.detail.lookup import DetailMaps
+from core.edits.bend import Bend
 from core.export.page import MAX_BYTES, write_page
 from core.export.page import page as page_text
-from core.geometry.bend import Bend
 from core.geometry.camera import Camera, Factors
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
 from core.geometry.camera import Camera, Factors
 from core.gl.baked_field import BakedField
 from core.gl.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread

@@ -3,9 +3,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry.bend import Bend
+from core.editing.size import with_side
+from core.edits.bend import Bend
 from core.models.codes import MAX_DISTORTION, CodeBook, Codes, CodeSpace, Entry, farthest_first
-from core.rendering.size import with_side
 
 _STRETCHES = st.tuples(*[st.floats(0.5, 4.0)] * 3)
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from core.detail.progressive import Frame
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
 from core.models.codes import Entry
 from core.models.model import Instance, Model, Words
 from tests.conftest import open_models, random_model

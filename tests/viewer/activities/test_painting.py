@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.paint import CoarsePaint, Paint
+from core.editing.paint import CoarsePaint, Paint
+from core.edits.paint import PartPaint
 from core.models.model import Instance
-from core.models.paints import PartPaint
 from tests.viewer.driver import finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted

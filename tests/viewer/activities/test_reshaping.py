@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from core.detail.progressive import Frame
-from core.directions.part_map import Box, Handle, PartMap
+from core.editing.parts import Box, Handle, PartMap
 from core.geometry.camera import Camera
 from core.models.model import Instance
 from core.models.motion import LIMIT

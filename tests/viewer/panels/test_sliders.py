@@ -5,9 +5,9 @@ import pytest
 import torch
 from imgui_bundle import imgui
 
+from core.editing.bounds import Bounds, portion_of
 from core.models.codes import CODE_KINDS
 from core.models.part_head import PartHead
-from core.rendering.bounds import Bounds, portion_of
 from tests.viewer.driver import Driver, in_window
 from viewer.panels.sliders import SlidersPanel
 from viewer.services.backend import Backend

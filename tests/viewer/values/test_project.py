@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import torch
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.paint import PartPaint
 from core.models import library
 from core.models.library import load_model
 from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.models.paints import PartPaint
 from core.models.photo_detail import compressed
 from core.photos.photo import Photo
 from core.photos.segmentation import Hints, Stroke

@@ -9,7 +9,7 @@ import pytest
 import torch
 from imgui_bundle import imgui
 
-from core.directions.part_map import Handle
+from core.editing.parts import Handle
 from core.models.part_head import PartHead
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import endless_fit, two_parts

@@ -3,14 +3,14 @@
 A photo shows no scale, and all objects of a model have one size. So the natural size of an object is that of its
 surface's bounds, the longest side being as long as a typical one of the category (:attr:`Model.metres`). Another size
 stretches space along the axes (:attr:`core.models.codes.Codes.stretch`), which cannot break an object. Longer legs or a
-higher roof stretch it below or above a plane only: a bend (:mod:`core.geometry.bend`) with a stretch.
+higher roof stretch it below or above a plane only: a bend (:mod:`core.edits.bend`) with a stretch.
 """
 
-from core.geometry.bend import MAX_BEND, Bend
+from core.editing.bounds import Bounds, Size, natural_bounds, portion_of
+from core.edits.bend import MAX_BEND, Bend
 from core.geometry.camera import Factors
 from core.models.codes import MAX_DISTORTION, STRETCH
 from core.models.model import Instance
-from core.rendering.bounds import Bounds, Size, natural_bounds, portion_of
 
 LIMITS = 0.1, 100_000.0  # cm, of a length
 _TOLERANCE = 1e-4  # relative difference of a length from the wanted one, above which it is out of reach

@@ -13,10 +13,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.editing.size import with_side
 from core.models.codes import CodeKind
 from core.models.model import Instance, Model, Words
 from core.models.motion import moved_along, position, reach
-from core.rendering.size import with_side
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture

@@ -3,11 +3,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.directions.words import AXES, Words, direction_words, most, moved, name_changes
+from core.editing.size import size_of
+from core.editing.words import AXES, Words, direction_words, most, moved, name_changes
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.motion import LIMIT
-from core.rendering.size import size_of
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 

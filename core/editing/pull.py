@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import torch
 
-from core.directions.words import AXES
+from core.editing.words import AXES
 from core.geometry.camera import Camera
 from core.models.model import Instance
 
@@ -45,7 +45,7 @@ def find_pull(
     words for sizes it is the first direction.
 
     Args:
-        words: of the shape directions (:func:`core.directions.words.direction_words`).
+        words: of the shape directions (:func:`core.editing.words.direction_words`).
         point: where the surface is pulled, scene units.
         drag: px, right and down.
     """

@@ -1,6 +1,6 @@
 """Give a part of an object a chosen colour: a car's body, a chair's fabric or wood.
 
-The paint itself is exact (:mod:`core.models.paints`). Its constants are measured at points on the surface, so that
+The paint itself is exact (:mod:`core.edits.paint`). Its constants are measured at points on the surface, so that
 images with photo detail show the colour.
 """
 
@@ -17,10 +17,10 @@ from torch.nn import functional
 from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.progressive import Frame
 from core.detail.repaint import lit_paint, replaced_share
+from core.edits.paint import MATERIALS, MAX_PAINTS, PartPaint, Rgb, as_rgb, painted
 from core.geometry.camera import Camera
 from core.geometry.pixels import lightness
 from core.models.model import Instance, Model
-from core.models.paints import MATERIALS, MAX_PAINTS, PartPaint, Rgb, as_rgb, painted
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import effective_strength
 from core.rendering.surface import surface_points

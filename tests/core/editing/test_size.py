@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from torch.nn import functional
 
 from core.detail.progressive import render_frame
+from core.editing.bounds import natural_bounds, portion_of
+from core.editing.size import bounds_of, described, portion_sized, size_of, sized, with_portion
+from core.edits.bend import MAX_BEND, Bend
 from core.export.mesh import extract_mesh
-from core.geometry.bend import MAX_BEND, Bend
 from core.geometry.camera import Camera, Factors
 from core.geometry.rays import Rays, camera_rays, clip_to_box, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
@@ -18,12 +20,10 @@ from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.motion import moved_along
 from core.rendering import fast
-from core.rendering.bounds import natural_bounds, portion_of
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import shape_occupancy
 from core.rendering.reference import render_exact, render_rays
-from core.rendering.size import bounds_of, described, portion_sized, size_of, sized, with_portion
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import random_model

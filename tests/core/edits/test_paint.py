@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 import torch
 
+from core.edits.paint import MAX_PAINTS, PartPaint, mixed_paints, painted
 from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import Codes
 from core.models.model import Instance, Model
-from core.models.paints import MAX_PAINTS, PartPaint, mixed_paints, painted
 from core.models.part_head import PartHead
 from core.models.scene import Scene
 from core.rendering.images import render_steps

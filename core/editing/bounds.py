@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
 from core.geometry.camera import Factors
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from core.directions.grab import Pull, find_pull
+from core.editing.pull import Pull, find_pull
 from core.geometry.camera import Camera
 from core.models.model import Instance, Model
 

@@ -5,7 +5,7 @@ import torch
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from core.geometry.bend import MAX_BEND, Bend, mixed_bend
+from core.edits.bend import MAX_BEND, Bend, mixed_bend
 
 _SHARES = st.floats(0.05, 0.95)
 
