@@ -2,14 +2,13 @@
 
 A photo shows no scale, and all objects of a model have one size. So the natural size of an object is that of its
 surface's bounds, the longest side being as long as a typical one of the category (:attr:`Model.metres`). Another size
-stretches space along the axes (:attr:`core.models.codes.Codes.stretch`), which cannot break an object. Longer legs or a
-higher roof stretch it below or above a plane only: a bend (:mod:`core.edits.bend`) with a stretch.
+stretches space along the axes (:mod:`core.edits.stretch`), which cannot break an object. Longer legs or a higher roof
+stretch it below or above a plane only: a bend (:mod:`core.edits.bend`) with a stretch.
 """
 
-from core.editing.bounds import Bounds, Size, natural_bounds, portion_of
+from core.editing.bounds import Bounds, Size, bounds_of, natural_bounds, portion_of
 from core.edits.bend import MAX_BEND, Bend
-from core.geometry.camera import Factors
-from core.models.codes import MAX_DISTORTION, STRETCH
+from core.edits.stretch import LEAST, MAX_DISTORTION, MOST, Stretch
 from core.models.model import Instance
 
 LIMITS = 0.1, 100_000.0  # cm, of a length
@@ -19,11 +18,6 @@ _TOLERANCE = 1e-4  # relative difference of a length from the wanted one, above 
 def size_of(instance: Instance) -> Size:
     """Return the size of an object. Raises ``ValueError`` if it has no surface, and for M1 and M2."""
     return bounds_of(instance).size
-
-
-def bounds_of(instance: Instance) -> Bounds:
-    """Return the bounds of an object's bent and stretched surface; as :func:`size_of`."""
-    return natural_bounds(instance).bent(instance.codes.bend).stretched(instance.codes.factors)
 
 
 def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
@@ -46,14 +40,15 @@ def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
     if len(size) != 3 or not all(LIMITS[0] <= side <= LIMITS[1] for side in size):  # false for NaN
         raise ValueError(f"a size is three lengths from {LIMITS[0]:g} to {LIMITS[1]:g} cm, got {described(size)}")
     natural = _measured(instance)
-    x, y, z = (side / before for side, before in zip(size, natural.bent(instance.codes.bend).size, strict=True))
+    unstretched = natural.after(instance.codes.with_edits(Stretch).edits_of("size")).size
+    x, y, z = (side / before for side, before in zip(size, unstretched, strict=True))
     factors = sorted((x, y, z))
-    if factors[0] < STRETCH[0] or factors[-1] > STRETCH[1] or factors[-1] > MAX_DISTORTION * factors[0]:
+    if factors[0] < LEAST or factors[-1] > MOST or factors[-1] > MAX_DISTORTION * factors[0]:
         raise ValueError(
             f"{described(size)} is too far from the natural {described(natural.size)}: sides differ by a factor of "
-            f"{STRETCH[1]:g} at most, and not one by {MAX_DISTORTION:g} times as much as another"
+            f"{MOST:g} at most, and not one by {MAX_DISTORTION:g} times as much as another"
         )
-    return instance.changed(stretch=(x, y, z))
+    return instance.with_edits(Stretch, Stretch((x, y, z)))
 
 
 def _measured(instance: Instance) -> Bounds:
@@ -62,19 +57,9 @@ def _measured(instance: Instance) -> Bounds:
     return natural_bounds(instance)
 
 
-def with_side(stretch: Factors, axis: int, factor: float) -> Factors:
-    """Return a stretch with another factor along an axis, as near to that as limits allow.
-
-    Example:
-        >>> with_side((1.0, 1.0, 1.0), 2, 40.0)
-        (1.0, 1.0, 10.0)
-    """
-    factors = list(stretch)
-    del factors[axis]
-    least = max(STRETCH[0], max(factors) / MAX_DISTORTION)
-    most = min(STRETCH[1], min(factors) * MAX_DISTORTION)
-    factors.insert(axis, max(least, min(most, factor)))
-    return factors[0], factors[1], factors[2]
+def with_side(instance: Instance, axis: int, factor: float) -> Instance:
+    """Return an object stretched by another factor along an axis, as near to that as limits allow."""
+    return instance.with_edits(Stretch, Stretch(instance.codes.factors).with_side(axis, factor))
 
 
 def portion_sized(instance: Instance, name: str, length: float, keeps_height: bool = False) -> Instance:
@@ -117,8 +102,7 @@ def with_portion(instance: Instance, natural: Bounds, length: float, keeps_heigh
     """
     portion = portion_of(instance.model)
     assert portion is not None and natural.plane is not None
-    factors = instance.codes.factors
-    bounds = natural.bent(instance.codes.bend).stretched(factors)
+    bounds = natural.after(instance.codes.edits_of("size"))
     rest = bounds.size[2] - bounds.length(portion)
     usual = natural.length(portion) / natural.size[2]
     least = max(usual / MAX_BEND, 1 - (1 - usual) * MAX_BEND)
@@ -128,8 +112,8 @@ def with_portion(instance: Instance, natural: Bounds, length: float, keeps_heigh
     low = natural.low[2]
     high = natural.high[2]
     moved = low + (high - low) * (fraction if portion.is_below else 1 - fraction)
-    stretch = with_side(factors, 2, height / natural.size[2])
-    return instance.changed(bend=Bend(low, natural.plane, moved, high), stretch=stretch)
+    bent = instance.with_edits(Bend, Bend(low, natural.plane, moved, high))
+    return with_side(bent, 2, height / natural.size[2])
 
 
 def described(size: tuple[float, ...]) -> str:

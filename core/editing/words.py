@@ -134,9 +134,8 @@ def reshaped(instance: Instance, direction: int, to: float, word: str) -> Instan
         return moved
     axis, sign = AXES[word]
     by = position(moved, direction) - position(instance, direction)
-    factors = moved.codes.factors
-    factor = round(factors[axis] * math.exp(sign * _GROWTH * by), 6)  # back at the start, it is 1 again
-    return moved.changed(stretch=with_side(factors, axis, factor))
+    factor = moved.codes.factors[axis]
+    return with_side(moved, axis, round(factor * math.exp(sign * _GROWTH * by), 6))  # back at the start, 1 again
 
 
 def most(instance: Instance, words: Words, name: str) -> float:

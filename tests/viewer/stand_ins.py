@@ -63,7 +63,7 @@ def quick_frames(job: RenderJob) -> Iterator[Frame | None]:
         radius = (0.3 + 0.05 * math.tanh(float(instance.codes.shape.sum()))) / camera.distance
         opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
         colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (instance.codes.texture.tolist() * 3)[:3]])
-        colour = np.array([paint.colour for paint in instance.codes.paints] or [colour])[-1]
+        colour = np.array([paint.colour for paint in instance.codes.of_kind(PartPaint)] or [colour])[-1]
         image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
         yield None
         yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
@@ -114,8 +114,8 @@ def quick_paint(instance: Instance, paint: Paint) -> Generator[None, None, Insta
 def quick_colour(instance: Instance, part_name: str) -> Generator[None, None, Rgb]:
     """The colour that :func:`quick_paint` gives."""
     yield None
-    if instance.codes.paints:
-        return instance.codes.paints[-1].colour
+    if instance.codes.of_kind(PartPaint):
+        return instance.codes.of_kind(PartPaint)[-1].colour
     red, green, blue = instance.codes.texture[:3].clamp(0, 1).tolist()
     return red, green, blue
 

@@ -244,7 +244,7 @@ def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:
     if settings.mesh in TEXTURED:
         text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
-    if instance.codes.is_sized:
+    if instance.is_sized:
         _label("Size")
         imgui.text("as in Sliders")
         return settings

@@ -61,7 +61,8 @@ class SizeBox:
         is_tool = context.tool == "size"
         projection = _Projection.of(context, corner, size)
         instance = context.session.editor.scene.instance
-        box = natural.bent(instance.codes.bend).stretched(instance.codes.proportions or (1.0, 1.0, 1.0))
+        codes = instance.codes
+        box = natural.after(codes.edits_of("size")).in_units(codes.scale)
         if is_tool or is_hinted:
             _draw_edges(context, projection, box)
         is_free = "shape" not in context.session.editor.locked
@@ -94,17 +95,16 @@ class SizeBox:
 def _handles(instance: Instance, natural: Bounds, projection: "_Projection", box: Bounds) -> list[_Handle]:
     """Return the handles of the sides that face the camera, and of the plane."""
     factors = instance.codes.factors
-    measured = natural.bent(instance.codes.bend).stretched(factors)
     handles = []
     for side in projection.sides(box):
         axis = side.axis
         reach = max(abs(side.place), _NEAR_MIDDLE * (box.high[axis] - box.low[axis]))
 
         def resized(moved: float, axis: int = axis, reach: float = reach) -> Instance:
-            return instance.changed(stretch=with_side(factors, axis, factors[axis] * max(0.01, 1 + moved / reach)))
+            return with_side(instance, axis, factors[axis] * max(0.01, 1 + moved / reach))
 
         key = f"{axis} {side.outwards}"
-        handles.append(_Handle(key, SIDES[axis], measured.size[axis], side.middle, side.motion, resized))
+        handles.append(_Handle(key, SIDES[axis], box.size[axis], side.middle, side.motion, resized))
     portion = portion_of(instance.model)
     if portion and box.plane is not None:
         handles += _plane_handle(instance, natural, projection, box, portion)
@@ -121,7 +121,7 @@ def _plane_handle(
     motion = (above - place) / _STEP
     if not projection.shows(motion):
         return []
-    length = natural.bent(instance.codes.bend).stretched(instance.codes.factors).length(portion)
+    length = box.length(portion)
     # The object grows around the scene's middle, so its lower end sinks by this much of the growth.
     sinking = -box.low[2] / (box.high[2] - box.low[2])
     rate = max(_NEAR_MIDDLE, 1 - sinking) if portion.is_below else -max(_NEAR_MIDDLE, sinking)

@@ -38,7 +38,7 @@ def draw_size(context: PanelContext) -> None:
     if button(f"{_HANDLES}###size handles", _BOX, icon, colour=colour):
         context.tool = "turn" if chosen else "size"
     imgui.same_line(0, gap)
-    if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=editor.scene.instance.codes.is_sized):
+    if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=editor.scene.instance.is_sized):
         editor.edit(editor.scene.instance.natural)
     imgui.set_next_item_width(2 * width + gap)
     _draw_portion(context, bounds)
@@ -47,13 +47,10 @@ def draw_size(context: PanelContext) -> None:
 
 def _draw_side(context: PanelContext, axis: int, natural: Bounds | None) -> None:
     instance = context.session.editor.scene.instance
-    factors = instance.codes.factors
-    before = natural.bent(instance.codes.bend).size[axis] if natural else 0.0
-    side = before * factors[axis]
+    side = natural.after(instance.codes.edits_of("size")).size[axis] if natural else 0.0
+    factor = instance.codes.factors[axis]
     text = f"{SIDES[axis][0]} {_format(side)}" if natural else SIDES[axis][0]
-    _draw_length(
-        context, SIDES[axis], text, side, lambda to: instance.changed(stretch=with_side(factors, axis, to / before))
-    )
+    _draw_length(context, SIDES[axis], text, side, lambda to: with_side(instance, axis, factor * to / side))
 
 
 def _draw_portion(context: PanelContext, natural: Bounds | None) -> None:
@@ -66,7 +63,7 @@ def _draw_portion(context: PanelContext, natural: Bounds | None) -> None:
     if natural is None:
         _draw_length(context, name, name, 0.0, lambda to: instance)
         return
-    length = natural.bent(instance.codes.bend).stretched(instance.codes.factors).length(portion)
+    length = natural.after(instance.codes.edits_of("size")).length(portion)
     text = f"{name} {_format(length)} cm"
     _draw_length(context, name, text, length, lambda to: with_portion(instance, natural, to))
 

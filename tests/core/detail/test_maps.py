@@ -239,7 +239,7 @@ def test_a_photo_of_a_chair_takes_a_paint_on_the_whole_part_in_any_colour(tiny: 
     )
     assert torch.equal(compared.painted(chair), photo)
     red = PartPaint("seat", (0.8, 0.1, 0.1), (0.5, 0.5, 0.5))
-    painted = compared.painted(chair.changed(paints=(red,)))
+    painted = compared.painted(chair.with_edits(PartPaint, red))
     hue = painted / painted.sum(0)
     assert (hue[:, :, :31] - torch.tensor([0.8, 0.1, 0.1])[:, None, None]).abs().max() < 1e-5
     assert torch.equal(painted[:, :, 33:], photo[:, :, 33:])

@@ -50,7 +50,7 @@ def through_affine_camera(instance: Instance, camera: Camera, stretch: Factors) 
 def test_a_picture_is_one_of_the_natural_object_through_an_affine_camera(
     stretch: Factors, azimuth: float, elevation: float
 ):
-    instance = tiny_model()[1].changed(stretch=stretch)
+    instance = tiny_model()[1].with_edits(Stretch, Stretch(stretch))
     camera = instance.model.camera(azimuth, elevation).resized(36, 24)
     colours, depth = through_affine_camera(instance, camera, instance.codes.proportions or (1.0,) * 3)
     exact = render_exact(instance, camera)
@@ -64,7 +64,7 @@ def test_a_picture_is_one_of_the_natural_object_through_an_affine_camera(
 @pytest.mark.parametrize("factor", [0.3, 1.7, 20.0])
 def test_a_scale_changes_no_picture(tiny: Model, factor: float) -> None:
     camera = tiny.camera(0.5, 0.3)
-    larger = tiny[0].changed(stretch=(factor,) * 3)
+    larger = tiny[0].with_edits(Stretch, Stretch((factor,) * 3))
     assert torch.equal(render_exact(larger, camera).colour, render_exact(tiny[0], camera).colour)
     assert larger.local_camera(camera) is camera
     assert size_of(larger) == pytest.approx([factor * side for side in size_of(tiny[0].natural)])
@@ -116,7 +116,7 @@ def test_the_photos_camera_sees_its_photo_on_a_stretched_object_too(tiny: Model,
     camera = tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
     instance = striped(tiny, camera)
     natural, stretched = (
-        render_frame(sized, camera).photo_shares[0] for sized in (instance, instance.changed(stretch=stretch))
+        render_frame(sized, camera).photo_shares[0] for sized in (instance, instance.with_edits(Stretch, Stretch(stretch)))
     )
     assert stretched > 0.93 * natural > 0.8
 
@@ -126,7 +126,7 @@ def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
     camera = Camera(1.1, 0.0, 40.0, 20 * far.focal * SIZE / far.height, SIZE, SIZE)
     instance = striped(tiny, camera)
     photo = torch.from_numpy(instance.detail.views[0].pixels()[..., :3] / 255).float()
-    stretched = instance.changed(stretch=(1.0, 1.0, 1.4))
+    stretched = instance.with_edits(Stretch, Stretch((1.0, 1.0, 1.4)))
     across, _, up = stretched.codes.proportions
     axis = (torch.arange(SIZE) + 0.5) / SIZE * 2 - 1
     place = torch.stack(torch.meshgrid(axis * up, axis * across, indexing="ij")[::-1], -1)
@@ -154,7 +154,7 @@ def through_bent_rays(instance: Instance, camera: Camera, bend: Bend) -> torch.T
 
 @pytest.mark.parametrize("bend", [Bend(-0.35, -0.05, 0.12, 0.35), Bend(-0.3, 0.0, -0.21, 0.4)])
 def test_a_picture_of_a_bent_object_shows_every_height_where_the_bend_puts_it(tiny: Model, bend: Bend) -> None:
-    instance = tiny[1].changed(bend=bend)
+    instance = tiny[1].with_edits(Bend, bend)
     camera = tiny.camera(0.7, 0.3).resized(48, 40)
     with torch.no_grad():
         colours = through_bent_rays(instance, camera, bend)
@@ -168,7 +168,7 @@ def test_a_picture_of_a_bent_object_shows_every_height_where_the_bend_puts_it(ti
 @given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.4, -0.31), st.floats(0.31, 0.4))
 def test_a_bent_objects_cells_hold_all_that_is_dense(plane: float, moved: float, low: float, high: float):
     bend = Bend(low, plane, moved, high)
-    instance = tiny_model()[2].changed(bend=bend)
+    instance = tiny_model()[2].with_edits(Bend, bend)
     points = (torch.rand(4000, 3, generator=torch.Generator().manual_seed(0)) * 2 - 1) * instance.model.extent_tensor
     natural = FoldedField.of(instance.natural).density(bend.origins(points))[0]
     density = FoldedField.of(instance).density(points)[0]
@@ -248,7 +248,7 @@ def test_photo_detail_is_bent_with_the_object(tiny: Model) -> None:
     expected = photo[rows.round().long().clamp(0, SIZE - 1)]
     shown, plain = (
         torch.from_numpy(render_frame(bent, camera).image / 255).float()
-        for bent in (instance.changed(bend=bend), instance.changed(bend=bend, detail=None))
+        for bent in (instance.with_edits(Bend, bend), instance.changed(bend=bend, detail=None))
     )
     stripe = ((origins * camera.focal / camera.distance).abs() < 0.06 * SIZE).nonzero()[:, 0]
     assert psnr(shown[stripe], expected[stripe]) > max(25, psnr(plain[stripe], expected[stripe]) + 5)

@@ -31,12 +31,12 @@ def chair(tiny: Model) -> Instance:
 
 def test_all_renderers_show_the_same_paints(chair: Instance) -> None:
     camera = chair.model.camera(0.7, 0.3).resized(24, 24)
-    red = chair.changed(paints=(RED, LEGS))
+    red = chair.with_edits(PartPaint, RED, LEGS)
     exact = render_exact(red, camera)
     fast = run_to_end(render_steps(red, camera, 256))
     assert (exact.colour - fast.colour).abs().mean() < 0.01
-    assert (exact.colour - render_exact(red.changed(paints=()), camera).colour).abs().max() > 0.2
-    assert torch.equal(exact.opacity, render_exact(red.changed(paints=()), camera).opacity)
+    assert (exact.colour - render_exact(red.unpainted, camera).colour).abs().max() > 0.2
+    assert torch.equal(exact.opacity, render_exact(red.unpainted, camera).opacity)
 
 
 def test_a_paint_leaves_places_of_other_parts_exactly_as_they_were(chair: Instance) -> None:
@@ -61,13 +61,13 @@ def test_a_material_is_where_colours_are_nearer_to_its_own() -> None:
 
 
 def test_paints_belong_to_the_texture_and_stay_with_edits_of_the_shape(chair: Instance, tiny: Model) -> None:
-    red = chair.changed(paints=(RED,))
+    red = chair.with_edits(PartPaint, RED)
     second = chair.model[1]
     assert red != chair and red.codes.texture_key != chair.codes.texture_key
     assert red.codes.shape_key == chair.codes.shape_key
-    assert second.with_texture(red).codes.paints == (RED,) == red.with_shape(second).codes.paints
+    assert second.with_texture(red).codes.of_kind(PartPaint) == (RED,) == red.with_shape(second).codes.of_kind(PartPaint)
     assert red.with_texture(chair) == chair
-    assert red.changed(stretch=(1.0, 1.0, 1.2)).moved("shape", torch.ones_like(chair.codes.shape)).codes.paints == (
+    assert red.with_edits(Stretch, Stretch((1.0, 1.0, 1.2))).moved("shape", torch.ones_like(chair.codes.shape)).codes.of_kind(PartPaint) == (
         RED,
     )
 
@@ -83,10 +83,10 @@ def test_a_mix_passes_from_paint_to_paint() -> None:
 
 def test_a_film_shows_paints_between_keys(chair: Instance) -> None:
     camera = chair.model.camera(0.0, 0.0)
-    keys = Keyframe(0.0, View(chair, camera)), Keyframe(1.0, View(chair.changed(paints=(RED,)), camera))
+    keys = Keyframe(0.0, View(chair, camera)), Keyframe(1.0, View(chair.with_edits(PartPaint, RED), camera))
     film = Timeline(keys, 2.0, loop=False)
-    assert film.at(0.0).instance.codes.paints == () and film.at(1.0).instance.codes.paints == (RED,)
-    assert film.at(0.25).instance.codes.paints == (replace(RED, share=0.25),)
+    assert film.at(0.0).instance.codes.of_kind(PartPaint) == () and film.at(1.0).instance.codes.of_kind(PartPaint) == (RED,)
+    assert film.at(0.25).instance.codes.of_kind(PartPaint) == (replace(RED, share=0.25),)
 
 
 def test_a_scene_file_holds_paints_and_one_without_them_opens(chair: Instance) -> None:

@@ -172,7 +172,7 @@ def test_a_morph_turns_once_and_is_the_other_object_halfway() -> None:
 
 def test_sizes_change_between_keys() -> None:
     instance, camera = shot()
-    wide = instance.changed(stretch=(3.0, 1.0, 1.0))
+    wide = instance.with_edits(Stretch, Stretch((3.0, 1.0, 1.0)))
     keys = Keyframe(0.0, View(instance, camera)), Keyframe(2.0, View(wide, camera))
     video = Timeline(keys, 2.0, loop=False)
     assert [video.at(seconds).instance.codes.stretch for seconds in (0.0, 1.0, 2.0)] == [
@@ -185,7 +185,7 @@ def test_sizes_change_between_keys() -> None:
 def test_legs_change_between_keys_and_return() -> None:
     instance, camera = shot()
     bends = (None, Bend(-0.4, 0.0, 0.1, 0.4), Bend(-0.4, -0.1, 0.1, 0.2), None)
-    keys = tuple(Keyframe(float(time), View(instance.changed(bend=bend), camera)) for time, bend in enumerate(bends))
+    keys = tuple(Keyframe(float(time), View(instance.with_edits(Bend, bend), camera)) for time, bend in enumerate(bends))
     video = Timeline(keys, 3.0, loop=False)
     middle = Bend(-0.4, -0.05, 0.1, 0.3)
     moments = {0.0: bends[0], 0.5: Bend(-0.4, 0.0, 0.05, 0.4), 1.0: bends[1], 1.5: middle, 2.0: bends[2], 3.0: None}

@@ -298,7 +298,7 @@ def test_legs_of_a_mesh_are_as_long_as_they_were_sized(tmp_path: Path):
 
 
 def test_normals_are_those_of_the_stretched_surface(tiny: Model, tmp_path: Path):
-    list(export_mesh(tiny[0].changed(stretch=(2.0, 1.0, 0.5)), tmp_path / "stool.ply", MeshSettings(48)))
+    list(export_mesh(tiny[0].with_edits(Stretch, Stretch((2.0, 1.0, 0.5))), tmp_path / "stool.ply", MeshSettings(48)))
     read = trimesh.load_mesh(tmp_path / "stool.ply", process=False)
     written = np.array(read.vertex_normals)
     np.testing.assert_allclose(np.linalg.norm(written, axis=1), 1, atol=1e-4)

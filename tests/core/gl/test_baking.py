@@ -46,7 +46,7 @@ def test_renders_of_baked_fields_approach_the_exact_one_with_more_cells(tiny: Mo
 
 @pytest.mark.parametrize("stretch", [(2.0, 1.0, 0.5), (0.6, 1.1, 1.5)])
 def test_a_stretched_object_has_the_same_texels_and_another_picture(tiny: Model, stretch: Factors) -> None:
-    stool = tiny[0].changed(stretch=stretch)
+    stool = tiny[0].with_edits(Stretch, Stretch(stretch))
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     exact = render_exact(stool, camera)
     *_, fine = filter(None, bake(stool))
@@ -74,7 +74,7 @@ def test_a_bent_object_is_baked_as_it_is_rendered(tiny: Model) -> None:
     *_, natural = filter(None, bake(tiny[0]))
     assert psnr(render_baked(fine, camera).colour, render_exact(stool, camera).colour) > 40
     assert psnr(render_baked(natural, camera).colour, render_exact(stool, camera).colour) < 35
-    ground = float(bend.bent(torch.tensor([0.0, 0.0, natural.shadow.height]))[2])
+    ground = float(bend.destinations(torch.tensor([0.0, 0.0, natural.shadow.height]))[2])
     assert fine.shadow.height == pytest.approx(ground * stool.codes.proportions[2], abs=0.005)
 
 

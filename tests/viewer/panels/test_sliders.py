@@ -106,7 +106,7 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     editor.lock("shape", True)
     window.ctx.yield_(2)
     assert not window.exists("View/**/##size 2 1")  # nothing resizes a locked shape
-    editor.edit(before.scene.instance.changed(stretch=(1.5, 1.0, 1.0)))
+    editor.edit(before.scene.instance.with_edits(Stretch, Stretch((1.5, 1.0, 1.0))))
     assert editor.scene.instance == before.scene.instance
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"

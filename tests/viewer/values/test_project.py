@@ -459,7 +459,7 @@ def test_a_project_and_a_scene_with_longer_legs_open(worker: Worker, backend: Ba
     sized = editor.scene.instance
     assert (sized.codes.bend, sized.codes.stretch) == (bend, (1.0, 1.0, 1.25))
     editor.undo()
-    assert not editor.scene.instance.codes.is_sized
+    assert not editor.scene.instance.is_sized
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert editor.scene.instance == sized
@@ -496,9 +496,9 @@ def test_a_project_and_a_scene_with_paints_open(worker: Worker, backend: Backend
     red = PartPaint("seat", (0.75, 0.125, 0.125), (0.5, 0.5, 0.25))
     wood = PartPaint("wood", (0.25, 0.25, 0.25), (0.5, 0.25, 0.0), ((0.5, 0.25, 0.0), (1.0, 1.0, 0.75)), 0.5)
     painted = editor.scene.instance
-    assert painted.codes.paints == (red, wood)
+    assert painted.codes.of_kind(PartPaint) == (red, wood)
     editor.undo()
-    assert editor.scene.instance.codes.paints == ()
+    assert editor.scene.instance.codes.of_kind(PartPaint) == ()
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert editor.scene.instance == painted
