@@ -1,7 +1,7 @@
 """A bend of the vertical axis: lengths below and above a plane change, those of the whole do not."""
 
 from dataclasses import astuple, dataclass
-from typing import Any, Self
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -74,12 +74,12 @@ vec3 bend_origins(vec3 point) {
         return {"bend": astuple(self)}
 
     @classmethod
-    def between(cls, first: Self | None, second: Self | None, amount: float) -> Self:
+    def between(cls, first: "Bend | None", second: "Bend | None", amount: float) -> "Bend":
         """Interpolate linearly; None stands for a plane that stays."""
         if first and second:
             numbers = zip(astuple(first), astuple(second), strict=True)
-            return cls(*((1 - amount) * start + amount * end for start, end in numbers))
+            return Bend(*((1 - amount) * start + amount * end for start, end in numbers))
         bend = first or second
         assert bend is not None
         fraction = 1 - amount if first else amount
-        return cls(bend.low, bend.plane, bend.plane + fraction * (bend.moved - bend.plane), bend.high)
+        return Bend(bend.low, bend.plane, bend.plane + fraction * (bend.moved - bend.plane), bend.high)

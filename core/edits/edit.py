@@ -4,7 +4,7 @@ A new kind of edit is a subclass of :class:`Edit` in a file of its own, and a ro
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, TypeVar
 
 from jaxtyping import Float
 from torch import Tensor
@@ -14,6 +14,7 @@ from core.runtime.reading import typed
 
 Subject = Literal["texture", "shape", "size"]
 Colour = Float[Tensor, "3"]
+E = TypeVar("E", bound="Edit")
 UNIT: Factors = (1.0, 1.0, 1.0)
 
 
@@ -74,7 +75,7 @@ class Edit:
         """
         raise NotImplementedError
 
-    def in_photo(self, matched: Callable[[Colour, Colour], tuple[Colour, Colour]]) -> Self:
+    def in_photo(self, matched: Callable[[Colour, Colour], tuple[Colour, Colour]]) -> "Edit":
         """Return the edit of a texture for the colours of a photo.
 
         Args:
@@ -96,14 +97,14 @@ class Edit:
         return {}
 
     @classmethod
-    def mixed(cls, first: tuple[Self, ...], second: tuple[Self, ...], amount: float) -> tuple[Self, ...]:
+    def mixed(cls: type[E], first: tuple[E, ...], second: tuple[E, ...], amount: float) -> tuple[E, ...]:
         """Interpolate from the edits of this kind of one object (amount 0) to those of another (1)."""
         if first == second or amount in (0.0, 1.0):
             return second if amount == 1.0 else first
         return (cls.between(next(iter(first), None), next(iter(second), None), amount),)
 
     @classmethod
-    def between(cls, first: Self | None, second: Self | None, amount: float) -> Self:
+    def between(cls: type[E], first: E | None, second: E | None, amount: float) -> E:
         """Interpolate linearly; None stands for no edit, and never for both."""
         raise NotImplementedError
 
@@ -112,6 +113,6 @@ class Edit:
         return dict(vars(self))
 
     @classmethod
-    def from_json(cls, content: Any) -> Self:
+    def from_json(cls: type[E], content: Any) -> E:
         """Read an edit. Raises ``ValueError`` for other content."""
         return typed(cls, content, name=cls.key)

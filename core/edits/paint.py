@@ -9,13 +9,12 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Self
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.edits.edit import Colour, Edit
+from core.edits.edit import Colour, E, Edit
 from core.geometry.pixels import lightness
 
 Rgb = tuple[float, float, float]
@@ -81,13 +80,15 @@ class PartPaint(Edit):
         painted = torch.lerp(colours + (colour - before), evenly, even).clamp(0, 1)
         return torch.lerp(below, painted, (self.share * membership)[..., None])
 
-    def in_photo(self, matched: Callable[[Colour, Colour], tuple[Colour, Colour]]) -> Self:
+    def in_photo(self, matched: Callable[[Colour, Colour], tuple[Colour, Colour]]) -> "PartPaint":
         """Return the paint for the colours of a photo instead of the network's."""
         before, colour = matched(torch.tensor(self.before), torch.tensor(self.colour))
         return replace(self, before=as_rgb(before), colour=as_rgb(colour))
 
     @classmethod
-    def mixed(cls, first: tuple[Self, ...], second: tuple[Self, ...], amount: float) -> tuple[Self, ...]:
+    def mixed(
+        cls, first: tuple["PartPaint", ...], second: tuple["PartPaint", ...], amount: float
+    ) -> tuple["PartPaint", ...]:
         """Return the paints between two objects: the second's cover the first's by ``amount``, 0..1.
 
         A part painted in both objects passes from one paint to the other and shows no colour of the network between.
@@ -100,7 +101,7 @@ class PartPaint(Edit):
             replace(paint, share=min(1.0, (1 - amount) * paint.share / (1 - covered.get(paint.part, 0.0))))
             for paint in first
         )
-        return (*below, *above)[-cls.most :]
+        return (*below, *above)[-PartPaint.most :]
 
 
 def as_rgb(colour: Float[Tensor, "3"]) -> Rgb:

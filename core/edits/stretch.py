@@ -1,7 +1,7 @@
 """A stretch of space along the axes, which gives an object another width, depth and height."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 from jaxtyping import Float
 from torch import Tensor
@@ -60,17 +60,17 @@ class Stretch(Edit):
         return Stretch((factors[0], factors[1], factors[2]))
 
     @classmethod
-    def between(cls, first: Self | None, second: Self | None, amount: float) -> Self:
+    def between(cls, first: "Stretch | None", second: "Stretch | None", amount: float) -> "Stretch":
         """Interpolate linearly; None stands for ones."""
         ends = zip(first.factors if first else UNIT, second.factors if second else UNIT, strict=True)
         x, y, z = ((1 - amount) * start + amount * end for start, end in ends)
-        return cls((x, y, z))
+        return Stretch((x, y, z))
 
     def to_json(self) -> Any:
         """Return the three factors."""
         return self.factors
 
     @classmethod
-    def from_json(cls, content: Any) -> Self:
+    def from_json(cls, content: Any) -> "Stretch":
         """Read three factors. Raises ``ValueError`` for other content."""
-        return cls(typed(Factors, content, name=cls.key))
+        return Stretch(typed(Factors, content, name=cls.key))

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -78,14 +78,14 @@ vec3 warp_origins(vec3 point) {{
         return {"warp": self.coefficients, "warp_extent": self.extent}
 
     @classmethod
-    def between(cls, first: Self | None, second: Self | None, amount: float) -> Self:
+    def between(cls, first: "Warp | None", second: "Warp | None", amount: float) -> "Warp":
         """Interpolate linearly; None stands for no motion. Raises ``ValueError`` for warps of different directions."""
         shares = [(warp, share) for warp, share in ((first, 1 - amount), (second, amount)) if warp]
         columns = zip(*([share * number for number in warp._numbers] for warp, share in shares), strict=True)
         numbers = tuple(map(sum, columns))
         count = len(shares[0][0].steps)
         x, y, z = (numbers[count + axis : -1 : 3] for axis in range(3))
-        return cls(numbers[:count], shares[0][0].extent, tuple(zip(x, y, z, strict=True)), min(numbers[-1], 1.0))
+        return Warp(numbers[:count], shares[0][0].extent, tuple(zip(x, y, z, strict=True)), min(numbers[-1], 1.0))
 
     @property
     def _numbers(self) -> tuple[float, ...]:

@@ -4,21 +4,19 @@ import math
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from core.edits import kinds
-from core.edits.edit import UNIT, Edit, Subject
+from core.edits.edit import UNIT, E, Edit, Subject
 from core.geometry.camera import Factors
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
 from core.models.photo_detail import PhotoDetail
 
 __all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", "farthest_first"]
-
-E = TypeVar("E", bound=Edit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import ViewpointClassifier
-from core.edits.edit import Edit
+from core.edits.edit import E, Edit
 from core.geometry.camera import MAX_SIDE, Camera
-from core.models.codes import CodeBook, Codes, E
+from core.models.codes import CodeBook, Codes
 from core.models.field import Field
 from core.models.latents import CodeKind, Latents
 from core.models.model_file import Words, read_model_file, rendering_tensors, write_model_file

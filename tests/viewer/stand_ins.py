@@ -108,7 +108,7 @@ def crowded(path: Path, hints: Hints | None) -> CutOut:
 def quick_paint(instance: Instance, paint: Paint) -> Generator[None, None, Instance]:
     """The object's only paint has the colour."""
     yield None
-    return instance.changed(paints=(PartPaint(paint.part, paint.colour, (0.5, 0.5, 0.5)),))
+    return instance.with_edits(PartPaint, PartPaint(paint.part, paint.colour, (0.5, 0.5, 0.5)))
 
 
 def quick_colour(instance: Instance, part_name: str) -> Generator[None, None, Rgb]:

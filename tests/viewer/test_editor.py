@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from core.edits.stretch import Stretch
 from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import CodeBook
 from core.models.missing import MissingInstance

@@ -84,6 +84,7 @@ def encode(value: Any, store: BlobStore) -> Any:
         return {"image": image, "fine": fine} | {name: encode(getattr(value, name), store) for name in _BESIDE_IMAGE}
     if isinstance(value, Instance):
         latents = _encode_fields(replace(value.codes, edits=()), store)
+        del latents["edits"]
         return latents | edits_json(value.codes.edits) | {"model": value.fingerprint}
     if isinstance(value, FittedPhoto):
         return {"source": encode(value.source, store), "photo": encode(value.photo, store)} | _encode_preview(

@@ -11,8 +11,10 @@ from core.detail.maps import ComparedPhoto, detail_maps, paint_weight
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
 from core.detail.surface import SurfaceTexels, surface_normals
 from core.edits.bend import Bend
+from core.edits.edit import Edit
 from core.edits.paint import PartPaint
-from core.geometry.camera import Camera, Factors
+from core.edits.stretch import Stretch
+from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
 from core.gl.baking import bake
@@ -173,21 +175,22 @@ def test_every_stage_shows_photo_detail(instance: Instance, camera: Camera) -> N
 @pytest.mark.parametrize(
     ("azimuth", "covers", "edited", "size"),
     [
-        (1.4, False, False, {}),
-        (1.4, False, True, {}),
-        (1.2, False, False, {"stretch": (1.5, 1.0, 0.8)}),
-        (1.2, False, True, {"stretch": (1.0, 1.0, 1.2), "bend": BEND}),
-        (np.pi - 1.1, False, False, {"bend": BEND}),
-        (np.pi - 1.1, False, False, {}),
-        (np.pi - 1.1, True, False, {}),
+        (1.4, False, False, ()),
+        (1.4, False, True, ()),
+        (1.2, False, False, (Stretch((1.5, 1.0, 0.8)),)),
+        (1.2, False, True, (BEND, Stretch((1.0, 1.0, 1.2)))),
+        (np.pi - 1.1, False, False, (BEND,)),
+        (np.pi - 1.1, False, False, ()),
+        (np.pi - 1.1, True, False, ()),
     ],
 )
 def test_opengl_and_the_processor_draw_the_same_photo_detail(
-    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool, size: dict[str, Factors | Bend]
+    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool, size: tuple[Edit, ...]
 ) -> None:
-    instance = (moved_along(instance, 0, 9.0) if edited else instance).changed(**size)
+    instance = moved_along(instance, 0, 9.0) if edited else instance
+    instance = instance.changed(edits=(*instance.codes.edits, *size))
     *_, shadowed = filter(None, bake(instance))
-    assert shadowed.detail is not None and (shadowed.detail.warp is not None) == edited
+    assert shadowed.detail is not None and len(shadowed.detail.edits) == edited + (BEND in size)
     baked = replace(shadowed, shadow=None)
     if covers:
         baked = replace(baked, detail=lettered(baked.detail))

@@ -11,11 +11,11 @@ from core.detail.progressive import render_frame
 from core.editing.bounds import natural_bounds, portion_of
 from core.editing.size import bounds_of, described, portion_sized, size_of, sized, with_portion
 from core.edits.bend import MAX_BEND, Bend
+from core.edits.stretch import MAX_DISTORTION, Stretch
 from core.export.mesh import extract_mesh
 from core.geometry.camera import Camera, Factors
 from core.geometry.rays import Rays, camera_rays, clip_to_box, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
-from core.models.codes import MAX_DISTORTION
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.motion import moved_along
@@ -101,7 +101,7 @@ def test_a_distortion_is_limited(tiny: Model) -> None:
     width, depth, height = size_of(tiny[0].natural)
     with pytest.raises(ValueError, match="too far from the natural"):
         sized(tiny[0], (1.1 * MAX_DISTORTION * width, depth, height))
-    assert sized(tiny[0], (0.99 * MAX_DISTORTION * width, depth, height)).codes.stretch is not None
+    assert sized(tiny[0], (0.99 * MAX_DISTORTION * width, depth, height)).is_sized
 
 
 def test_a_network_that_paints_the_background_has_no_sizes() -> None:
@@ -116,7 +116,8 @@ def test_the_photos_camera_sees_its_photo_on_a_stretched_object_too(tiny: Model,
     camera = tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
     instance = striped(tiny, camera)
     natural, stretched = (
-        render_frame(sized, camera).photo_shares[0] for sized in (instance, instance.with_edits(Stretch, Stretch(stretch)))
+        render_frame(sized, camera).photo_shares[0]
+        for sized in (instance, instance.with_edits(Stretch, Stretch(stretch)))
     )
     assert stretched > 0.93 * natural > 0.8
 
@@ -210,7 +211,9 @@ def test_a_roof_begins_at_the_windows() -> None:
 def test_an_edit_of_the_shape_keeps_the_bend_and_sizes_stay_true() -> None:
     chair = portion_sized(load_model("chairs")[999], "legs", 50.0)
     edited = moved_along(chair, 0, 9.0)
-    assert edited.codes.bend == chair.codes.bend and edited.natural == moved_along(chair.natural, 0, 9.0)
+    assert edited.codes.edits_of("size") == chair.codes.edits_of("size") and edited.natural == moved_along(
+        chair.natural, 0, 9.0
+    )
     legs = portion_of(chair.model)
     again = portion_sized(edited, "legs", 45.0)
     assert bounds_of(again).length(legs) == pytest.approx(45)
@@ -248,7 +251,7 @@ def test_photo_detail_is_bent_with_the_object(tiny: Model) -> None:
     expected = photo[rows.round().long().clamp(0, SIZE - 1)]
     shown, plain = (
         torch.from_numpy(render_frame(bent, camera).image / 255).float()
-        for bent in (instance.with_edits(Bend, bend), instance.changed(bend=bend, detail=None))
+        for bent in (instance.with_edits(Bend, bend), instance.changed(edits=(bend,), detail=None))
     )
     stripe = ((origins * camera.focal / camera.distance).abs() < 0.06 * SIZE).nonzero()[:, 0]
     assert psnr(shown[stripe], expected[stripe]) > max(25, psnr(plain[stripe], expected[stripe]) + 5)

@@ -5,8 +5,9 @@ import torch
 
 from core.editing.size import size_of
 from core.editing.words import AXES, Words, direction_words, most, moved, name_changes
+from core.edits.warp import Warp
 from core.models.library import load_model
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.motion import LIMIT
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
@@ -45,15 +46,20 @@ def lightness_rises(name: str, words: Words) -> bool | None:
     return light > dark
 
 
+def steps(instance: Instance) -> tuple[float, ...]:
+    """How far edits moved an object along the first shape directions."""
+    return instance.codes.of_kind(Warp)[0].steps
+
+
 def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
     instance = tiny[0]
     words = Words(shape=("", "taller"), texture=("bluer",))
     higher, lower = (moved(instance, words, name, 0.5) for name in ("taller", "lower"))
-    assert higher.codes.warp.steps == (0.0, 0.5) and lower.codes.warp.steps == (0.0, -0.5)
+    assert steps(higher) == (0.0, 0.5) and steps(lower) == (0.0, -0.5)
     assert torch.equal(higher.codes.texture, instance.codes.texture)
     assert most(instance, words, "taller") == pytest.approx(LIMIT)
     farthest = moved(instance, words, "taller", 9.0)
-    assert farthest.codes.warp.steps == pytest.approx((0.0, LIMIT), abs=1e-3)
+    assert steps(farthest) == pytest.approx((0.0, LIMIT), abs=1e-3)
     assert most(instance, words, "bluer") == torch.inf
     assert not torch.equal(moved(instance, words, "more yellow", 1.0).codes.texture, instance.codes.texture)
     with pytest.raises(ValueError, match="no direction 'roof'; choose one of taller, lower, bluer, more yellow"):
@@ -74,4 +80,4 @@ def test_words_of_sizes_change_that_side_alone(stored: bool) -> None:
         assert sign * (ratios.pop(axis) - 1) > 0.08
         assert ratios == pytest.approx([1.0, 1.0], abs=0.05)
         assert moved(edited, words, word, -2.0) == car
-    assert moved(car, words, "rounder", 2.0).codes.stretch is None
+    assert not moved(car, words, "rounder", 2.0).is_sized

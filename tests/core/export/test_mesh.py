@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from core.detail.progressive import render_frame
 from core.editing.bounds import natural_bounds
 from core.editing.size import portion_sized, sized
+from core.edits.stretch import Stretch
 from core.export import mesh as module
 from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh

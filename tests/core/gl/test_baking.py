@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from core.edits.bend import Bend
+from core.edits.stretch import Stretch
 from core.geometry.camera import Camera, Factors
 from core.gl.baked_field import BakedField
 from core.gl.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
@@ -68,7 +69,7 @@ def test_a_stretched_object_has_the_same_texels_and_another_picture(tiny: Model,
 
 def test_a_bent_object_is_baked_as_it_is_rendered(tiny: Model) -> None:
     bend = Bend(-0.35, -0.05, 0.1, 0.35)
-    stool = tiny[0].changed(bend=bend, stretch=(1.0, 1.0, 1.3))
+    stool = tiny[0].changed(edits=(bend, Stretch((1.0, 1.0, 1.3))))
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     *_, fine = filter(None, bake(stool))
     *_, natural = filter(None, bake(tiny[0]))

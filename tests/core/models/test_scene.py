@@ -8,6 +8,7 @@ import pytest
 import torch
 from PIL import Image
 
+from core.edits.stretch import Stretch
 from core.models.codes import Codes
 from core.models.model import Instance, Model
 from core.models.scene import Scene, embedded_scene, open_scene, save_image

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 
+from core.edits.stretch import Stretch
 from tests.viewer.driver import finish
 from tests.viewer.test_editor import fitted
 from viewer.editor import Editor

@@ -6,6 +6,7 @@ import torch
 
 from core.detail.progressive import Frame
 from core.edits.bend import Bend
+from core.edits.stretch import Stretch
 from core.models.codes import Entry
 from core.models.model import Instance, Model, Words
 from tests.conftest import open_models, random_model

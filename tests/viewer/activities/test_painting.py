@@ -141,7 +141,7 @@ def test_two_parts_painted_in_a_row_are_both_painted(
     def paint(instance: Instance, chosen: Paint) -> Generator[None, None, Instance]:
         yield None
         added = PartPaint(chosen.part, chosen.colour, (0.5, 0.5, 0.5))
-        return instance.changed(paints=(*instance.codes.of_kind(PartPaint), added))
+        return instance.changed(edits=(*instance.codes.edits, added))
 
     painted.jobs.backend = replace(painted.jobs.backend, paint=paint)
     painting = painted.painting

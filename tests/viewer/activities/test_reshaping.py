@@ -136,7 +136,7 @@ def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, edit
     finish(session)
     texture = editor.model[2].codes.texture
     editor.edit(editor.scene.instance.changed(texture=texture))
-    warp = editor.scene.instance.codes.warp
+    edits = editor.scene.instance.codes.edits
     session.reshaping.drag_handle(_TOP, (0.0, -0.05), _WORDS)
     session.reshaping.release()
-    assert editor.scene.instance.codes.warp != warp and editor.code("texture") is texture
+    assert editor.scene.instance.codes.edits != edits and editor.code("texture") is texture

@@ -10,6 +10,7 @@ import torch
 from imgui_bundle import imgui
 
 from core.editing.parts import Handle
+from core.edits.paint import PartPaint
 from core.models.part_head import PartHead
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import endless_fit, two_parts
