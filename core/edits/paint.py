@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.edits.edit import Colour, E, Edit
+from core.edits.edit import Colour, Edit
 from core.geometry.pixels import lightness
 
 Rgb = tuple[float, float, float]
