@@ -35,9 +35,10 @@ class Portion(NamedTuple):
     is_below: bool
     edge_of: str  # the part whose lower edge is the plane
     row_axes: tuple[int, ...]  # axes that number the rows of a surface; the lowest point of a row is at the edge
+    pulled_parts: tuple[str, ...]  # parts whose handles change the portion
 
 
-_PORTIONS = Portion("legs", True, "seat", (0, 1)), Portion("roof", False, "glass", (1,))
+_PORTIONS = Portion("legs", True, "seat", (0, 1), ("legs",)), Portion("roof", False, "glass", (1,), ("glass",))
 
 
 class Bounds(NamedTuple):

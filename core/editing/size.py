@@ -11,7 +11,9 @@ from core.edits.bend import MAX_BEND, Bend
 from core.edits.stretch import LEAST, MAX_DISTORTION, MOST, Stretch
 from core.models.model import Instance
 
+SIDES = "width", "depth", "height"
 LIMITS = 0.1, 100_000.0  # cm, of a length
+_DIGITS = 9  # of a factor, so that a length as before leaves no edit
 _TOLERANCE = 1e-4  # relative difference of a length from the wanted one, above which it is out of reach
 
 
@@ -55,6 +57,32 @@ def _measured(instance: Instance) -> Bounds:
     if instance.model.white_from_network:
         raise ValueError("objects of a model that paints the background have no size")
     return natural_bounds(instance)
+
+
+def lengths(instance: Instance, natural: Bounds) -> dict[str, float]:
+    """Return the lengths of an object in cm that can be changed: its sides, and legs or roof, if it has any.
+
+    Args:
+        natural: its natural bounds.
+    """
+    bounds = natural.after(instance.codes.edits_of("size"))
+    portion = portion_of(instance.model)
+    portions = {portion.name: bounds.length(portion)} if portion and bounds.plane is not None else {}
+    return dict(zip(SIDES, bounds.size, strict=True)) | portions
+
+
+def resized(instance: Instance, natural: Bounds, name: str, length: float) -> Instance:
+    """Return an object with another length, one of :func:`lengths`, as near as limits allow."""
+    if name not in SIDES:
+        return with_portion(instance, natural, length)
+    axis = SIDES.index(name)
+    factor = instance.codes.factors[axis] * length / lengths(instance, natural)[name]
+    return with_side(instance, axis, round(factor, _DIGITS))
+
+
+def shown_bounds(instance: Instance, natural: Bounds) -> Bounds:
+    """Return the bounds of an object as cameras see it: images show no scale."""
+    return natural.after(instance.codes.edits_of("size")).in_units(instance.codes.scale)
 
 
 def with_side(instance: Instance, axis: int, factor: float) -> Instance:

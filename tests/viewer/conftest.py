@@ -69,7 +69,7 @@ def backend(model: Model) -> Backend:
         paint_colour=quick_colour,
         distance=lambda instance, camera, fraction: camera.distance,
         bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3), 150.0, -0.06),
-        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
+        direction_words=lambda model: iter(({"shape": ("rounder", ""), "texture": ("redder",)},)),
     )
 
 
@@ -93,7 +93,7 @@ def real_backend(model: Model) -> Backend:
     return Backend(
         load_model=lambda name: model,
         guess_category=no_guess,
-        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
+        direction_words=lambda model: iter(({"shape": ("rounder", ""), "texture": ("redder",)},)),
     )
 
 
