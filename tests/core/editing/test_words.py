@@ -62,9 +62,7 @@ def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
     assert steps(farthest) == pytest.approx((0.0, LIMIT), abs=1e-3)
     assert most(instance, words, "bluer") == torch.inf
     assert not torch.equal(moved(instance, words, "more yellow", 1.0).codes.texture, instance.codes.texture)
-    with pytest.raises(
-        ValueError, match="no direction 'roof'; choose one of rounder, more angular, bluer"
-    ):
+    with pytest.raises(ValueError, match="no direction 'roof'; choose one of rounder, more angular, bluer"):
         moved(instance, words, "roof", 1.0)
 
 
