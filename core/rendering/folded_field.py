@@ -27,6 +27,7 @@ class FoldedField:
         self.dtype = matmul_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
         self._edits = instance.codes.field_edits
+        self._space_edits = instance.codes.space_edits
         self._sizes = tuple(edit for edit in self._edits if edit.subject == "size")
         self._outline = outline(instance)
         self._part_head = model.part_head
@@ -52,8 +53,13 @@ class FoldedField:
         self, points: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Return density per scene unit, bounded by the outline of photos, and features for :meth:`colour`."""
-        density, features = self.unbounded_density(self.first_layer(points))
-        return density if self._outline is None else density * self._outline.factor(points), features
+        origins = kinds.origins(points, self._edits)
+        density, features = self.unbounded_density(relu_(self._weights.position(origins)))
+        if self._outline is None:
+            return density, features
+        # Unless the code has moved, too, they are also the places on the fitted object.
+        is_fitted = self._outline.edits == self._space_edits
+        return density * (self._outline.factor_at(origins) if is_fitted else self._outline.factor(points)), features
 
     def unbounded_density(
         self, first: Float[Tensor, "points width"]

@@ -86,7 +86,10 @@ class Outline(NamedTuple):
 
     def factor(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return the factor on the density of points: their weight in all masks, and the largest gain."""
-        points = kinds.origins(points, self.edits)
+        return self.factor_at(kinds.origins(points, self.edits))
+
+    def factor_at(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return :meth:`factor` of places on the fitted object."""
         weight = gain = torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
             for place in (points, _mirror(points)) if mirrored else (points,):
