@@ -1,1 +1,1 @@
-"""How edits are made: from centimetres, words, pulls on a part, and colours."""
+"""The making of edits: from centimetres, words, pulls on a part, and colours."""

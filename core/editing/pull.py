@@ -49,19 +49,20 @@ def pull_on(instance: Instance, natural: Bounds, camera: Camera, name: str, poin
     box = shown_bounds(instance, natural)
     axis = SIDES.index(name) if name in SIDES else 2
     portion = portion_of(instance.model)
-    low, high = box.low[axis], box.high[axis]
+    low = box.low[axis]
+    side = box.high[axis] - low
     if portion and name == portion.name and box.plane is not None:
-        low, high = (low, box.plane) if portion.is_below else (box.plane, high)
-    side = high - low
+        low = low if portion.is_below else box.plane
+        side = box.length(portion) / box.cm
     # An object grows around the scene's middle, so the lower end of a length moves by this much of its growth.
     rate = point[axis] - low + side * box.low[axis] / (box.high[axis] - box.low[axis])
     outwards = rate if axis < 2 else point[axis] - low - _FEET * side
     rate = math.copysign(max(abs(rate), _NEAR_MIDDLE * side), outwards)
     right, down = _motion(camera, axis, point)
-    across = math.hypot(right, down)
-    if across < _SHORT * camera.focal / camera.distance:
+    speed = math.hypot(right, down)
+    if speed < _SHORT * camera.focal / camera.distance:
         return None
-    growth = right / (across**2 * rate), down / (across**2 * rate)
+    growth = right / (speed**2 * rate), down / (speed**2 * rate)
     return Pull(name, lengths(instance, natural)[name], growth)
 
 

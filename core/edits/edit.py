@@ -23,8 +23,8 @@ class Edit:
 
     key: ClassVar[str]  # of its kind in files
     subject: ClassVar[Subject]
-    """What it changes. A texture's edits go with the texture, all others with the shape. A size's come last: they move
-    the bounds of an object exactly (:meth:`destinations`), and the natural object is without them."""
+    """The changed property. Edits of the texture go with the texture, all others with the shape. Those of the size come
+    last: they move bounds exactly (:meth:`destinations`), and the natural object is without them."""
     most: ClassVar[int] = 1  # edits of this kind that an object has
     is_separable: ClassVar[bool] = False
     """each coordinate of an origin depends on the same coordinate of the point alone"""
