@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.detail.progressive import render_frame
-from core.editing.size import portion_sized, sized
+from core.editing.size import sized
 from core.export import mesh, page, video
 from core.export.framing import filling_frame
 from core.export.keyframes import TURN, View, turntable
@@ -38,7 +38,6 @@ __all__ = [
     "fit",
     "load_model",
     "load_photo",
-    "portion_sized",
     "render",
     "sized",
     "write_page",

@@ -12,7 +12,7 @@ from core.cli.output import say
 from core.cli.progress import run_with_progress
 from core.detail.progressive import render_frame, render_reference
 from core.editing.paint import Paint, paint
-from core.editing.size import portion_sized, sized
+from core.editing.size import SIDES, sized
 from core.editing.words import direction_words, most, moved
 from core.export import keyframes
 from core.export.framing import filling_frame
@@ -139,9 +139,5 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
             instance = moved(instance, words, name, amount)
     for part, colour in chosen.paint:
         instance = run_to_end(paint(instance, Paint(colour, part)))
-    if chosen.size_cm:
-        instance = sized(instance, chosen.size_cm)
-    if chosen.portion_cm:
-        name, length = chosen.portion_cm
-        instance = portion_sized(instance, name, length, keeps_height=chosen.size_cm is not None)
-    return instance
+    lengths = dict(zip(SIDES, chosen.size_cm or (), strict=False)) | dict(filter(None, [chosen.portion_cm]))
+    return sized(instance, **lengths) if lengths else instance

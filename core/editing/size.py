@@ -8,7 +8,7 @@ stretch it below or above a plane only: a bend (:mod:`core.edits.bend`) with a s
 
 from core.editing.bounds import Bounds, Size, bounds_of, natural_bounds, portion_of
 from core.edits.bend import MAX_BEND, Bend
-from core.edits.stretch import LEAST, MAX_DISTORTION, MOST, Stretch
+from core.edits.stretch import Stretch
 from core.models.model import Instance
 
 SIDES = "width", "depth", "height"
@@ -22,41 +22,44 @@ def size_of(instance: Instance) -> Size:
     return bounds_of(instance).size
 
 
-def sized(instance: Instance, size: tuple[float, ...] | None) -> Instance:
-    """Return an object stretched to a size; None: in its natural size and proportions.
+def sized(instance: Instance, **cm: float) -> Instance:
+    """Return an object of other lengths; without any, in its natural size and proportions.
+
+    Legs end at the underside of the seat, a roof begins at the lower edge of the windows.
 
     Args:
-        size: width, depth and height in cm.
+        cm: width, depth, height, and legs (chairs) or roof (cars), which change the height unless that is given.
 
-    Raises ``ValueError`` for a size that is no length or too far from the natural one, for an object without a surface,
-    and for models that paint the background.
+    Raises ``ValueError`` for a length that the object has not or cannot have, for an object without a surface, and for
+    models that paint the background.
 
     Example:
         >>> import core
-        >>> chair = core.sized(core.load_model("chairs")[3], (60.0, 58.0, 92.0))
-        >>> [round(side, 6) for side in size_of(chair)]
-        [60.0, 58.0, 92.0]
+        >>> chair = core.sized(core.load_model("chairs")[3], width=60.0, depth=58.0, height=92.0, legs=45.0)
+        >>> {name: round(length, 6) for name, length in lengths(chair, natural_bounds(chair)).items()}
+        {'width': 60.0, 'depth': 58.0, 'height': 92.0, 'legs': 45.0}
     """
-    if size is None:
+    if not cm:
         return instance.natural
-    if len(size) != 3 or not all(LIMITS[0] <= side <= LIMITS[1] for side in size):  # false for NaN
-        raise ValueError(f"a size is three lengths from {LIMITS[0]:g} to {LIMITS[1]:g} cm, got {described(size)}")
-    natural = _measured(instance)
-    unstretched = natural.after(instance.codes.with_edits(Stretch).edits_of("size")).size
-    x, y, z = (side / before for side, before in zip(size, unstretched, strict=True))
-    factors = sorted((x, y, z))
-    if factors[0] < LEAST or factors[-1] > MOST or factors[-1] > MAX_DISTORTION * factors[0]:
-        raise ValueError(
-            f"{described(size)} is too far from the natural {described(natural.size)}: sides differ by a factor of "
-            f"{MOST:g} at most, and not one by {MAX_DISTORTION:g} times as much as another"
-        )
-    return instance.with_edits(Stretch, Stretch((x, y, z)))
-
-
-def _measured(instance: Instance) -> Bounds:
     if instance.model.white_from_network:
         raise ValueError("objects of a model that paints the background have no size")
-    return natural_bounds(instance)
+    natural = natural_bounds(instance)
+    known = lengths(instance, natural)
+    for name, length in cm.items():
+        if name not in known:
+            raise ValueError(f"this object has no {name} to be sized, only {', '.join(known)}")
+        if not LIMITS[0] <= length <= LIMITS[1]:  # also for NaN
+            raise ValueError(f"a length is {LIMITS[0]:g} to {LIMITS[1]:g} cm, got {length:g}")
+    unstretched = natural.after(instance.codes.with_edits(Stretch).edits_of("size")).size
+    x, y, z = (cm.get(name, known[name]) / side for name, side in zip(SIDES, unstretched, strict=True))
+    changed = instance.with_edits(Stretch, Stretch((x, y, z)))
+    for name in cm.keys() - {*SIDES}:
+        changed = with_portion(changed, natural, cm[name], keeps_height="height" in cm)
+    for name, length in cm.items():
+        nearest = lengths(changed, natural)[name]
+        if abs(nearest - length) > _TOLERANCE * length:
+            raise ValueError(f"{name} cannot become {length:.4g} cm long, the nearest is {nearest:.3g} cm")
+    return changed
 
 
 def lengths(instance: Instance, natural: Bounds) -> dict[str, float]:
@@ -90,43 +93,12 @@ def with_side(instance: Instance, axis: int, factor: float) -> Instance:
     return instance.with_edits(Stretch, Stretch(instance.codes.factors).with_side(axis, factor))
 
 
-def portion_sized(instance: Instance, name: str, length: float, keeps_height: bool = False) -> Instance:
-    """Return an object with legs (chairs) or a roof (cars) of a length in cm.
-
-    Legs end at the underside of the seat, a roof begins at the lower edge of the windows.
-
-    Args:
-        keeps_height: of the object; False: the rest of it keeps its height.
-
-    Raises ``ValueError`` for an object without such a portion, and for a length that is out of reach.
-
-    Example:
-        >>> import core
-        >>> chair = core.sized(core.load_model("chairs")[3], (60.0, 58.0, 92.0))
-        >>> chair = core.portion_sized(chair, "legs", 45.0, keeps_height=True)
-        >>> [round(side, 6) for side in size_of(chair)]
-        [60.0, 58.0, 92.0]
-    """
-    portion = portion_of(instance.model)
-    natural = _measured(instance)
-    if portion is None or portion.name != name or natural.plane is None:
-        noun = instance.model.noun or "object"
-        reach = f"only its {portion.name}" if portion and natural.plane is not None else "only the whole of it"
-        raise ValueError(f"the {name} of this {noun} cannot be sized, {reach}")
-    if not LIMITS[0] <= length <= LIMITS[1]:
-        raise ValueError(f"a length is {LIMITS[0]:g} to {LIMITS[1]:g} cm, got {length:g}")
-    changed = with_portion(instance, natural, length, keeps_height)
-    nearest = bounds_of(changed).length(portion)
-    if abs(nearest - length) > _TOLERANCE * length:
-        raise ValueError(f"{name} of {length:.4g} cm are out of reach of this object, the nearest are {nearest:.3g} cm")
-    return changed
-
-
 def with_portion(instance: Instance, natural: Bounds, length: float, keeps_height: bool = False) -> Instance:
-    """Return :func:`portion_sized` for a length as near as limits allow, of an object with a plane.
+    """Return an object with legs or a roof of a length in cm, as near as limits allow.
 
     Args:
-        natural: its natural bounds.
+        natural: its natural bounds, with a plane.
+        keeps_height: of the object; False: the rest of it keeps its height.
     """
     portion = portion_of(instance.model)
     assert portion is not None and natural.plane is not None
@@ -142,13 +114,3 @@ def with_portion(instance: Instance, natural: Bounds, length: float, keeps_heigh
     moved = low + (high - low) * (fraction if portion.is_below else 1 - fraction)
     bent = instance.with_edits(Bend, Bend(low, natural.plane, moved, high))
     return with_side(bent, 2, height / natural.size[2])
-
-
-def described(size: tuple[float, ...]) -> str:
-    """Return a size in words.
-
-    Example:
-        >>> described((60.0, 58.24, 92.0))
-        '60 x 58.2 x 92 cm'
-    """
-    return " x ".join(f"{side:.6g}" if abs(side) >= 1000 else f"{side:.3g}" for side in size) + " cm"

@@ -134,4 +134,4 @@ def test_it_is_mixed_and_goes_with_the_shape(tiny: Model, twisted: Instance) -> 
 def test_it_is_sized_as_it_is(twisted: Instance) -> None:
     width, depth, height = size_of(twisted)
     assert (width, depth) != pytest.approx(size_of(twisted.unmoved)[:2], rel=1e-3)
-    assert size_of(sized(twisted, (width, depth, 1.2 * height)))[2] == pytest.approx(1.2 * height)
+    assert size_of(sized(twisted, width=width, depth=depth, height=1.2 * height))[2] == pytest.approx(1.2 * height)
