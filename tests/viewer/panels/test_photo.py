@@ -36,6 +36,10 @@ from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
 
+def newest_paint(editor: Editor) -> Rgb:
+    return editor.scene.instance.codes.of_kind(PartPaint)[-1].colour
+
+
 @in_window(fit=detailed_fit)
 def test_photo_and_view_are_compared_from_the_photo_s_camera(window: Driver, photo: Path) -> None:
     session = window.session
@@ -243,10 +247,6 @@ def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path)
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
-def newest_paint(editor: Editor) -> Rgb:
-    return editor.scene.instance.codes.of_kind(PartPaint)[-1].colour
-
-
 def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model: Model) -> None:
     session = window.session
     editor = window.session.editor
