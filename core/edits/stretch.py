@@ -23,7 +23,6 @@ class Stretch(Edit):
 
     key = "stretch"
     subject = "size"
-    is_separable = True
 
     def __post_init__(self) -> None:
         within = all(LEAST / _ROUNDING <= factor <= MOST * _ROUNDING for factor in self.factors)

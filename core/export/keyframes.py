@@ -208,7 +208,7 @@ class _Run:
         if len(self.knots) == 1:
             return nearest
         latents = {name: path(seconds) for name, path in self._paths.items()}
-        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(edits=self._edits(seconds))
+        return nearest.changed(edits=self._edits(seconds), **latents)
 
     def _edits(self, seconds: float) -> tuple[Edit, ...]:
         """Interpolate edits linearly, which passes no limit between two knots."""

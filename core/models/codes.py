@@ -1,7 +1,7 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -95,10 +95,6 @@ class Codes(Latents):
             return None
         x, y, z = (factor / self.scale for factor in factors)
         return x, y, z
-
-    def with_latents(self, tensors: Mapping[str, Tensor]) -> "Codes":
-        """Return these codes with other numbers, by field of :class:`core.models.latents.Latents`."""
-        return replace(self, **tensors)  # type: ignore[arg-type]
 
     @classmethod
     def of(cls, latents: Latents) -> "Codes":
