@@ -52,7 +52,12 @@ def sized(instance: Instance, **cm: float) -> Instance:
             raise ValueError(f"a length is {LIMITS[0]:g} to {LIMITS[1]:g} cm, got {length:g}")
     unstretched = natural.after(instance.codes.with_edits(Stretch).edits_of("size")).size
     x, y, z = (cm.get(name, known[name]) / side for name, side in zip(SIDES, unstretched, strict=True))
-    changed = instance.with_edits(Stretch, Stretch((x, y, z)))
+    try:
+        changed = instance.with_edits(Stretch, Stretch((x, y, z)))
+    except ValueError as error:
+        raise ValueError(
+            f"{' x '.join(f'{side:.4g}' for side in natural.size)} cm is the natural size: {error}"
+        ) from None
     for name in cm.keys() - {*SIDES}:
         changed = with_portion(changed, natural, cm[name], keeps_height="height" in cm)
     for name, length in cm.items():
