@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.detail.progressive import render_frame
+from core.editing.size import sized
 from core.export import mesh, page, video
 from core.export.framing import filling_frame
 from core.export.keyframes import TURN, View, turntable
@@ -27,7 +28,6 @@ from core.models.scene import Scene
 from core.photos.clip import is_clip
 from core.photos.clip_object import load_clip
 from core.photos.photo import Photo, load_photo
-from core.rendering.size import portion_sized, sized
 
 __all__ = [
     "Camera",
@@ -41,7 +41,6 @@ __all__ = [
     "load_clip",
     "load_model",
     "load_photo",
-    "portion_sized",
     "render",
     "sized",
     "write_page",

@@ -160,7 +160,7 @@ class Editor:
         """
         edited = self._keeping_locked(edited)
         camera = self.scene.camera
-        is_resized = edited.codes.stretch != self.scene.instance.codes.stretch
+        is_resized = edited.codes.factors != self.scene.instance.codes.factors
         if is_resized:
             distance = camera.distance * self.scene.instance.codes.scale / edited.codes.scale
             camera = orbit.at_distance(camera, distance, self.model)

@@ -126,7 +126,7 @@ def edits(text: str) -> tuple[tuple[str, float], ...]:
         name, _, amount = word.partition("=")
         value = _as_number(amount)
         if not name.strip() or math.isnan(value):
-            raise argparse.ArgumentTypeError(f"edits are NAME=X, like taller=1.5,darker=-1, not {text!r}")
+            raise argparse.ArgumentTypeError(f"edits are NAME=X, like rounder=1.5,darker=-1, not {text!r}")
         if abs(value) > _FARTHEST_EDIT:
             limits = f"from -{_FARTHEST_EDIT:g} to {_FARTHEST_EDIT:g} standard deviations"
             raise argparse.ArgumentTypeError(f"an edit is {limits}, not {word!r}")

@@ -78,7 +78,7 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
         type=edits,
         default=(),
         metavar="NAME=X,…",
-        help="move along named directions by standard deviations: taller=1.5,darker=-1",
+        help="move along named directions by standard deviations: rounder=1.5,darker=-1",
     )
     command.add_argument(
         "--paint",

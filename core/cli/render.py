@@ -10,9 +10,10 @@ from tqdm import tqdm
 
 from core.cli.output import say
 from core.cli.progress import run_with_progress
-from core.detail.paint import Paint, paint
 from core.detail.progressive import render_frame, render_reference
-from core.directions.words import direction_words, most, moved
+from core.editing.paint import Paint, paint
+from core.editing.size import SIDES, size_of, sized
+from core.editing.words import direction_words, most, moved
 from core.export import keyframes
 from core.export.framing import filling_frame
 from core.export.keyframes import View
@@ -21,7 +22,6 @@ from core.geometry.pixels import to_bytes
 from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Instance
 from core.models.scene import Scene, open_scene, save_image, scene_model
-from core.rendering.size import portion_sized, size_of, sized
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
@@ -143,9 +143,5 @@ def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:
             instance = moved(instance, words, name, amount)
     for part, colour in chosen.paint:
         instance = run_to_end(paint(instance, Paint(colour, part)))
-    if chosen.size_cm:
-        instance = sized(instance, chosen.size_cm)
-    if chosen.portion_cm:
-        name, length = chosen.portion_cm
-        instance = portion_sized(instance, name, length, keeps_height=chosen.size_cm is not None)
-    return instance
+    lengths = dict(zip(SIDES, chosen.size_cm or (), strict=False)) | dict(filter(None, [chosen.portion_cm]))
+    return sized(instance, **lengths) if lengths else instance

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress, wait_for_view_bank
-from core.directions.words import direction_words
+from core.editing.words import direction_words
 from core.lab.datasets.categories import Split
 from core.lab.datasets.glb_objects import mesh_tasks
 from core.lab.datasets.packs import SUFFIX

@@ -17,9 +17,9 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.bend import Bend
+from core.edits import kinds
+from core.edits.edit import Edit
 from core.geometry.camera import Camera, Factors
-from core.geometry.warp import Warp
 from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
 
@@ -92,7 +92,7 @@ class PhotoMaps:
         origins: Float[Tensor, "points 3"],
         directions: Float[Tensor, "points 3"],
         map: Float[Tensor, "4 _ _"],
-        stretch: Factors | None = None,
+        proportions: Factors | None = None,
     ) -> tuple[Float[Tensor, "points 4"], Float[Tensor, "points"], Float[Tensor, "points"]]:
         """Sample a map where points' origins project; return its values and two weights, 0..1.
 
@@ -102,7 +102,7 @@ class PhotoMaps:
         Args:
             origins: the points on the fitted object, which differ on an edited one.
             directions: unit viewing directions.
-            stretch: of space, where the viewer is; the photo's camera stays where the photo was taken.
+            proportions: of the space of the viewer; the photo's camera stays where the photo was taken.
         """
         rotation, origin = self.camera.world_to_camera(points.device)
         away = origins - origin
@@ -115,8 +115,8 @@ class PhotoMaps:
         behind = (distance - surface[:, 3]).abs()
         facing = smooth_step(-(directions * surface[:, :3]).sum(-1), 0.0, FACING)
         steep = smooth_step(-(ray * surface[:, :3]).sum(-1), FLAT, STEEP)
-        if stretch is not None:
-            factors = points.new_tensor(stretch)
+        if proportions is not None:
+            factors = points.new_tensor(proportions)
             points = points * factors
             directions = functional.normalize(directions * factors, dim=-1)
         along = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
@@ -135,9 +135,8 @@ class DetailMaps:
     strength: float = 1.0  # factor on all detail
     other_side: OtherSide = "mirrored"
     match: ColourMatch = field(default_factory=ColourMatch)  # applied to the model's colours outside all photos
-    warp: Warp | None = None  # to the object that was fitted to the photos; None: it was not edited
-    bend: Bend | None = None  # undone before the warp
-    stretch: Factors | None = None  # of space (:attr:`core.models.codes.Codes.proportions`)
+    edits: tuple[Edit, ...] = ()  # of the space of the object that was fitted to the photos
+    proportions: Factors | None = None  # :attr:`core.models.codes.Codes.proportions`
     borrowed: int = 0  # the last maps, of a training object (:mod:`core.detail.borrowed`): their share is the model's
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Sources]:
@@ -178,7 +177,7 @@ class DetailMaps:
         levels = [photo.level(camera) if camera else 0 for photo in self.photos]
         own = len(self.photos) - self.borrowed
         fine = [photo.fine[level] for photo, level in zip(self.photos[:own], levels, strict=False)]
-        origins = self._origins(points)
+        origins = kinds.origins(points, self.edits)
         colour, weights = self._blended(points, origins, directions, fine, own=True)
         direct = weights.amax(0)
         change = direct[:, None] * (colour - colours)
@@ -202,11 +201,6 @@ class DetailMaps:
         change += (1 - covered)[:, None] * self.match.change(colours)
         return self.strength * change, Sources(self.strength * direct, self.strength * mirrored)
 
-    def _origins(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
-        """Return the places on the fitted object."""
-        unbent = self.bend.origins(points) if self.bend else points
-        return self.warp.origins(unbent) if self.warp else unbent
-
     def _blended(
         self,
         points: Float[Tensor, "points 3"],
@@ -227,7 +221,7 @@ class DetailMaps:
         weights = list[Float[Tensor, "points"]]()  # 0..1
         factors = list[Float[Tensor, "points"]]()  # of the average
         for photo, map in zip(self.photos, maps, strict=False):
-            values, visible, near = photo.look_up(points, origins, directions, map, self.stretch)
+            values, visible, near = photo.look_up(points, origins, directions, map, self.proportions)
             packed_weight = values[:, 3]
             weight, reach = (packed_weight, packed_weight) if soft else unpacked(packed_weight)
             near = reach * near

@@ -8,7 +8,7 @@ photo and render disagree: there the shape differs, not the paint.
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -22,12 +22,12 @@ from core.detail.lettering import lettering, without_lettering
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.detail.repaint import chroma, colour_match, light_share, moved_paint, repainted, same_hue
 from core.detail.surface import SOLID, SurfaceTexels, surface_colours, surface_normals, surface_texels
+from core.edits.edit import Colour
 from core.geometry.camera import Camera
 from core.geometry.pixels import lightness
 from core.geometry.rays import camera_rays
 from core.models.model import Instance, Model
-from core.models.motion import warp_to_fitted
-from core.models.paints import PartPaint, as_rgb
+from core.models.motion import edits_to_fitted
 from core.models.photo_detail import PhotoView
 from core.rendering.images import render_steps
 from core.rendering.outline import effective_strength
@@ -90,8 +90,7 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
         with torch.inference_mode():
             painted = _painted_maps(photos, ends, instance)
         CACHE.put(CacheKind.DETAIL, key, painted, sum(photo.size for photo in painted[0]))
-    codes = instance.codes
-    space = warp_to_fitted(instance), codes.bend, codes.proportions
+    space = edits_to_fitted(instance), instance.codes.proportions
     return DetailMaps(painted[0], strength, detail.other_side, painted[1], *space, len(ends))
 
 
@@ -156,20 +155,19 @@ class ComparedPhoto:
 
         Paints cover a part of a chair as in the render; a car's body has lettering, lamps and a grille.
         """
-        paints = textured.codes.paints if covers_parts(textured.model) else ()
-        change = self.change(textured.changed(paints=()) if paints else textured)
+        paints = textured.codes.edits_of("texture") if covers_parts(textured.model) else ()
+        change = self.change(textured.unpainted if paints else textured)
         photo = self.repainted(change) if change.any() else self.photo
         colours = below = photo.movedim(0, -1)
         for paint, place in zip(paints, self.texels.memberships(textured) if paints else (), strict=True):
-            below = self._in_photo(paint).over(colours, below, enlarged(place[None], photo)[0])
+            below = paint.in_photo(self._matched).over(colours, below, enlarged(place[None], photo)[0])
         return below.movedim(-1, 0)
 
-    def _in_photo(self, paint: PartPaint) -> PartPaint:
-        """Return a paint for the colours of the photo instead of the render's."""
-        before, colour = (torch.tensor(value) for value in (paint.before, paint.colour))
+    def _matched(self, before: Colour, colour: Colour) -> tuple[Colour, Colour]:
+        """Return a colour of the render, and one that takes its place, as the photo shows them."""
         offset = self.match.change(before)
         matched = before + offset
-        return replace(paint, before=as_rgb(matched), colour=as_rgb(matched + moved_paint(colour - before, offset)))
+        return matched, matched + moved_paint(colour - before, offset)
 
     def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
         """Return the photo repainted, given the change of the render.

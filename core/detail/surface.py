@@ -43,9 +43,10 @@ class SurfaceTexels(NamedTuple):
         """Return where an object's paints are, extrapolated likewise."""
         head = instance.model.part_head
         parts = {name: probability.cpu() for name, probability in head.parts(self.features).items()} if head else {}
-        colours = self.colours(instance.changed(paints=()))[:, self.pixel].T
-        image = torch.zeros(len(instance.codes.paints), *self.pixel.shape)
-        for number, paint in enumerate(instance.codes.paints):
+        colours = self.colours(instance.unpainted)[:, self.pixel].T
+        paints = instance.codes.edits_of("texture")
+        image = torch.zeros(len(paints), *self.pixel.shape)
+        for number, paint in enumerate(paints):
             image[number, self.pixel] = paint.membership(colours, parts)
         return continued(image, self.pixel)
 

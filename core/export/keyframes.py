@@ -9,20 +9,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Float64
 from torch import Tensor
 
-from core.geometry.bend import mixed_bend
+from core.edits import kinds
+from core.edits.edit import Edit
 from core.geometry.camera import Camera
-from core.geometry.warp import mixed_warp
-from core.models.codes import mixed_stretch
 from core.models.latents import Latents
 from core.models.model import Instance
-from core.models.paints import mixed_paints
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
@@ -210,19 +208,15 @@ class _Run:
         if len(self.knots) == 1:
             return nearest
         latents = {name: path(seconds) for name, path in self._paths.items()}
-        return nearest.with_codes(nearest.codes.with_latents(latents)).changed(**self._edits(seconds))
+        return nearest.changed(edits=self._edits(seconds), **latents)
 
-    def _edits(self, seconds: float) -> dict[str, Any]:
-        """Interpolate warps, bends, stretches and paints linearly, which passes no limit between two knots."""
+    def _edits(self, seconds: float) -> tuple[Edit, ...]:
+        """Interpolate edits linearly, which passes no limit between two knots."""
         times = [time for time, _ in self.knots]
         last = min(bisect_right(times, seconds), len(times) - 1)
-        first, second = (instance.codes for _, instance in self.knots[last - 1 : last + 1])
+        first, second = (instance.codes.edits for _, instance in self.knots[last - 1 : last + 1])
         amount = float((seconds - times[last - 1]) / (times[last] - times[last - 1]))
-        stretch = mixed_stretch(first.stretch, second.stretch, amount)
-        warp = mixed_warp(first.warp, second.warp, amount)
-        bend = mixed_bend(first.bend, second.bend, amount)
-        paints = mixed_paints(first.paints, second.paints, amount)
-        return {"stretch": stretch, "warp": warp, "bend": bend, "paints": paints}
+        return kinds.mixed(first, second, amount, amount)
 
     @cached_property
     def _paths(self) -> dict[str, Callable[[float], Tensor]]:

@@ -21,6 +21,8 @@ from torch import Tensor
 
 from core.detail.lookup import DetailMaps
 from core.detail.maps import detail_maps
+from core.editing.size import size_of
+from core.edits.edit import UNIT
 from core.export.glb import place_camera
 from core.export.mesh_formats import FORMATS, TEXTURED, Mesh
 from core.export.normals import face_normals, vertex_normals
@@ -32,7 +34,6 @@ from core.models.model import Instance, Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, shape_occupancy
-from core.rendering.size import size_of
 from core.runtime.files import atomic_file
 from core.runtime.modes import isolated
 from core.runtime.pool import map_pieces
@@ -123,7 +124,7 @@ class _Placing(NamedTuple):
 
     origin: Float[np.ndarray, "3"]
     scale: float | Float[np.ndarray, "3"]
-    stretch: Factors | None  # from the object's own space to the world
+    proportions: Factors  # of the world, relative to the object's own space
 
     @classmethod
     def of(cls, instance: Instance, vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> "_Placing":
@@ -134,14 +135,14 @@ class _Placing(NamedTuple):
         low = vertices.min(0)
         high = vertices.max(0)
         on_ground = np.array([*(low + high)[:2] / 2, low[2]])
-        stretch = instance.codes.proportions
-        if instance.codes.is_sized:
+        proportions = instance.codes.proportions or UNIT
+        if instance.is_sized:
             # These vertices get the size exactly: the bounds of any mesh differ a little from the field's.
             size = np.array(size_of(instance)) / 100
-            return cls(on_ground, size * ((metres or size.max()) / size.max()) / (high - low), stretch)
+            return cls(on_ground, size * ((metres or size.max()) / size.max()) / (high - low), proportions)
         if metres is None:
-            return cls(np.zeros(3, np.float32), 1.0, stretch)
-        return cls(on_ground, float(metres / (high - low).max()), stretch)
+            return cls(np.zeros(3, np.float32), 1.0, proportions)
+        return cls(on_ground, float(metres / (high - low).max()), proportions)
 
     def vertices(self, vertices: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, "vertices 3"]:
         """Return vertices in the file's units."""
@@ -157,8 +158,8 @@ class _Placing(NamedTuple):
     @property
     def of_world(self) -> tuple[Float[np.ndarray, "3"], float]:
         """The file's origin in the world, and its units per scene unit."""
-        stretch = np.array(self.stretch or (1.0, 1.0, 1.0))
-        return self.origin * stretch, float(np.mean(self.scale / stretch))
+        proportions = np.array(self.proportions)
+        return self.origin * proportions, float(np.mean(self.scale / proportions))
 
 
 def _textured(

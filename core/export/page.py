@@ -27,6 +27,7 @@ from torch import Tensor
 
 from core.detail.lookup import DetailMaps, PhotoMaps
 from core.detail.progressive import render_frame
+from core.edits.edit import UNIT
 from core.export.framing import filling_frame
 from core.export.keyframes import turntable
 from core.export.video_frames import draw_still, over
@@ -124,13 +125,13 @@ def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
     """Return everything the page's script needs, as JSON."""
     view = {name: getattr(camera, name) for name in ("azimuth", "elevation", "distance")}
     shaders = {
-        "object": (baked_shader.VERTEX, baked_shader.fragment_source(baked.detail is not None)),
+        "object": (baked_shader.VERTEX, baked_shader.fragment_source(baked.detail)),
         "ground": (ground_shader.VERTEX, ground_shader.FRAGMENT),
         "copy": (_COPY_VERTEX, _COPY_FRAGMENT),
     }
     return {
         "camera": {**view, "focal": camera.focal / camera.height},
-        "stretch": baked.stretch or (1, 1, 1),
+        "proportions": baked.proportions or UNIT,
         "field": {
             "uniforms": baked_shader.field_uniforms(baked),
             "texels": _packed(np.moveaxis(baked.texels, -1, 0)),  # by channel, which compresses better

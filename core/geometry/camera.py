@@ -116,11 +116,11 @@ class Camera:
         """Largest factor between lengths that the camera sees and lengths of its points."""
         return 1.0
 
-    def stretched(self, stretch: Factors | None) -> "Camera":
+    def stretched(self, factors: Factors | None) -> "Camera":
         """Return the camera as seen from a space that is stretched along the axes when the camera looks at it."""
-        if stretch is None:
+        if factors is None:
             return self
-        return StretchedCamera(**vars(self), stretch=stretch)
+        return StretchedCamera(**vars(self), factors=factors)
 
     @classmethod
     def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":
@@ -162,24 +162,24 @@ class StretchedCamera(Camera):
         True
     """
 
-    stretch: Factors = (1.0, 1.0, 1.0)
+    factors: Factors = (1.0, 1.0, 1.0)
 
     @property
     def magnification(self) -> float:
         """The largest of the three factors."""
-        return max(self.stretch)
+        return max(self.factors)
 
     def world_to_camera(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
         """Return the matrix from the space before to camera axes, no rotation, and the camera's place there."""
         rotation, place = super().world_to_camera(device)
-        factors = place.new_tensor(self.stretch)
+        factors = place.new_tensor(self.factors)
         return rotation * factors, place / factors
 
     def directions(self, pixels: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3"]:
         """Return the unit directions of rays in the space before."""
         rotation, _ = super().world_to_camera(pixels.device)
         along = camera_directions(pixels, self.focal, (self.width, self.height)) @ rotation
-        return torch.nn.functional.normalize(along / along.new_tensor(self.stretch), dim=-1)
+        return torch.nn.functional.normalize(along / along.new_tensor(self.factors), dim=-1)
 
     def lengths_to(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return the distances in the space before."""
@@ -189,12 +189,12 @@ class StretchedCamera(Camera):
     def seen_lengths(self, lengths: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
         """Return the lengths in the stretched space."""
         directions = self.directions(pixel_centres(self.width, self.height, lengths.device))
-        return lengths * (directions * directions.new_tensor(self.stretch)).norm(dim=-1)
+        return lengths * (directions * directions.new_tensor(self.factors)).norm(dim=-1)
 
     def pose(self) -> Float[Tensor, "4 4"]:
         """Return the matrix from camera axes to the space before, no rigid motion."""
         matrix = super().pose()
-        matrix[:3] /= matrix.new_tensor(self.stretch)[:, None]
+        matrix[:3] /= matrix.new_tensor(self.factors)[:, None]
         return matrix
 
 

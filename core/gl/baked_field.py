@@ -37,12 +37,13 @@ class BakedField:
     first: tuple[int, int, int] = (0, 0, 0)  # grid corner of the first texel
     detail: DetailMaps | None = None  # photo detail, evaluated per pixel since it is far finer than texels
     shadow: GroundShadow | None = None  # the object's shadow on the ground, to be drawn over a background
-    stretch: Factors | None = None  # of space when it is drawn (:attr:`core.models.codes.Codes.proportions`)
+    proportions: Factors | None = None  # of space when it is drawn (:attr:`core.models.codes.Codes.proportions`)
 
-    def stretched(self, stretch: Factors | None) -> "BakedField":
+    def stretched(self, proportions: Factors | None) -> "BakedField":
         """Return the field of a natural object stretched along the axes: the same texels."""
-        detail = self.detail and replace(self.detail, stretch=stretch)
-        return replace(self, stretch=stretch, detail=detail, shadow=self.shadow and self.shadow.stretched(stretch))
+        detail = self.detail and replace(self.detail, proportions=proportions)
+        shadow = self.shadow and self.shadow.stretched(proportions)
+        return replace(self, proportions=proportions, detail=detail, shadow=shadow)
 
     @property
     def step(self) -> float:

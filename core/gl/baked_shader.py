@@ -13,11 +13,11 @@ import torch
 from jaxtyping import Float32
 from torch.nn import functional
 
-from core.detail.lookup import MIN_OPACITY
+from core.detail.lookup import MIN_OPACITY, DetailMaps
 from core.geometry.camera import Camera, project
 from core.gl.baked_field import LOGITS, MIN_LIGHT, BakedField
 from core.gl.camera_uniforms import camera_uniforms
-from core.gl.detail_shader import GLSL, DetailTextures, uniforms
+from core.gl.detail_shader import DetailTextures, glsl, uniforms
 from core.rendering.occupancy import CELLS, splat
 
 VERTEX = """
@@ -98,7 +98,7 @@ class BakedShader:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._detail = DetailTextures(context)
-        self._programs = dict[bool, moderngl.Program]()
+        self._programs = dict[str, moderngl.Program]()  # by fragment shader
         self._texels: moderngl.Texture3D | None = None
         self._distance: moderngl.Texture3D | None = None
         self._baked: BakedField | None = None
@@ -124,14 +124,15 @@ class BakedShader:
         self._detail.upload(baked.detail)
         self._baked = baked
 
-    def _program(self, detailed: bool) -> moderngl.Program:
-        """Return the compiled program. Two programs: without photo detail, software OpenGL takes a third less time."""
-        if detailed not in self._programs:
-            program = self._context.program(vertex_shader=VERTEX, fragment_shader=fragment_source(detailed))
-            for unit, name in enumerate(("texels", "distance", *self._detail.names * detailed)):
+    def _program(self, detail: DetailMaps | None) -> moderngl.Program:
+        """Return the compiled program. Without photo detail, software OpenGL takes a third less time."""
+        source = fragment_source(detail)
+        if source not in self._programs:
+            program = self._context.program(vertex_shader=VERTEX, fragment_shader=source)
+            for unit, name in enumerate(("texels", "distance", *(self._detail.names if detail else ()))):
                 program[name] = unit
-            self._programs[detailed] = program
-        return self._programs[detailed]
+            self._programs[source] = program
+        return self._programs[source]
 
     def draw(self, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)) -> None:
         """Draw the uploaded field over the current framebuffer, first row topmost, in premultiplied colours.
@@ -142,7 +143,7 @@ class BakedShader:
         """
         baked = self._baked
         assert baked is not None and self._texels is not None and self._distance is not None, "upload a field first"
-        camera = camera.stretched(baked.stretch)
+        camera = camera.stretched(baked.proportions)
         middle = tuple(
             side / 2 - first + baked.pixel_offset
             for side, first in zip((camera.width, camera.height), corner, strict=True)
@@ -150,7 +151,7 @@ class BakedShader:
         tiles, grid = _tiles(self._centres, baked, camera, size, middle)
         if not len(tiles):
             return
-        program = self._program(baked.detail is not None)
+        program = self._program(baked.detail)
         image = {"tiles": grid, "middle": middle, "focal": camera.focal}
         for name, value in (camera_uniforms(camera) | image | field_uniforms(baked)).items():
             program[name] = value
@@ -199,9 +200,11 @@ def field_uniforms(baked: BakedField) -> dict[str, Any]:
     }
 
 
-def fragment_source(detailed: bool) -> str:
+def fragment_source(detail: DetailMaps | None) -> str:
     """Return the fragment shader, with or without photo detail."""
-    return FRAGMENT.replace("DECLARED", GLSL * detailed).replace("ADDED", _DETAIL * detailed)
+    if detail is None:
+        return FRAGMENT.replace("DECLARED", "").replace("ADDED", "")
+    return FRAGMENT.replace("DECLARED", glsl(detail.edits)).replace("ADDED", _DETAIL)
 
 
 def _occupied_centres(baked: BakedField) -> Float32[torch.Tensor, "occupied 3"]:

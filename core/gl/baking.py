@@ -144,16 +144,16 @@ class BakedViews:
     shape: BakedShape
     cameras: tuple[Camera, ...]  # of the object's own space (:meth:`core.models.model.Instance.local_camera`)
     colours: Float[Tensor, "cameras visible 3"]
-    stretch: Factors | None  # as that of fields
+    proportions: Factors | None  # as those of fields
 
     def mean(self) -> BakedField:
         """Return the field with mean colours over the cameras, for all views."""
-        return self.shape.coloured(self.colours.mean(0)).stretched(self.stretch)
+        return self.shape.coloured(self.colours.mean(0)).stretched(self.proportions)
 
     def seen_from(self, camera: Camera) -> BakedField:
         """Return the field with colours for a camera, which may lie between the baked ones."""
-        weights = self._weights(camera.stretched(self.stretch))
-        return self.shape.coloured(torch.einsum("c,cnk->nk", weights, self.colours)).stretched(self.stretch)
+        weights = self._weights(camera.stretched(self.proportions))
+        return self.shape.coloured(torch.einsum("c,cnk->nk", weights, self.colours)).stretched(self.proportions)
 
     def _weights(self, camera: Camera) -> Float[Tensor, "cameras"]:
         """Interpolate between the cameras by a Gaussian process over directions; the weights' sum is 1."""

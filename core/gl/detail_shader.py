@@ -1,6 +1,5 @@
 """Photo detail (:class:`core.detail.lookup.DetailMaps`) in GLSL, for one surface point per pixel."""
 
-from dataclasses import astuple
 from typing import Any
 
 import moderngl
@@ -20,8 +19,8 @@ from core.detail.lookup import (
     DetailMaps,
     PhotoMaps,
 )
+from core.edits.edit import UNIT, Edit
 from core.geometry.camera import Camera
-from core.geometry.warp import TERMS
 from core.gl.camera_uniforms import camera_uniforms
 from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
 
@@ -42,8 +41,7 @@ _PHOTO = """
     }"""
 _EACH = "".join(_PHOTO.replace("PHOTO", str(number)) for number in range(MAX_PHOTOS))
 _SAMPLERS = ", ".join(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
-_WARP = " + ".join(f"x[{a}] * y[{b}] * z[{c}] * warp[{term}]" for term, (a, b, c) in enumerate(TERMS))
-GLSL = f"""
+_GLSL = f"""
 uniform float strength;
 uniform sampler2D {_SAMPLERS};
 uniform int photos;
@@ -53,24 +51,10 @@ uniform vec3 photo_origin[{MAX_PHOTOS}];
 uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
 uniform vec2 photo_focal[{MAX_PHOTOS}]; // in widths and heights of the photo
 uniform float level[{MAX_PHOTOS}];
-uniform vec3 warp[{len(TERMS)}];
-uniform float bend[4];  // heights: lower end, plane before, plane after, upper end
-uniform vec3 stretch;  // of space, where the viewer is
+uniform vec3 proportions;  // of the space of the viewer
 float smooth_step(float start, float end, float value) {{
     float progress = clamp((value - start) / (end - start), 0.0, 1.0);
     return progress * progress * (3.0 - 2.0 * progress);
-}}
-// The place that a point of the bent object came from, as in core.geometry.bend.Bend.
-vec3 unbent(vec3 point) {{
-    float below = (point.z - bend[0]) / (bend[2] - bend[0]), above = (bend[3] - point.z) / (bend[3] - bend[2]);
-    return point + vec3(0.0, 0.0, (bend[1] - bend[2]) * max(min(below, above), 0.0));
-}}
-// The place that a point of the edited object came from, as in core.geometry.warp.Warp.
-vec3 warped(vec3 point) {{
-    vec3 p = clamp(point / extent, -1.0, 1.0);
-    vec4 x = vec4(1.0, p.x, p.x * p.x, p.x * p.x * p.x), y = vec4(1.0, p.y, p.y * p.y, p.y * p.y * p.y);
-    vec4 z = vec4(1.0, p.z, p.z * p.z, p.z * p.z * p.z);
-    return clamp(point + {_WARP}, -extent, extent);
 }}
 // DetailMaps' two weights of a photo for a point and its origin, and the place of that in the photo.
 float photo_weights(
@@ -83,8 +67,8 @@ float photo_weights(
     vec3 ray = away / max(reached, 1e-6);
     float facing = smooth_step(0.0, {FACING}, -dot(along, hit.xyz));
     float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, hit.xyz));
-    vec3 line = stretch == vec3(1.0) ? along : normalize(along * stretch);
-    float angle = dot(normalize(point * stretch - photo_origin[photo]), line);
+    vec3 line = proportions == vec3(1.0) ? along : normalize(along * proportions);
+    float angle = dot(normalize(point * proportions - photo_origin[photo]), line);
     float beside = smooth_step({BESIDE[0]}, {BESIDE[1]}, angle);
     float inside = local.z < 0.0 && place == clamp(place, 0.0, 1.0) ? 1.0 : 0.0;
     near = inside * smooth_step({NEAR[0]}, {NEAR[1]}, angle) * smooth_step({NEAR_DEPTHS[0]}, {NEAR_DEPTHS[1]}, behind);
@@ -92,14 +76,29 @@ float photo_weights(
 }}
 vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec2 place;
-    vec3 from = warped(unbent(point)), turn = vec3(-1.0, 1.0, 1.0);
+    vec3 from = ORIGIN, turn = vec3(-1.0, 1.0, 1.0);
     vec4 own = vec4(0.0), twin = vec4(0.0);
     float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
     vec3 matched = model * (gain - 1.0) + offset;
     vec3 reflected = twin.rgb / max(twin.a, 1e-6) - (other_side == 2 ? model : vec3(0.0));
     return strength * mix(mix(matched, reflected, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
 }}
-"""  # `detail(point, along, model)`: the change of the model's colour at a point seen along a unit vector
+"""
+
+
+def glsl(edits: tuple[Edit, ...]) -> str:
+    """Return a function ``detail(point, along, model)``, and the uniforms that it declares.
+
+    It returns the change of the model's colour at a point seen along a unit vector.
+
+    Args:
+        edits: those of :class:`core.detail.lookup.DetailMaps`.
+    """
+    moving = [edit for edit in edits if edit.glsl]
+    origin = "point"
+    for edit in reversed(moving):
+        origin = f"{edit.key}_origins({origin})"
+    return "".join(edit.glsl for edit in moving) + _GLSL.replace("ORIGIN", origin)
 
 
 class DetailTextures:
@@ -154,7 +153,7 @@ class DetailTextures:
 
 
 def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
-    """Return the uniforms of :data:`GLSL` for a camera's image, without strength and samplers."""
+    """Return the uniforms of :func:`glsl` for a camera's image, without strength and samplers."""
     origins: list[tuple[float, ...]] = []
     axes: list[tuple[float, ...]] = []
     focals: list[tuple[float, float]] = []
@@ -175,7 +174,5 @@ def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
         "photo_axes": axes,
         "photo_focal": focals,
         "level": levels,
-        "bend": astuple(maps.bend) if maps.bend else (-1.0, 0.0, 0.0, 1.0),
-        "stretch": maps.stretch or (1.0, 1.0, 1.0),
-        "warp": maps.warp.coefficients if maps.warp else ((0.0, 0.0, 0.0),) * len(TERMS),
-    }
+        "proportions": maps.proportions or UNIT,
+    } | {name: value for edit in maps.edits for name, value in edit.uniforms().items()}

@@ -1,7 +1,7 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -10,103 +10,92 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.geometry.bend import Bend, mixed_bend
+from core.edits import kinds
+from core.edits.edit import UNIT, E, Edit, Subject
 from core.geometry.camera import Factors
-from core.geometry.warp import Warp, mixed_warp
 from core.models.latents import CODE_KINDS, CodeKind, Latents, mixed_offsets
-from core.models.paints import MAX_PAINTS, PartPaint, mixed_paints
 from core.models.photo_detail import PhotoDetail
 from core.runtime.modes import usual_settings
 
 __all__ = ["CODE_KINDS", "CodeBook", "CodeKind", "CodeSpace", "Codes", "Entry", "farthest_first"]
 
 
-STRETCH = 0.01, 100.0  # least and largest stretch of a side
-MAX_DISTORTION = 10.0  # largest stretch of a side relative to that of another one
-_ROUNDING = 1 + 1e-6  # factor by which a stretch, computed from ones at their limits, may exceed these
-
-
 @dataclass(frozen=True, eq=False)
 class Codes(Latents):
-    """The latent numbers of an object of a model, with the photos of a fitted object, and its size.
+    """The latent numbers of an object of a model, with the photos of a fitted object, and its edits.
 
-    Raises ``ValueError`` for a stretch out of range.
+    Raises ``ValueError`` for too many edits of a kind.
     """
 
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They follow the shape when codes are combined; a new texture paints over them."""
-    stretch: Factors | None = None
-    """Sides relative to the natural ones (:mod:`core.rendering.size`); None: natural. They follow the shape, too."""
-    warp: Warp | None = None
-    """The map of an edited object to the one that it was made from (:mod:`core.models.motion`); None: not edited."""
-    bend: Bend | None = None
-    """Legs or roof relative to the natural ones (:mod:`core.rendering.size`); it comes before the stretch."""
-    paints: tuple[PartPaint, ...] = ()
-    """Of the parts, the last one uppermost. They belong to the texture; a photo takes them, too."""
+    edits: tuple[Edit, ...] = ()
+    """Of the object that the network knows, in the order in which they are made (:mod:`core.edits`)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.paints) > MAX_PAINTS:
-            raise ValueError(f"an object has at most {MAX_PAINTS} paints, got {len(self.paints)}")
-        if self.bend and self.bend.moved == self.bend.plane:
-            object.__setattr__(self, "bend", None)
-        if self.stretch is None:
-            return
-        low, high = STRETCH
-        within = all(low / _ROUNDING <= factor <= high * _ROUNDING for factor in self.stretch)
-        if len(self.stretch) != 3 or not within:
-            raise ValueError(f"a side is {low:g} to {high:g} times its natural one, got {self.stretch}")
-        if max(self.stretch) > _ROUNDING * MAX_DISTORTION * min(self.stretch):
-            raise ValueError(f"a side is stretched at most {MAX_DISTORTION:g} times as much as another one")
-        if self.stretch == (1.0, 1.0, 1.0):
-            object.__setattr__(self, "stretch", None)
+        object.__setattr__(self, "edits", kinds.ordered(self.edits))
 
     def __eq__(self, value: object) -> bool:
         if not isinstance(value, Codes):
             return NotImplemented
         same_detail = self.detail is value.detail or self.detail == value.detail
-        return super().__eq__(value) and self.stretch == value.stretch and same_detail
+        return super().__eq__(value) and self.edits == value.edits and same_detail
 
     __hash__ = Latents.__hash__
 
     @property
-    def shape_key(self) -> tuple[float, ...]:
-        """All numbers of the shape, of its warp and of its bend, as a comparable key."""
-        warp = (math.inf, *self.warp.numbers) if self.warp else ()
-        bend = (-math.inf, *vars(self.bend).values()) if self.bend else ()
-        return super().shape_key + warp + bend
+    def shape_key(self) -> tuple[Hashable, ...]:
+        """All numbers of the shape, and the edits of its space, as a comparable key."""
+        return super().shape_key + self.space_edits
 
     @property
     def texture_key(self) -> tuple[Hashable, ...]:
-        """All numbers of the texture, and the paints, as a comparable key."""
-        return super().texture_key + self.paints
+        """All numbers of the texture, and its edits, as a comparable key."""
+        return super().texture_key + self.edits_of("texture")
+
+    def edits_of(self, *subjects: Subject) -> tuple[Edit, ...]:
+        """Return the edits that change one of these."""
+        return tuple(edit for edit in self.edits if edit.subject in subjects)
 
     @property
-    def is_sized(self) -> bool:
-        """True if the object has another size than its natural one, or other proportions."""
-        return not (self.stretch is None and self.bend is None)
+    def field_edits(self) -> tuple[Edit, ...]:
+        """The edits that the field makes: all but those that cameras see."""
+        return tuple(edit for edit in self.edits if edit.factors == UNIT)
+
+    @property
+    def space_edits(self) -> tuple[Edit, ...]:
+        """The edits of the field that lead from the network's space to the object's own."""
+        return tuple(edit for edit in self.field_edits if edit.subject != "texture")
+
+    def of_kind(self, kind: type[E]) -> tuple[E, ...]:
+        """Return the edits of a kind."""
+        return tuple(edit for edit in self.edits if isinstance(edit, kind))
+
+    def with_edits(self, kind: type[E], *edits: E) -> "Codes":
+        """Return codes with these edits in place of those of the same kind."""
+        return replace(self, edits=(*(edit for edit in self.edits if not isinstance(edit, kind)), *edits))
 
     @property
     def factors(self) -> Factors:
-        """The stretch along each axis, 1 for none."""
-        return self.stretch or (1.0, 1.0, 1.0)
+        """The lengths along each axis that cameras see, relative to those in the object's own space."""
+        x, y, z = (math.prod(axis) for axis in zip(UNIT, *(edit.factors for edit in self.edits), strict=True))
+        return x, y, z
 
     @property
     def scale(self) -> float:
-        """The part of the stretch that images do not show: its root mean square."""
-        return 1.0 if self.stretch is None else math.sqrt(sum(factor**2 for factor in self.stretch) / 3)
+        """The part of the factors that images do not show: their root mean square."""
+        factors = self.factors
+        return 1.0 if factors == UNIT else math.sqrt(sum(factor**2 for factor in factors) / 3)
 
     @property
     def proportions(self) -> Factors | None:
-        """The stretch in images: that without its scale. None if no side changes relative to the others."""
-        if self.stretch is None or len(set(self.stretch)) == 1:
+        """The factors in images: without their scale. None if no side changes relative to the others."""
+        factors = self.factors
+        if len(set(factors)) == 1:
             return None
-        x, y, z = (factor / self.scale for factor in self.stretch)
+        x, y, z = (factor / self.scale for factor in factors)
         return x, y, z
-
-    def with_latents(self, tensors: Mapping[str, Tensor]) -> "Codes":
-        """Return these codes with other numbers, by field of :class:`core.models.latents.Latents`."""
-        return replace(self, **tensors)  # type: ignore[arg-type]
 
     @classmethod
     def of(cls, latents: Latents) -> "Codes":
@@ -114,7 +103,7 @@ class Codes(Latents):
         return cls(latents.shape, latents.texture, latents.shape_offsets, latents.texture_offsets)
 
     def mixed(self, second: "Codes", shape: float, texture: float) -> "Codes":
-        """Interpolate linearly between two objects' codes, offsets and sizes.
+        """Interpolate linearly between two objects' codes, offsets and edits.
 
         ``shape`` and ``texture`` are positions from 0 (these codes) to 1 (the second's). The photo detail is that of
         the nearer shape.
@@ -126,31 +115,18 @@ class Codes(Latents):
             mixed_offsets(self.shape_offsets, second.shape_offsets, shape),
             mixed_offsets(self.texture_offsets, second.texture_offsets, texture),
             detail,
-            mixed_stretch(self.stretch, second.stretch, shape),
-            mixed_warp(self.warp, second.warp, shape),
-            mixed_bend(self.bend, second.bend, shape),
-            mixed_paints(self.paints, second.paints, texture),
+            kinds.mixed(self.edits, second.edits, shape, texture),
         )
 
     def taking(self, kind: CodeKind, source: "Codes") -> "Codes":
         """Return these codes with the shape or the texture of another object, offsets included.
 
-        A shape comes with its photo detail and its size, a texture with its paints.
+        A shape comes with its photo detail. Both come with their edits.
         """
-        names = {
-            "shape": ("shape", "shape_offsets", "detail", "stretch", "warp", "bend"),
-            "texture": ("texture", "texture_offsets", "paints"),
-        }[kind]
-        return replace(self, **{name: getattr(source, name) for name in names})
-
-
-def mixed_stretch(first: Factors | None, second: Factors | None, amount: float) -> Factors | None:
-    """Interpolate linearly; None stands for ones."""
-    if first == second:
-        return first
-    ends = zip(first or (1.0, 1.0, 1.0), second or (1.0, 1.0, 1.0), strict=True)
-    x, y, z = ((1 - amount) * start + amount * end for start, end in ends)
-    return x, y, z
+        names = {"shape": ("shape", "shape_offsets", "detail"), "texture": ("texture", "texture_offsets")}[kind]
+        shape, texture = (source, self) if kind == "shape" else (self, source)
+        edits = *texture.edits_of("texture"), *shape.edits_of("shape", "size")
+        return replace(self, edits=edits, **{name: getattr(source, name) for name in names})
 
 
 @dataclass(frozen=True, eq=False)

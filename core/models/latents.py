@@ -37,7 +37,7 @@ class Latents:
             raise ValueError("codes must be finite")
 
     @property
-    def shape_key(self) -> tuple[float, ...]:
+    def shape_key(self) -> tuple[Hashable, ...]:
         """All numbers of the shape, as a comparable key."""
         return _key(self.shape, self.shape_offsets)
 

@@ -2,7 +2,6 @@
 
 import copy
 import hashlib
-import math
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,15 +12,13 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.viewpoint import ViewpointClassifier
-from core.geometry.bend import Bend
+from core.edits.edit import E, Edit
 from core.geometry.camera import MAX_SIDE, Camera
-from core.geometry.warp import MAX_STEPS, Warp
 from core.models.codes import CodeBook, Codes
 from core.models.field import Field
 from core.models.latents import CodeKind, Latents
 from core.models.model_file import Words, read_model_file, rendering_tensors, write_model_file
 from core.models.occupied_cells import find_occupied_cells
-from core.models.paints import PartPaint
 from core.models.part_head import PartHead
 from core.models.photo_detail import PhotoDetail
 from core.models.view_bank import ViewBank
@@ -60,7 +57,7 @@ class Model:
     view_bank: ViewBank | None = None
     """small views to compare photos with; None: the file has none, :mod:`core.photos.view_bank` computes it"""
     words: Words | None = None
-    """of its directions; None: the file has none, :func:`core.directions.words.direction_words` finds them"""
+    """of its directions; None: the file has none, :func:`core.editing.words.direction_words` finds them"""
     origin: "tuple[Callable[..., Model], tuple[str, ...]] | None" = field(default=None, init=False)
     """function and arguments that return a shipped model, by which its objects are pickled; None: pickle all of it"""
 
@@ -206,26 +203,14 @@ class Model:
 
     def fits(self, codes: Codes) -> bool:
         """Return whether codes, and those fitted to their photos, have the sizes that the field needs."""
-        return self._fits_warp(codes.warp) and all(
-            map(self._fits, (codes, codes.detail.fitted) if codes.detail else (codes,))
-        )
+        directions = len(self.codes.shape_space.std) if self.supports_motion else 0
+        edits = all(edit.fits(self.extent, directions) for edit in codes.edits)
+        return edits and all(map(self._fits, (codes, codes.detail.fitted) if codes.detail else (codes,)))
 
     @property
     def supports_motion(self) -> bool:
         """False for the authors' checkpoints and for M1 and M2, whose codes move alone."""
         return not (self.white_from_network or self.is_ablation)
-
-    @property
-    def motions(self) -> int:
-        """Number of the first shape directions along which edits move an object."""
-        return min(MAX_STEPS, len(self.codes.shape_space.std))
-
-    def _fits_warp(self, warp: Warp | None) -> bool:
-        """Return whether a warp is one of this model's space and directions."""
-        if warp is None:
-            return True
-        same_space = all(map(math.isclose, warp.extent, self.extent))
-        return self.supports_motion and same_space and len(warp.steps) == self.motions
 
     def _fits(self, latents: Latents) -> bool:
         """Return whether codes and offsets have the sizes of this model's field."""
@@ -334,19 +319,31 @@ class Instance:
         return self.with_codes(Codes.of(self.detail.fitted))
 
     @property
+    def is_sized(self) -> bool:
+        """True if the object has another size than its natural one, or other proportions."""
+        return bool(self.codes.edits_of("size"))
+
+    @property
     def natural(self) -> "Instance":
         """The object in its natural size and proportions, edited or not."""
-        return self.changed(stretch=None, bend=None) if self.codes.is_sized else self
+        return self.changed(edits=self.codes.edits_of("texture", "shape")) if self.is_sized else self
+
+    @property
+    def unpainted(self) -> "Instance":
+        """The object in the network's colours."""
+        return self.changed(edits=self.codes.edits_of("shape", "size"))
 
     @property
     def unmoved(self) -> "Instance":
-        """The object in the space of its network: neither moved by edits, nor bent, nor stretched."""
-        return self.changed(warp=None, bend=None, stretch=None)
+        """The object in the space of its network, where no edit moves it."""
+        edits = self.codes.edits_of("texture")
+        return self if edits == self.codes.edits else self.changed(edits=edits)
 
     @property
     def unstretched(self) -> "Instance":
-        """The object in its own space, before a size stretches that; bent."""
-        return self if self.codes.stretch is None else self.changed(stretch=None)
+        """The object in its own space, before cameras see that stretched."""
+        codes = self.codes
+        return self if codes.edits == codes.field_edits else self.changed(edits=codes.field_edits)
 
     def local_camera(self, camera: Camera) -> Camera:
         """Return a camera as seen from the object's own space, before its size stretches that.
@@ -365,11 +362,13 @@ class Instance:
         """Return an object of the same model."""
         return Instance(self.model, codes)
 
-    def changed(
-        self, **fields: Tensor | PhotoDetail | tuple[float, ...] | Warp | Bend | tuple[PartPaint, ...] | None
-    ) -> "Instance":
+    def changed(self, **fields: Tensor | PhotoDetail | tuple[Edit, ...] | None) -> "Instance":
         """Return the object with other values of some fields of its codes (:class:`core.models.codes.Codes`)."""
         return self.with_codes(replace(self.codes, **fields))  # type: ignore[arg-type]
+
+    def with_edits(self, kind: type[E], *edits: E) -> "Instance":
+        """Return the object with these edits in place of those of the same kind."""
+        return self.with_codes(self.codes.with_edits(kind, *edits))
 
     def with_detail(self, detail: PhotoDetail | None) -> "Instance":
         """Return the object with other photo detail; with None, in the colours of its codes alone."""

@@ -14,10 +14,12 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.warp import MAX_STEPS, TERMS, Warp, monomials
+from core.edits.edit import Edit
+from core.edits.warp import MAX_STEPS, TERMS, Warp, monomials
 from core.models.field import encode
 from core.models.latents import Latents
 from core.models.model import Instance, Model
+from core.runtime.modes import usual_settings
 
 DIRECTIONS = MAX_STEPS  # the first ones, which have words
 LIMIT = 3.0  # standard deviations to either side
@@ -46,8 +48,8 @@ class Motion(NamedTuple):
 def position(instance: Instance, direction: int) -> float:
     """Return an object's coordinate along a shape direction: that of its code and its move, in standard deviations."""
     code = instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction]
-    warp = instance.codes.warp
-    return float(code) + (warp.steps[direction] if warp and direction < len(warp.steps) else 0.0)
+    steps = _steps(instance)
+    return float(code) + (steps[direction] if direction < len(steps) else 0.0)
 
 
 def moved_along(instance: Instance, direction: int, to: float) -> Instance:
@@ -60,14 +62,21 @@ def moved_along(instance: Instance, direction: int, to: float) -> Instance:
     by = min(high, max(low, to)) - position(instance, direction)
     if direction >= DIRECTIONS or not instance.model.supports_motion:
         return instance.moved("shape", by * instance.model.codes.shape_space.basis[direction])
-    steps = list(instance.codes.warp.steps if instance.codes.warp else (0.0,) * instance.model.motions)
+    steps = list(_steps(instance))
     steps[direction] = round(steps[direction] + by, 4)
     return moved_by(instance, tuple(steps))
 
 
 def moved_by(instance: Instance, steps: tuple[float, ...]) -> Instance:
     """Return the object that its code says, moved by steps along the first shape directions (standard deviations)."""
-    return instance.changed(warp=_warp(instance.model, _untextured(instance.codes), steps) if any(steps) else None)
+    warps = [_warp(instance.model, _untextured(instance.codes), steps)] if any(steps) else []
+    return instance.with_edits(Warp, *warps)
+
+
+def _steps(instance: Instance) -> tuple[float, ...]:
+    """Return how far edits have moved an object along the first shape directions, in standard deviations."""
+    unmoved = (0.0,) * min(MAX_STEPS, len(instance.model.codes.shape_space.std))
+    return next((warp.steps for warp in instance.codes.of_kind(Warp)), unmoved)
 
 
 def prepare_motion(instance: Instance) -> None:
@@ -87,25 +96,25 @@ def reach(instance: Instance, direction: int) -> tuple[float, float]:
     return code - LIMIT, code + LIMIT
 
 
-def warp_to_fitted(instance: Instance) -> Warp | None:
-    """Return the map from an edited object to the object fitted to its photos.
+def edits_to_fitted(instance: Instance) -> tuple[Edit, ...]:
+    """Return the edits of space that lead from the object fitted to the photos to this one.
 
-    None if no place moved, and without photos.
+    They are the object's own, whose warp also follows a short way of its code.
     """
     model = instance.model
     if instance.detail is None or not model.supports_motion:
-        return None
-    warp = instance.codes.warp
+        return instance.codes.space_edits
     away = _first_coordinates(instance) - _first_coordinates(instance.fitted)
     followed = tuple(round(step, 4) for step in away.clamp(-FOLLOWED, FOLLOWED).tolist())
     if not any(followed):
-        return warp
-    steps = map(sum, zip(followed, warp.steps if warp else (0.0,) * len(followed), strict=True))
-    return _warp(model, _untextured(instance.detail.fitted), tuple(steps))
+        return instance.codes.space_edits
+    steps = map(sum, zip(followed, _steps(instance), strict=True))
+    warp = _warp(model, _untextured(instance.detail.fitted), tuple(steps))
+    return instance.codes.with_edits(Warp, warp).space_edits
 
 
 def unmoved_distance(instance: Instance) -> float:
-    """Return an object's distance from the shape of its photos, apart from what :func:`warp_to_fitted` follows.
+    """Return an object's distance from the shape of its photos, apart from what :func:`edits_to_fitted` follows.
 
     In standard deviations. Raises ``ValueError`` without photos.
     """
@@ -128,7 +137,7 @@ def _untextured(latents: Latents) -> Latents:
 @lru_cache(maxsize=64)
 def _warp(model: Model, origin: Latents, steps: tuple[float, ...]) -> Warp:
     """Return the map back from an object moved by steps along the first directions (standard deviations)."""
-    with torch.inference_mode(False), torch.no_grad():  # cached
+    with usual_settings(), torch.no_grad():  # cached
         extent = model.extent_tensor
         surface, velocities = motion(model, origin)
         velocity = torch.einsum("d,dtc->tc", torch.tensor(steps), velocities)
@@ -154,7 +163,7 @@ def _points(surface: Float[Tensor, "points 3"]) -> Float[Tensor, "places 3"]:
 @lru_cache(maxsize=8)
 def motion(model: Model, origin: Latents) -> Motion:
     """Measure the motion of an object's surface; cached. The object's texture does not matter."""
-    with torch.inference_mode(False), torch.no_grad():  # cached
+    with usual_settings(), torch.no_grad():  # cached
         surface, normals = _surface(model, origin)
         bias = model.biases(origin)[0]
         offsets = bias - model.field.shape_bias(origin.shape)

@@ -14,14 +14,12 @@ import torch
 from jaxtyping import UInt8
 from PIL import Image, PngImagePlugin
 
-from core.geometry.bend import Bend
-from core.geometry.camera import Camera, Factors
-from core.geometry.warp import Warp
+from core.edits.kinds import edits_json, read_edits
+from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.latents import read_offsets
 from core.models.missing import MissingInstance, adopted
 from core.models.model import Instance, Model
-from core.models.paints import PartPaint
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.pipes import refuse_pipe
@@ -60,15 +58,8 @@ class Scene:
             "shape": codes.shape.tolist(),
             "texture": codes.texture.tolist(),
             **codes.offsets_json(),
+            **edits_json(codes.edits),
         }
-        if codes.stretch:
-            content["stretch"] = codes.stretch
-        if codes.warp:
-            content["warp"] = vars(codes.warp)
-        if codes.bend:
-            content["bend"] = vars(codes.bend)
-        if codes.paints:
-            content["paints"] = [vars(paint) for paint in codes.paints]
         if codes.detail:
             content["detail"] = codes.detail.to_json()
         return json.dumps(content, indent=1)
@@ -94,7 +85,8 @@ class Scene:
     @classmethod
     def without_model(cls, text: str) -> "Scene":
         """Parse JSON text, as :meth:`from_json` does, to a scene of a :class:`core.models.missing.MissingInstance`."""
-        content = typed(_SceneJson, parse_json(text), name="scene")
+        entries = parse_json(text)
+        content = typed(_SceneJson, entries, name="scene")
         detail = content.detail and content.detail.read()
         codes = Codes(
             torch.tensor(content.shape),
@@ -102,10 +94,7 @@ class Scene:
             read_offsets(content.shape_offsets),
             read_offsets(content.texture_offsets),
             detail,
-            content.stretch,
-            content.warp,
-            content.bend,
-            content.paints,
+            read_edits(entries),
         )
         return cls(MissingInstance(content.model, codes), content.camera)
 
@@ -161,10 +150,6 @@ class _SceneJson(NamedTuple):
     detail: _Detail | None = None
     shape_offsets: tuple[str, ...] | None = None
     texture_offsets: tuple[str, ...] | None = None
-    stretch: Factors | None = None
-    warp: Warp | None = None
-    bend: Bend | None = None
-    paints: tuple[PartPaint, ...] = ()
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

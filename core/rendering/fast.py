@@ -5,7 +5,7 @@ depend on the texture and are cached: a new texture runs only the second pass, w
 the occupied cells.
 """
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -101,7 +101,7 @@ class VisibilityKey(NamedTuple):
     """The cache key of a view's visible intervals: everything that they depend on."""
 
     model: Model
-    shape: tuple[float, ...]  # :attr:`core.models.codes.Codes.shape_key`
+    shape: tuple[Hashable, ...]  # :attr:`core.models.codes.Codes.shape_key`
     camera: Camera  # :meth:`core.models.model.Instance.local_camera`
     samples: int
     complete: bool

@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.edits import kinds
 from core.models.model import Instance
-from core.models.paints import painted
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
 from core.runtime.layers import relu_
@@ -27,11 +27,11 @@ class FoldedField:
         self.device = model.device
         self.dtype = matmul_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
-        self._bend = instance.codes.bend
-        self._warp = instance.codes.warp
+        self._edits = instance.codes.field_edits
+        self._space_edits = instance.codes.space_edits
+        self._sizes = tuple(edit for edit in self._edits if edit.subject == "size")
         self._outline = outline(instance)
         self._part_head = model.part_head
-        self._paints = instance.codes.paints
         with torch.no_grad():
             shape, texture = instance.biases
             self._shape = tuple(shape.to(self.dtype).unbind(-2))
@@ -44,26 +44,30 @@ class FoldedField:
 
     def origins(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
         """Return the places in the natural object that points come from."""
-        return self._bend.origins(points) if self._bend else points
+        return kinds.origins(points, self._sizes)
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
-        """Return the activations of the first layer, at points before a bend; unless moved, they depend on no code."""
-        return relu_(self._weights.position(self._warp.origins(points) if self._warp else points))
+        """Return the activations of the first layer. Without edits of space they depend on no code."""
+        return relu_(self._weights.position(kinds.origins(points, self._edits)))
 
     def density(
         self, points: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Return density per scene unit, bounded by the outline of photos, and features for :meth:`colour`."""
-        points = self.origins(points)
-        density, features = self.unbounded_density(self.first_layer(points))
-        return density if self._outline is None else density * self._outline.factor(points), features
+        origins = kinds.origins(points, self._edits)
+        density, features = self.unbounded_density(relu_(self._weights.position(origins)))
+        if self._outline is None:
+            return density, features
+        # Unless the code has moved, too, they are also the places on the fitted object.
+        is_fitted = self._outline.edits == self._space_edits
+        return density * (self._outline.factor_at(origins) if is_fitted else self._outline.factor(points)), features
 
     def unbounded_density(
         self, first: Float[Tensor, "points width"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Return density and features like :meth:`density`, without the outline, from :meth:`first_layer`'s output."""
         density, features = folded_density(self.field, self._weights, first, self._shape)
-        return self._warp.firmed(density) if self._warp else density, features
+        return kinds.densities(density, self._edits), features
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """Return the viewing direction's contribution to the first texture layer."""
@@ -72,9 +76,10 @@ class FoldedField:
     def colour(
         self, features: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
     ) -> Float[Tensor, "points 3"]:
-        """Return rgb, painted, from :meth:`density`'s features and the bias of each point's viewing direction."""
+        """Return rgb, edited, from :meth:`density`'s features and the bias of each point's viewing direction."""
         colours = folded_colour(self.field, self._weights, features, direction_bias, self._texture)
-        return painted(colours, features, self._part_head, self._paints)
+        head = self._part_head
+        return kinds.colours(colours, self._edits, lambda: head.parts(features) if head else {})
 
 
 @lru_cache(maxsize=8)

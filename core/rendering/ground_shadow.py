@@ -44,12 +44,12 @@ class GroundShadow:
     reach: tuple[float, float]  # scene units from the map's middle to its sides, along x and y
     height: float  # z of the ground
 
-    def stretched(self, stretch: Factors | None) -> "GroundShadow":
+    def stretched(self, factors: Factors | None) -> "GroundShadow":
         """Return the shadow of the object stretched along the axes."""
-        if stretch is None:
+        if factors is None:
             return self
-        reach = self.reach[0] * stretch[0], self.reach[1] * stretch[1]
-        return replace(self, reach=reach, height=self.height * stretch[2])
+        reach = self.reach[0] * factors[0], self.reach[1] * factors[1]
+        return replace(self, reach=reach, height=self.height * factors[2])
 
     def seen_by(self, camera: Camera) -> Float[Tensor, "height width"]:
         """Return the fraction (0..1) of the ground's light that each pixel loses; 0 where no ground is visible."""

@@ -7,7 +7,6 @@ one of these is occupied.
 """
 
 import math
-from copy import copy
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,10 +15,9 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.bend import Bend
+from core.edits.edit import Edit
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
-from core.geometry.warp import Warp
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
 from core.models.model import Instance, Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
@@ -39,7 +37,12 @@ _COARSE_FACTOR = 2  # cells along each axis of a coarse cell, the unit of depth 
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
 _BLOCK = 4096  # corners that a thread evaluates at a time
-_SAME_LAYER = 1e-3  # cells: a bend's rounding, by which a layer of cells touches another one
+_SAME_LAYER = 1e-3  # cells: rounding of an edit, by which a layer of cells touches another one
+
+
+def _limit(model: Model) -> float:
+    """Return the density per scene unit from which a corner is occupied."""
+    return _MIN_OPACITY / float((2 * model.extent_tensor / CELLS).amin())
 
 
 class Tolerances(NamedTuple):
@@ -70,47 +73,49 @@ class Occupancy:
     """The occupied cells of one shape (``cells``, 64 along each axis), and its shadow on the ground (``shadow``).
 
     Args:
-        previous: the occupancy of a similar shape, to find that of a changing shape a few times faster. Corners around
-            its cells are evaluated; elsewhere every second one, or every fourth outside the cells of training objects.
-            This misses thin parts that lie apart, so the result is not ``complete``.
-        unmoved: the occupancy of the object that this one was made from by a warp.
+        densities: at the corners.
+        complete: False: thin parts that lie apart may be missing.
+        cells, least: occupied cells, and the least density in each; None: as the corners tell.
     """
 
     def __init__(
         self,
         model: Model,
-        folded: FoldedField,
-        previous: "Occupancy | None" = None,
-        unmoved: tuple["Occupancy", Warp] | None = None,
+        densities: Float[Tensor, "corners corners corners"],
+        complete: bool = True,
+        cells: Bool[Tensor, "cells cells cells"] | None = None,
+        least: Float[Tensor, "cells cells cells"] | None = None,
     ) -> None:
         self.extent = model.extent_tensor
-        self.complete: bool = unmoved[0].complete if unmoved else previous is None
+        self.complete = complete
         self.cell = 2 * self.extent / CELLS
-        grid = _corners(model, folded.dtype)
-        limit = _MIN_OPACITY / float(self.cell.amin())
-        with torch.inference_mode():
-            if unmoved:
-                densities = _moved_densities(folded, *unmoved)
-            elif previous:
-                rows = (previous._around() | grid.sparse).index_select(0, grid.corner).nonzero()[:, 0]
-                densities = _densities_at(folded, grid, rows)
-            else:
-                densities = _complete_densities(folded, grid, limit)
-        self._model = model
-        self._densities = densities  # at the corners
-        self._set_cells(max_of_corners(densities) > limit, -max_of_corners(-densities))
-
-    def _set_cells(
-        self, cells: Bool[Tensor, "cells cells cells"], min_density: Float[Tensor, "cells cells cells"]
-    ) -> None:
-        self.cells = cells
-        relative = (self._densities * (float(self.cell.amin()) / _SOLID)).cpu()
-        self.shadow = None if self._model.white_from_network else cast_shadow(relative, self._model.extent)
+        self.cells = max_of_corners(densities) > _limit(model) if cells is None else cells
+        relative = (densities * (float(self.cell.amin()) / _SOLID)).cpu()
+        self.shadow = None if model.white_from_network else cast_shadow(relative, model.extent)
         """The shape's shadow on the ground; None if it is empty or the network paints the background."""
+        self._model = model
+        self._densities = densities
         self._flat = self.cells.flatten()
-        self._min_density = min_density.flatten().bfloat16()  # rounds by 0.4 %, below tolerances
+        least = -max_of_corners(-densities) if least is None else least
+        self._min_density = least.flatten().bfloat16()  # rounds by 0.4 %, below tolerances
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
+
+    @classmethod
+    @torch.inference_mode()
+    def of(cls, model: Model, folded: FoldedField, previous: "Occupancy | None" = None) -> "Occupancy":
+        """Find the occupied cells of a shape without edits of its space.
+
+        Args:
+            previous: the occupancy of a similar shape, to find that of a changing shape a few times faster. Corners
+                around its cells are evaluated; elsewhere every second one, or every fourth outside the cells of
+                training objects. This misses thin parts that lie apart, so the result is not ``complete``.
+        """
+        grid = _corners(model, folded.dtype)
+        if previous is None:
+            return cls(model, _complete_densities(folded, grid, _limit(model)))
+        rows = (previous._around() | grid.sparse).index_select(0, grid.corner).nonzero()[:, 0]
+        return cls(model, _densities_at(folded, grid, rows), complete=False)
 
     @property
     def size(self) -> int:
@@ -118,29 +123,35 @@ class Occupancy:
         return sum(value.nbytes for value in vars(self).values() if isinstance(value, Tensor))
 
     @torch.inference_mode()
-    def bent(self, bend: Bend) -> "Occupancy":
-        """Return the occupied cells of the bent shape, without an evaluation of its field.
+    def moved(self, edit: Edit, folded: FoldedField) -> "Occupancy":
+        """Return the occupied cells of the shape after one more edit of its space.
 
-        A cell is occupied if any that its place came from is. Densities at corners, which cast the shadow, are
-        interpolated.
+        An edit that moves whole layers of cells needs no evaluation of the field: a cell is occupied if any that its
+        place came from is, and densities at corners, which cast the shadow, are interpolated.
+
+        Args:
+            folded: the edited field.
         """
-        corners = torch.zeros(CELLS + 1, 3, device=self.cell.device)
-        corners[:, 2] = torch.arange(CELLS + 1, device=self.cell.device) * self.cell[2] - self.extent[2]
-        layer = ((bend.origins(corners)[:, 2] + self.extent[2]) / self.cell[2]).clamp(0, CELLS)
-        first = (layer[:-1] + _SAME_LAYER).long().clamp(max=CELLS - 1)
-        last = torch.maximum((layer[1:] - _SAME_LAYER).long(), first)
-        lower = layer.long().clamp(max=CELLS - 1)
-        occupancy = copy(self)
-        occupancy._densities = torch.lerp(
-            self._densities[..., lower], self._densities[..., lower + 1], (layer - lower).float()
-        )
-        steps = [torch.minimum(first + step, last) for step in range(int((last - first).amax()) + 1)]
-        least = self._min_density.view(self.cells.shape)
-        occupancy._set_cells(
-            torch.stack([self.cells[..., step] for step in steps]).any(0),
-            torch.stack([least[..., step] for step in steps]).amin(0),
-        )
-        return occupancy
+        if not edit.is_separable:
+            return Occupancy(self._model, _moved_densities(folded, self, edit), self.complete)
+        densities = self._densities
+        cells = self.cells
+        least = self._min_density.view(cells.shape)
+        corners = torch.arange(CELLS + 1, device=self.cell.device)[:, None] * self.cell - self.extent
+        layers = ((edit.origins(corners) + self.extent) / self.cell).clamp(0, CELLS)
+        for axis, layer in enumerate(layers.unbind(-1)):
+            if bool(((layer - torch.arange(CELLS + 1, device=layer.device)).abs() < _SAME_LAYER).all()):
+                continue
+            first = (layer[:-1] + _SAME_LAYER).long().clamp(max=CELLS - 1)
+            last = torch.maximum((layer[1:] - _SAME_LAYER).long(), first)
+            lower = layer.long().clamp(max=CELLS - 1)
+            start, end = (densities.index_select(axis, lower + side) for side in (0, 1))
+            fractions = (layer - lower).float()[(..., *[None] * (2 - axis))]
+            densities = torch.lerp(start, end, fractions)
+            steps = [torch.minimum(first + step, last) for step in range(int((last - first).amax()) + 1)]
+            cells = torch.stack([cells.index_select(axis, step) for step in steps]).any(0)
+            least = torch.stack([least.index_select(axis, step) for step in steps]).amin(0)
+        return Occupancy(self._model, densities, self.complete, cells, least)
 
     def _around(self) -> Bool[Tensor, "all"]:
         """Mark the corners of occupied cells and of all cells that touch them."""
@@ -209,32 +220,32 @@ def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
         complete: False: if the shape is similar to the last one, evaluate mainly the corners around that; for
             continuously changing shapes.
     """
-    if instance.codes.bend:
-        return _bent(shape_occupancy(instance.natural, complete), instance.codes.bend)
-    unmoved = instance.changed(warp=None) if instance.codes.warp else instance
-    key = instance.model, unmoved.codes.shape_key, instance.codes.warp
+    return _occupancy(instance, instance.codes.space_edits, complete)
+
+
+def _occupancy(instance: Instance, edits: tuple[Edit, ...], complete: bool) -> Occupancy:
+    """Return the occupied cells of a shape with the first of its edits of space; cached."""
+    unmoved = instance.unmoved
+    key = instance.model, unmoved.codes.shape_key, edits
     occupancy: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if occupancy is None or (complete and not occupancy.complete):
-        warp = instance.codes.warp
-        source = (shape_occupancy(unmoved, complete), warp) if warp else None
-        previous = None if complete or source else _similar_occupancy(instance)
-        occupancy = Occupancy(instance.model, FoldedField.of(instance), previous, source)
+        if edits:
+            folded = FoldedField.of(unmoved.changed(edits=(*unmoved.codes.edits, *edits)))
+            occupancy = _occupancy(instance, edits[:-1], complete).moved(edits[-1], folded)
+        else:
+            previous = None if complete else _similar_occupancy(instance)
+            occupancy = Occupancy.of(instance.model, FoldedField.of(unmoved), previous)
         CACHE.put(CacheKind.SHAPE, key, occupancy, occupancy.size)
     return occupancy
 
 
-@lru_cache(maxsize=4)
-def _bent(occupancy: Occupancy, bend: Bend) -> Occupancy:
-    return occupancy.bent(bend)
-
-
 def _similar_occupancy(instance: Instance) -> Occupancy | None:
-    """Return the occupied cells of the model's last shape without moves if this one is similar to it."""
+    """Return the occupied cells of the model's last shape, without edits, if this one is similar to it."""
     codes = instance.codes
     space = instance.model.codes.shape_space
     latent = codes.shape.shape[-1]
-    for (model, shape, warp), occupancy in CACHE.newest(CacheKind.SHAPE):
-        if model is instance.model and not warp:
+    for (model, shape, edits), occupancy in CACHE.newest(CacheKind.SHAPE):
+        if model is instance.model and not edits:
             last = codes.shape.new_tensor(shape)
             away = space.distance(codes.shape, last[:latent])
             offset = torch.zeros(()) if codes.shape_offsets is None else codes.shape_offsets.flatten().to(last)
@@ -319,10 +330,10 @@ def _complete_densities(folded: FoldedField, grid: _Corners, limit: float) -> Fl
     return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
-def _moved_densities(folded: FoldedField, unmoved: Occupancy, warp: Warp) -> Float[Tensor, "corners corners corners"]:
-    """Return densities at corners of the cells that a warp leads to an occupied cell or beside one; 0 elsewhere."""
+def _moved_densities(folded: FoldedField, unmoved: Occupancy, edit: Edit) -> Float[Tensor, "corners corners corners"]:
+    """Return densities at corners of the cells that an edit leads to an occupied cell or beside one; 0 elsewhere."""
     places = torch.cartesian_prod(*[torch.arange(CELLS, device=unmoved.cell.device)] * 3)
-    origins = warp.origins((places + 0.5) * unmoved.cell - unmoved.extent)
+    origins = edit.origins((places + 0.5) * unmoved.cell - unmoved.extent)
     cells = contains(with_neighbours(unmoved.cells)[None], origins[None], unmoved.extent).view_as(unmoved.cells)
     rows = corners_of(cells).flatten().nonzero()[:, 0]
     points = corner_points(unmoved.extent, CELLS)

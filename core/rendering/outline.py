@@ -17,11 +17,12 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.edits import kinds
+from core.edits.edit import Edit
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
-from core.geometry.warp import Warp
 from core.models.model import Instance
-from core.models.motion import unmoved_distance, warp_to_fitted
+from core.models.motion import edits_to_fitted, unmoved_distance
 from core.models.photo_detail import BACKGROUND, PhotoView
 from core.rendering.folded_layers import batch_density
 from core.rendering.shape_cells import shape_cells
@@ -82,11 +83,14 @@ class Outline(NamedTuple):
     silhouettes: tuple[Silhouette, ...]
     mirrored: tuple[bool, ...]  # True: the silhouette also bounds mirrored points
     strength: float  # strength of the gain, 0..1
-    warp: Warp | None = None  # to the object that was fitted to the photos
+    edits: tuple[Edit, ...] = ()  # of the object that was fitted to the photos
 
     def factor(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return the factor on the density of points: their weight in all masks, and the largest gain."""
-        points = self.warp.origins(points) if self.warp else points
+        return self.factor_at(kinds.origins(points, self.edits))
+
+    def factor_at(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Return :meth:`factor` of places on the fitted object."""
         weight = gain = torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
             for place in (points, _mirror(points)) if mirrored else (points,):
@@ -109,7 +113,7 @@ def outline(instance: Instance) -> Outline | None:
     bounding = [Silhouette(view, view.outline_margin, fitted) for view in detail.views if view.outline_margin]
     mirrored = tuple(detail.other_side != "model" and _is_symmetric(silhouette) for silhouette in bounding)
     widened = tuple(silhouette._replace(margin=silhouette.margin / strength) for silhouette in bounding)
-    return Outline(widened, mirrored, strength, warp_to_fitted(instance)) if bounding else None
+    return Outline(widened, mirrored, strength, edits_to_fitted(instance)) if bounding else None
 
 
 def coherence(silhouette: Silhouette) -> float:

@@ -7,12 +7,11 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from core.geometry.bend import Bend
+from core.edits import kinds
+from core.edits.edit import Edit
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
-from core.geometry.warp import Warp
 from core.models.model import Instance, Model
-from core.models.paints import PartPaint, painted
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
 from core.runtime.modes import isolated
@@ -61,27 +60,24 @@ def render_rays(
     shape_bias: Float[Tensor, "... blocks width"],
     texture_bias: Float[Tensor, "... more_blocks width"],
     bound: Outline | None = None,
-    bend: Bend | None = None,
-    warp: Warp | None = None,
-    paints: tuple[PartPaint, ...] = (),
+    edits: tuple[Edit, ...] = (),
 ) -> Rendered:
     """Evaluate Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
         shape_bias, texture_bias: from the field; broadcast against (*batch, samples, blocks, width).
         bound: outline that bounds the density.
-        bend, warp: of the object, in whose space the rays are; the bend is undone first.
-        paints: of the object's parts.
+        edits: of the object, in whose space the rays are.
     """
     depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
     points = ray_points(rays, depths)
-    points = bend.origins(points) if bend else points
-    origins = warp.origins(points) if warp else points
+    origins = kinds.origins(points, edits)
     density, colours = model.field.radiance(origins, direction_bias, shape_bias, texture_bias)
-    density = warp.firmed(density) if warp else density
-    if paints:
-        colours = painted(colours, model.field.activations(origins, shape_bias), model.part_head, paints)
+    density = kinds.densities(density, edits)
+    head = model.part_head
+    activations = model.field.activations
+    colours = kinds.colours(colours, edits, lambda: head.parts(activations(origins, shape_bias)) if head else {})
     if bound is not None:
         density = density * bound.factor(points)
     weights, transmittance = compositing_weights(density, edges)
@@ -109,7 +105,7 @@ def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rend
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
     model = instance.model
     rays = exact_rays(model, instance.local_camera(camera))
-    bounded = *instance.biases, outline(instance), instance.codes.bend, instance.codes.warp, instance.codes.paints
+    bounded = *instance.biases, outline(instance), instance.codes.field_edits
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
     starts = range(0, camera.height, rows)
     bands = map_pieces(lambda row: render_rays(model, rays[row : row + rows], samples, *bounded), starts)

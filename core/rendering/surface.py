@@ -36,8 +36,10 @@ def surface_points(instance: Instance) -> tuple[Float[Tensor, "points 3"], Float
     The points are centres of grid cells inside the object with a neighbour outside. Each is seen along its ray to the
     scene's origin. Empty for an empty object.
     """
-    field = FoldedField.of(instance.natural)
-    grid = _evaluated(field, instance.model, likely_only=False) if instance.codes.warp else _grid(instance.model)
+    natural = instance.natural
+    field = FoldedField.of(natural)
+    is_moved = bool(natural.codes.space_edits)
+    grid = _evaluated(field, instance.model, likely_only=False) if is_moved else _grid(instance.model)
     with torch.no_grad():
         # Cells of empty blocks with empty neighbours are not evaluated.
         dense = torch.zeros_like(grid.blocks)

@@ -21,7 +21,7 @@ _CHUNK_RAYS = 4096
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
     """Render a baked field as the shader draws it, on white, without shadow."""
-    camera = camera.stretched(baked.stretch)
+    camera = camera.stretched(baked.proportions)
     rays = camera_rays(camera, torch.tensor(baked.extent), baked.pixel_offset)
     lines = max(1, _CHUNK_RAYS // camera.width)
     bands = [rays[first : first + lines] for first in range(0, camera.height, lines)]

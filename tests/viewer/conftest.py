@@ -11,9 +11,9 @@ from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.detail.progressive import render_progressively
+from core.editing.bounds import Bounds
 from core.models.model import Model
 from core.photos.segmentation import CutOut
-from core.rendering.bounds import Bounds
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import (
@@ -69,7 +69,7 @@ def backend(model: Model) -> Backend:
         paint_colour=quick_colour,
         distance=lambda instance, camera, fraction: camera.distance,
         bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3), 150.0, -0.06),
-        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
+        direction_words=lambda model: iter(({"shape": ("rounder", ""), "texture": ("redder",)},)),
     )
 
 
@@ -93,7 +93,7 @@ def real_backend(model: Model) -> Backend:
     return Backend(
         load_model=lambda name: model,
         guess_category=no_guess,
-        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
+        direction_words=lambda model: iter(({"shape": ("rounder", ""), "texture": ("redder",)},)),
     )
 
 

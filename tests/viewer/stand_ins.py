@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from core.detail.paint import Paint
 from core.detail.progressive import Frame, RenderJob, RenderSettings
-from core.directions.part_map import Box, Handle, PartMap
+from core.editing.paint import Paint
+from core.editing.parts import Box, Handle, PartMap
+from core.edits.paint import PartPaint, Rgb
 from core.export.keyframes import View
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
@@ -23,7 +24,6 @@ from core.gl.background import Background
 from core.gl.baked_field import BakedField
 from core.models.field_config import FieldConfig
 from core.models.model import Instance, Model
-from core.models.paints import PartPaint, Rgb
 from core.photos.detector import Detection
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
@@ -63,7 +63,7 @@ def quick_frames(job: RenderJob) -> Iterator[Frame | None]:
         radius = (0.3 + 0.05 * math.tanh(float(instance.codes.shape.sum()))) / camera.distance
         opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
         colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (instance.codes.texture.tolist() * 3)[:3]])
-        colour = np.array([paint.colour for paint in instance.codes.paints] or [colour])[-1]
+        colour = np.array([paint.colour for paint in instance.codes.of_kind(PartPaint)] or [colour])[-1]
         image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
         yield None
         yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
@@ -108,14 +108,14 @@ def crowded(path: Path, hints: Hints | None) -> CutOut:
 def quick_paint(instance: Instance, paint: Paint) -> Generator[None, None, Instance]:
     """The object's only paint has the colour."""
     yield None
-    return instance.changed(paints=(PartPaint(paint.part, paint.colour, (0.5, 0.5, 0.5)),))
+    return instance.with_edits(PartPaint, PartPaint(paint.part, paint.colour, (0.5, 0.5, 0.5)))
 
 
 def quick_colour(instance: Instance, part_name: str) -> Generator[None, None, Rgb]:
     """The colour that :func:`quick_paint` gives."""
     yield None
-    if instance.codes.paints:
-        return instance.codes.paints[-1].colour
+    if instance.codes.of_kind(PartPaint):
+        return instance.codes.of_kind(PartPaint)[-1].colour
     red, green, blue = instance.codes.texture[:3].clamp(0, 1).tolist()
     return red, green, blue
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from core.edits.stretch import Stretch
 from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import CodeBook
 from core.models.missing import MissingInstance
@@ -30,7 +31,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         lambda: editor.mix_both(0.2, 0.3),
         lambda: editor.take("texture", "object 3"),
         lambda: editor.move_along(Direction.principal(model.codes, "shape", 1), 2.0),
-        lambda: editor.edit(editor.scene.instance.changed(stretch=(1.0, 1.5, 1.0))),
+        lambda: editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((1.0, 1.5, 1.0)))),
         lambda: editor.sample(),
         lambda: editor.reset(),
         lambda: session.viewport.reset_view(),
@@ -54,7 +55,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
 def test_a_size_keeps_the_views_scale_and_is_reset(editor: Editor) -> None:
     before = editor.state
     for width in (1.1, 1.3, 1.6):
-        editor.edit(editor.scene.instance.changed(stretch=(width, 1.0, 1.0)), gesture="size")
+        editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((width, 1.0, 1.0))), gesture="size")
     editor.end_gesture()
     assert editor.state.change_from(before) == "size"
     scene = editor.scene
@@ -243,7 +244,7 @@ def test_esc_ends_a_turn_of_the_camera_and_drops_a_drag_of_an_edit(editor: Edito
     editor.cancel_gesture()
     assert editor.scene.camera == turned and not editor.history.gesture
     steps = len(editor.history.steps)
-    editor.edit(before.instance.changed(stretch=(1.0, 1.0, 1.5)), gesture="size box")
+    editor.edit(before.instance.with_edits(Stretch, Stretch((1.0, 1.0, 1.5))), gesture="size box")
     editor.cancel_gesture()
     assert editor.scene.instance == before.instance and len(editor.history.steps) == steps
 

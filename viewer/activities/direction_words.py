@@ -1,6 +1,6 @@
 """The words of principal directions, such as *wider*, measured in the background once per model."""
 
-from core.directions.words import Words
+from core.editing.words import Words
 from core.models.model import Model
 from viewer.services.jobs import BACKGROUND_WEIGHT, Jobs
 from viewer.services.worker import Job

@@ -4,7 +4,7 @@ import re
 from functools import lru_cache
 
 from core.detail.progressive import Frame
-from core.directions.words import OPPOSITES
+from core.editing.words import OPPOSITES
 from core.models.model import Instance
 from viewer.activities.direction_words import DirectionWords
 from viewer.activities.thumbnails import Thumbnails
@@ -68,9 +68,8 @@ class Names:
         if instance.is_missing or root.original.is_missing:
             return "edited"
         shape = _direction_word(instance, root.original, self._words.of_shape(instance.model))
-        codes = instance.codes
-        original = root.original.codes
-        size = "resized" if (codes.stretch, codes.bend) != (original.stretch, original.bend) else ""
+        is_resized = instance.codes.edits_of("size") != root.original.codes.edits_of("size")
+        size = "resized" if is_resized else ""
         return ", ".join(filter(None, (self._paint_word(instance, root.original), shape or size))) or "edited"
 
     def _paint_word(self, instance: Instance, original: Instance) -> str:

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import torch
 
-from core.detail.paint import CoarsePaint, Paint, paint_parts
 from core.detail.progressive import Frame
+from core.editing.paint import CoarsePaint, Paint, paint_parts
+from core.edits.paint import Rgb
 from core.geometry.camera import Camera
 from core.models.model import Instance
-from core.models.paints import Rgb
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_WEIGHT, Jobs

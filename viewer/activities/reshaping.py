@@ -1,27 +1,29 @@
-"""The parts of the object in the view, and drags that move it along directions."""
+"""The parts of the object in the view, and drags that change it."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import UInt8
 
-from core.directions.grab import Pull, find_pull
-from core.directions.part_map import Handle, PartMap
+from core.editing.parts import Handle, PartMap
+from core.editing.pull import Pull, find_pull
+from core.editing.size import lengths, resized
+from core.edits.edit import UNIT
 from core.models.model import Instance
-from core.models.motion import prepare_motion
+from viewer.activities.sizing import Sizing
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import TILES_WEIGHT, Jobs
 from viewer.services.worker import Job
-from viewer.values.direction import Direction
 from viewer.values.orbit import PanelCrop
 from viewer.values.part_highlight import part_highlight
 from viewer.values.view_request import ViewRequest
 
 _LEAST = 0.008  # of the view's shorter side, after which a drag's direction is known
+_EQUAL = 1e-3  # relative difference of lengths below which the object has followed a drag
 
 Place = tuple[float, float]  # right and down, fractions of the view's width and height
 
@@ -58,33 +60,26 @@ def shown_box(crop: PanelCrop) -> tuple[float, float, float, float]:
 
 
 class Drag(NamedTuple):
-    """A drag of the shape along a direction, by a handle or a slider."""
+    """A drag that changes the object."""
 
     gesture: str
-    direction: Direction
-    start: float  # position along the direction when the drag began
     base: Instance  # the object when the drag began: all its edits start from this one, so errors do not add up
     edited: Instance  # the object as edited last
-    pull: Pull | None = None  # of a handle's drag
-    to: float = math.nan  # newest position
-
-    @property
-    def is_past_end(self) -> bool:
-        """True while the drag goes farther than the object can follow."""
-        low, high = self.direction.reach(self.base)
-        return self.to < low or self.to > high
+    to: float  # newest value
 
 
 class Reshaping:
-    """Finds the parts in a finished image, once, and moves the object in drags. A drag is one step of undo."""
+    """Finds the parts in a finished image, once, and changes the object in drags. A drag is one step of undo."""
 
-    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, sizing: Sizing) -> None:
         self._jobs = jobs
         self._editor = editor
         self._viewport = viewport
+        self._sizing = sizing
         self._searched: ViewRequest | None = None  # image whose parts are known or being found
         self._parts: VisibleParts | None = None
         self._drag: Drag | None = None
+        self.pull: Pull | None = None  # of the drag of a part's handle, once its direction is known
 
     # Parts
 
@@ -113,8 +108,6 @@ class Reshaping:
         def stream() -> Iterator[VisibleParts | None]:
             regions = find(request.instance, crop.camera, frame, shown_box(crop))
             yield None
-            prepare_motion(request.instance)
-            yield None
             highlights = {}
             for part in {handle.part for handle in regions.handles}:
                 highlights[part] = part_highlight(regions.mask(part), frame.opacity)
@@ -129,56 +122,64 @@ class Reshaping:
 
     # Drags
 
-    def drag_handle(self, handle: Handle, drag: Place, words: Sequence[str]) -> None:
-        """Reshape the object as a handle is dragged, from where it was pressed; then call :meth:`release`.
+    def follow(self, gesture: str, change: Callable[[Instance, float], Instance], to: float) -> None:
+        """Change the object as part of a drag, which begins with the first call; then call :meth:`release`.
+
+        Args:
+            change: returns an object with a value.
+            to: the value that the drag has reached.
+        """
+        instance = self._editor.scene.instance
+        drag = self._drag
+        if drag is None or (drag.gesture, drag.edited) != (gesture, instance):
+            drag = Drag(gesture, instance, instance, math.nan)
+        if to != drag.to:
+            self._editor.edit(change(drag.base, to), gesture)
+        self._drag = drag._replace(edited=self._editor.scene.instance, to=to)
+
+    def resize(self, name: str, length: float) -> None:
+        """Give the object a length in cm (:func:`core.editing.size.resized`) as part of a drag."""
+        natural = self._sizing.bounds
+        if natural is not None:
+            self.follow(f"size {name}", lambda instance, to: resized(instance, natural, name, to), length)
+
+    def drag_handle(self, handle: Handle, drag: Place) -> None:
+        """Resize the object as a part's handle is dragged, from where it was pressed; then call :meth:`release`.
 
         Nothing happens once anything else changes the shape, such as undo.
 
         Args:
             drag: right and down, fractions of the view's shorter side.
-            words: of the shape directions.
         """
+        natural = self._sizing.bounds
         full = self._viewport.request.full
         pixels = drag[0] * full, drag[1] * full
-        now = self._drag
-        if now is None and math.hypot(*drag) >= _LEAST:
-            now = self._pull(handle, pixels, words)
-        # Undo or a fit's result may show another shape while the handle is still held: that ends the drag.
-        if now and now.pull and self._editor.scene.instance.codes.shape_key == now.edited.codes.shape_key:
-            self._move(now, now.start + now.pull.amount(pixels))
-
-    def _pull(self, handle: Handle, pixels: Place, words: Sequence[str]) -> Drag:
-        """Return a handle's drag along the direction that follows its first pixels."""
-        request = self._viewport.request
         instance = self._editor.scene.instance
-        pull = find_pull(instance, words, request.crop(request.full).camera, handle.point, pixels)
-        word = words[pull.direction] if pull.direction < len(words) else ""
-        direction = Direction.principal(instance.model.codes, "shape", pull.direction, word)
-        return Drag("reshape", direction, direction.strength(instance), instance, instance, pull)
+        if self.pull is None and natural and math.hypot(*drag) >= _LEAST:
+            request = self._viewport.request
+            x, y, z = (
+                side * factor for side, factor in zip(handle.point, instance.codes.proportions or UNIT, strict=True)
+            )
+            camera = request.crop(request.full).camera
+            self.pull = find_pull(instance, natural, camera, handle.part, (x, y, z), pixels)
+        # Undo or a fit's result may show another shape while the handle is still held: that ends the drag.
+        if self.pull and (self._drag is None or _shape(self._drag.edited) == _shape(instance)):
+            self.resize(self.pull.name, self.pull.to(pixels))
 
     @property
-    def drag(self) -> Drag | None:
-        """The drag of a handle, until it is released; None before its direction is known."""
-        return self._drag if self._drag and self._drag.pull else None
-
-    def move_along(self, direction: Direction, to: float, gesture: str) -> None:
-        """Move the object along a direction as part of a drag; then call :meth:`release`."""
-        now = self._drag
-        if now is None or now.gesture != gesture:
-            instance = self._editor.scene.instance
-            now = Drag(gesture, direction, direction.strength(instance), instance, instance)
-        self._move(now, to)
-
-    def _move(self, drag: Drag, to: float) -> None:
-        """Move the object to a position; the drag starts anew from another object."""
-        instance = self._editor.scene.instance
-        if drag.edited is not instance:
-            drag = drag._replace(base=instance)
-        if drag.edited is not instance or to != drag.to:
-            self._editor.edit(drag.direction.moved(drag.base, to), drag.gesture)
-        self._drag = drag._replace(edited=self._editor.scene.instance, to=to)
+    def is_past_end(self) -> bool:
+        """True while the drag of a part's handle goes farther than the object can follow."""
+        natural = self._sizing.bounds
+        if self.pull is None or self._drag is None or natural is None:
+            return False
+        return not math.isclose(lengths(self._drag.edited, natural)[self.pull.name], self._drag.to, rel_tol=_EQUAL)
 
     def release(self) -> None:
         """End the drag; the next one is another step of undo."""
-        self._drag = None
+        self._drag = self.pull = None
         self._editor.end_gesture()
+
+
+def _shape(instance: Instance) -> tuple[Hashable, ...]:
+    """Return all that a drag of the size or the shape changes, as a comparable key."""
+    return instance.codes.shape_key, instance.codes.edits_of("size")

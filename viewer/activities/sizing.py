@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from core.editing.bounds import Bounds
 from core.models.model import Instance
 from core.models.motion import prepare_motion
-from core.rendering.bounds import Bounds
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job

@@ -31,18 +31,18 @@ class _Key(NamedTuple):
     """The inputs of a thumbnail; objects by their numbers, so that equal ones share a thumbnail."""
 
     model: str
-    shape: tuple[float, ...]
+    shape: tuple[Hashable, ...]
     texture: tuple[Hashable, ...]
     camera: Camera
     samples: int
     detail: PhotoDetail | None
-    stretch: Factors | None
+    proportions: Factors | None
 
     @property
     def digest(self) -> str:
         """A hash of all inputs, for the names of stored images."""
         text = f"{self.model} {self.camera} {self.samples} {self.shape} {self.texture}".encode()
-        text += f" {self.stretch}".encode() if self.stretch else b""
+        text += f" {self.proportions}".encode() if self.proportions else b""
         detail = _detail_digest(self.detail) if self.detail else b""
         return hashlib.blake2b(text + detail, digest_size=16).hexdigest()
 

@@ -170,10 +170,10 @@ class Viewport:
 
     def _stretch_baked(self) -> None:
         """Give the baked object the size of the shown one."""
-        stretch = self.request.instance.codes.proportions
-        if self.baked and self.baked.stretch != stretch:
+        proportions = self.request.instance.codes.proportions
+        if self.baked and self.baked.proportions != proportions:
             assert self._unstretched is not None
-            self.baked = self._unstretched.stretched(stretch)
+            self.baked = self._unstretched.stretched(proportions)
 
     def _bake(self, instance: Instance) -> None:
         """Begin to bake an unstretched object, unless it is baked or being baked."""

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.editing.size import size_of
 from core.export.mesh_formats import FORMATS as MESHES
 from core.export.mesh_formats import LARGEST_PRINT, PRINTED, TEXTURED
 from core.export.video import FORMATS as VIDEOS
@@ -15,7 +16,6 @@ from core.export.video_frames import Image
 from core.gl.background import Background, Rgb, background_rows
 from core.models.model import Instance
 from core.models.scene import IMAGE_FORMATS
-from core.rendering.size import size_of
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed
@@ -245,7 +245,7 @@ def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:
     if settings.mesh in TEXTURED:
         text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
-    if instance.codes.is_sized:
+    if instance.is_sized:
         _label("Size")
         imgui.text("as in Sliders")
         _draw_print_limit(settings, instance)

@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
-from core.directions.words import OPPOSITES
+from core.editing.words import OPPOSITES
 from core.geometry.camera import Camera
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance
@@ -68,7 +68,7 @@ class SlidersPanel(Panel):
         """Draw a slider below the words of its ends."""
         editor = context.session.editor
         key = f"{kind} {index + 1}"
-        direction = Direction.principal(editor.model.codes, kind, index, ends[1])
+        direction = Direction.principal(editor.model.codes, kind, index)
         value = editor.strength(direction)
         corner = imgui.get_cursor_screen_pos()
         room = imgui.get_content_region_avail()
@@ -79,7 +79,7 @@ class SlidersPanel(Panel):
         low, high = direction.reach(editor.scene.instance)
         moved, to = imgui.slider_float(f"##{key}", value, low, high, "", imgui.SliderFlags_.always_clamp)
         if moved and abs(to - value) > 1e-6:
-            context.session.reshaping.move_along(direction, to, gesture=key)
+            context.session.reshaping.follow(key, direction.moved, to)
         if imgui.is_item_deactivated():
             context.session.reshaping.release()
         if imgui.is_item_clicked(imgui.MouseButton_.right):

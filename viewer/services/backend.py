@@ -4,10 +4,12 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.detail.paint import CoarsePaint, Paint, coarse_paint, paint, paint_colour
 from core.detail.progressive import Frame, RenderJob, render_progressively
-from core.directions.part_map import Box, PartMap, part_map
-from core.directions.words import Words, direction_words
+from core.editing.bounds import Bounds, natural_bounds
+from core.editing.paint import CoarsePaint, Paint, coarse_paint, paint, paint_colour
+from core.editing.parts import Box, PartMap, part_map
+from core.editing.words import Words, direction_words
+from core.edits.paint import Rgb
 from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
@@ -20,12 +22,10 @@ from core.gl.baked_field import BakedField
 from core.gl.baking import bake
 from core.models.library import load_model
 from core.models.model import Instance, Model
-from core.models.paints import Rgb
 from core.photos.clip_object import ClipCuts, cut_out_clip
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
-from core.rendering.bounds import Bounds, natural_bounds
 from viewer.values.fit_history import PhotoSource
 
 

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-from core.directions.words import reshaped
 from core.models.codes import CodeBook, CodeKind
 from core.models.model import Instance
-from core.models.motion import position, reach
+from core.models.motion import moved_along, position, reach
 
 _TEXTURE_REACH = 3.0  # standard deviations to either side of the mean; no texture breaks an object
 
@@ -20,13 +19,12 @@ class Direction:
     kind: CodeKind
     step: Float[Tensor, "latent"]  # one standard deviation of the trained codes along the direction
     index: int  # among the principal directions
-    word: str = ""  # for more of it; "" if unnamed
 
     @classmethod
-    def principal(cls, book: CodeBook, kind: CodeKind, index: int, word: str = "") -> "Direction":
+    def principal(cls, book: CodeBook, kind: CodeKind, index: int) -> "Direction":
         """Return a principal direction of the trained codes; 0 has the largest variance."""
         space = book.shape_space if kind == "shape" else book.texture_space
-        return cls(kind, space.basis[index], index, word)
+        return cls(kind, space.basis[index], index)
 
     def strength(self, instance: Instance) -> float:
         """Return an object's position along the direction, in standard deviations from its model's mean."""
@@ -42,6 +40,6 @@ class Direction:
     def moved(self, instance: Instance, to: float) -> Instance:
         """Return the object moved to the position ``to``, in standard deviations, or to the end of its reach."""
         if self.kind == "shape":
-            return reshaped(instance, self.index, to, self.word)
+            return moved_along(instance, self.index, to)
         by = max(-_TEXTURE_REACH, min(_TEXTURE_REACH, to)) - self.strength(instance)
         return instance.moved("texture", by * self.step)

@@ -13,6 +13,8 @@ from jaxtyping import AbstractArray
 from PIL import Image
 from torch import Tensor
 
+from core.edits.edit import Edit
+from core.edits.kinds import edits_json, read_edits
 from core.export.keyframes import Timeline, View
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.pixels import to_bytes
@@ -81,7 +83,9 @@ def encode(value: Any, store: BlobStore) -> Any:
         fine = value.fine and store.number(value.fine, store.photos, lambda: value.fine)
         return {"image": image, "fine": fine} | {name: encode(getattr(value, name), store) for name in _BESIDE_IMAGE}
     if isinstance(value, Instance):
-        return _encode_fields(value.codes, store) | {"model": value.fingerprint}
+        latents = _encode_fields(replace(value.codes, edits=()), store)
+        del latents["edits"]
+        return latents | edits_json(value.codes.edits) | {"model": value.fingerprint}
     if isinstance(value, FittedPhoto):
         return {"source": encode(value.source, store), "photo": encode(value.photo, store)} | _encode_preview(
             value, store
@@ -213,7 +217,7 @@ def _decode_instance(record: Any, store: BlobStore) -> Instance:
     Raises ``ValueError`` if the codes do not fit their model.
     """
     fingerprint = typed(str, typed(dict, record, name="codes").get("model", ""), name="codes.model") or store.model
-    instance = MissingInstance(fingerprint, _decode_in_place(Codes, record, store))
+    instance = MissingInstance(fingerprint, _decode_in_place(Codes, record | {"edits": record}, store))
     assert store.models is not None, "no models"
     if model := store.models.find(fingerprint):
         return adopted(model, instance)
@@ -252,6 +256,7 @@ _SPECIAL: dict[Any, Callable[[Any, BlobStore], Any]] = {
     PhotoDetail: lambda record, store: readable(store, partial(_decode_in_place, PhotoDetail, record, store)),
     Original: _decode_original,
     Instance: _decode_instance,
+    tuple[Edit, ...]: lambda record, store: read_edits(record),
 }
 _SPECIAL |= {kind: partial(_decode_in_place, kind) for kind in _OF_AN_INSTANCE}
 _SPECIAL |= {kind: partial(_decode_shared, kind) for kind in _SHARED}

@@ -92,16 +92,16 @@ class State:
             return mix.a.words(label)
         if (mix.shape, mix.texture) != (before.mix.shape, before.mix.texture):
             return f"{label(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        now = replace(self.scene.instance.codes, bend=None)
-        then = replace(before.scene.instance.codes, bend=None)
+        now = self.scene.instance.natural.codes
+        then = before.scene.instance.natural.codes
         kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
         return " and ".join(kinds) or self._aside_from(before, label)
 
     def _aside_from(self, before: State, label: Label) -> str:
         """Describe a change that keeps both codes."""
         if self.is_edit_of(before):
-            now, then = self.scene.instance.codes, before.scene.instance.codes
-            return "photo detail" if (now.stretch, now.bend) == (then.stretch, then.bend) else "size"
+            now, then = (state.scene.instance.codes.edits_of("size") for state in (self, before))
+            return "photo detail" if now == then else "size"
         if self.removed != before.removed:
             return "removed objects"
         return f"{label(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"

@@ -3,7 +3,7 @@
 import colorsys
 import re
 
-from core.models.paints import Rgb
+from core.edits.paint import Rgb
 
 _CAR = {
     "White": "#f2f2ee", "Silver": "#b9bdc1", "Grey": "#6d7277", "Black": "#1b1c1f",

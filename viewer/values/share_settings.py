@@ -95,7 +95,7 @@ class ShareSettings:
 
         Unless it was sized, its longest side is :attr:`metres`, or that usual for its model.
         """
-        metres = None if instance.codes.is_sized else self.metres or instance.model.metres
+        metres = None if instance.is_sized else self.metres or instance.model.metres
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, metres, texture, self.triangles)
 

@@ -4,7 +4,7 @@ import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from jaxtyping import UInt8
 
-from core.models.paints import Rgb
+from core.edits.paint import Rgb
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
 from viewer.values.paints import as_paint, paints_of, rgb, square_colour

@@ -4,8 +4,8 @@ import time
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.directions.part_map import Handle
-from core.directions.words import OPPOSITES
+from core.editing.parts import Handle
+from core.editing.size import lengths
 from viewer.activities.reshaping import VisibleParts
 from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
@@ -69,16 +69,15 @@ class PartHandle:
         paint_on_plate(low + pad, label, pad)
 
     def _label(self, context: PanelContext, handle: Handle) -> str:
-        """Return the part's name and, during a drag, the word of its direction."""
-        drag = context.session.reshaping.drag
+        """Return the part's name and, during a drag, the length that changes."""
+        reshaping = context.session.reshaping
         name = handle.part.capitalize()
-        if drag is None:
+        natural = context.session.sizing.bounds
+        if reshaping.pull is None or natural is None:
             return f"{name}  {_DROP}" if _takes_paint(context, handle) else name
-        words = _words(context)
-        word = words[drag.direction.index] if drag.direction.index < len(words) else ""
-        end = ", no further" if drag.is_past_end else ""
-        is_more = context.session.editor.strength(drag.direction) >= drag.start
-        return f"{name}: {word if is_more else OPPOSITES.get(word, '')}{end}"
+        length = lengths(context.session.editor.scene.instance, natural)[reshaping.pull.name]
+        end = ", no further" if reshaping.is_past_end else ""
+        return f"{name}: {reshaping.pull.name} {length:.3g} cm{end}"
 
     def _react(self, context: PanelContext, handle: Handle) -> None:
         """React to imgui's last item, a part of the handle."""
@@ -94,10 +93,10 @@ class PartHandle:
         self._is_held |= imgui.is_item_activated()
         if self._is_held and imgui.is_item_active() and not is_locked:
             drag = imgui.get_mouse_drag_delta(0, 0.0) / min(context.view[1] - context.view[0])
-            reshaping.drag_handle(handle, (drag.x, drag.y), _words(context))
+            reshaping.drag_handle(handle, (drag.x, drag.y))
         if imgui.is_item_deactivated():
             self._is_held = False
-            if reshaping.drag:
+            if reshaping.pull:
                 reshaping.release()
                 self._lit = None
             elif _takes_paint(context, handle):
@@ -132,10 +131,6 @@ def _takes_paint(context: PanelContext, handle: Handle) -> bool:
     painting = context.session.painting
     is_locked = "texture" in context.session.editor.locked
     return not is_locked and (handle.part in painting.parts or not painting.parts)
-
-
-def _words(context: PanelContext) -> tuple[str, ...]:
-    return context.session.words.of_shape(context.session.editor.model)
 
 
 def _draw_glow(context: PanelContext, visible: VisibleParts, handle: Handle, corner: ImVec2, size: ImVec2) -> None:

@@ -16,7 +16,7 @@ from PIL import ExifTags, Image
 
 from core.__main__ import main
 from core.cli import fit as fitting
-from core.directions.words import direction_words
+from core.editing.words import direction_words
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
 from core.lab.benchmarks import ablations, robustness
@@ -187,7 +187,7 @@ def test_objects_are_edited_by_words_and_painted():
     options = "--model m.safetensors --object 1 --size 48"
     run(f"render {options} --out a.png")
     name = named_direction()
-    run(f"render {options} --edit {name}=1.5 --out edited.png")
+    main([*f"render {options} --out edited.png --edit".split(), f"{name}=1.5"])
     run(f"render {options} --paint #c03028 --out painted.png")
     plain, edited, painted = map(pixels, ("a.png", "edited.png", "painted.png"))
     assert (plain != edited).any() and (plain != painted).any()
@@ -198,7 +198,7 @@ def test_objects_are_edited_by_words_and_painted():
 def named_direction() -> str:
     """Return a name of one of the tiny model's directions."""
     *_, words = direction_words(tiny_model())
-    return next(word for word in (*words["texture"], *words["shape"]) if word and " " not in word)
+    return next(word for word in (*words["texture"], *words["shape"]) if word)
 
 
 def test_convert_writes_a_model_file(shared: Path, capsys: pytest.CaptureFixture[str]):

@@ -10,8 +10,11 @@ from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.detail.maps import ComparedPhoto, detail_maps, paint_weight
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
 from core.detail.surface import SurfaceTexels, surface_normals
-from core.geometry.bend import Bend
-from core.geometry.camera import Camera, Factors
+from core.edits.bend import Bend
+from core.edits.edit import Edit
+from core.edits.paint import PartPaint
+from core.edits.stretch import Stretch
+from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
 from core.gl.baking import bake
@@ -19,7 +22,6 @@ from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.motion import FOLLOWED, moved_along
-from core.models.paints import PartPaint
 from core.models.part_head import PartHead
 from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering.fast import clear_cache
@@ -173,21 +175,22 @@ def test_every_stage_shows_photo_detail(instance: Instance, camera: Camera) -> N
 @pytest.mark.parametrize(
     ("azimuth", "covers", "edited", "size"),
     [
-        (1.4, False, False, {}),
-        (1.4, False, True, {}),
-        (1.2, False, False, {"stretch": (1.5, 1.0, 0.8)}),
-        (1.2, False, True, {"stretch": (1.0, 1.0, 1.2), "bend": BEND}),
-        (np.pi - 1.1, False, False, {"bend": BEND}),
-        (np.pi - 1.1, False, False, {}),
-        (np.pi - 1.1, True, False, {}),
+        (1.4, False, False, ()),
+        (1.4, False, True, ()),
+        (1.2, False, False, (Stretch((1.5, 1.0, 0.8)),)),
+        (1.2, False, True, (BEND, Stretch((1.0, 1.0, 1.2)))),
+        (np.pi - 1.1, False, False, (BEND,)),
+        (np.pi - 1.1, False, False, ()),
+        (np.pi - 1.1, True, False, ()),
     ],
 )
 def test_opengl_and_the_processor_draw_the_same_photo_detail(
-    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool, size: dict[str, Factors | Bend]
+    tiny: Model, instance: Instance, azimuth: float, covers: bool, edited: bool, size: tuple[Edit, ...]
 ) -> None:
-    instance = (moved_along(instance, 0, 9.0) if edited else instance).changed(**size)
+    instance = moved_along(instance, 0, 9.0) if edited else instance
+    instance = instance.changed(edits=(*instance.codes.edits, *size))
     *_, shadowed = filter(None, bake(instance))
-    assert shadowed.detail is not None and (shadowed.detail.warp is not None) == edited
+    assert shadowed.detail is not None and len(shadowed.detail.edits) == edited + (BEND in size)
     baked = replace(shadowed, shadow=None)
     if covers:
         baked = replace(baked, detail=lettered(baked.detail))
@@ -239,7 +242,7 @@ def test_a_photo_of_a_chair_takes_a_paint_on_the_whole_part_in_any_colour(tiny: 
     )
     assert torch.equal(compared.painted(chair), photo)
     red = PartPaint("seat", (0.8, 0.1, 0.1), (0.5, 0.5, 0.5))
-    painted = compared.painted(chair.changed(paints=(red,)))
+    painted = compared.painted(chair.with_edits(PartPaint, red))
     hue = painted / painted.sum(0)
     assert (hue[:, :, :31] - torch.tensor([0.8, 0.1, 0.1])[:, None, None]).abs().max() < 1e-5
     assert torch.equal(painted[:, :, 33:], photo[:, :, 33:])

@@ -6,10 +6,11 @@ from itertools import pairwise
 import pytest
 import torch
 
+from core.edits.bend import Bend
+from core.edits.stretch import Stretch
+from core.edits.warp import TERMS, Warp
 from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View, morph, swing, turntable
-from core.geometry.bend import Bend
 from core.geometry.camera import Camera
-from core.geometry.warp import TERMS, Warp
 from core.models.codes import Codes
 from core.models.missing import MissingInstance
 
@@ -172,27 +173,24 @@ def test_a_morph_turns_once_and_is_the_other_object_halfway() -> None:
 
 def test_sizes_change_between_keys() -> None:
     instance, camera = shot()
-    wide = instance.changed(stretch=(3.0, 1.0, 1.0))
+    wide = instance.with_edits(Stretch, Stretch((3.0, 1.0, 1.0)))
     keys = Keyframe(0.0, View(instance, camera)), Keyframe(2.0, View(wide, camera))
     video = Timeline(keys, 2.0, loop=False)
-    assert [video.at(seconds).instance.codes.stretch for seconds in (0.0, 1.0, 2.0)] == [
-        None,
-        (2.0, 1.0, 1.0),
-        (3.0, 1.0, 1.0),
-    ]
+    factors = [video.at(seconds).instance.codes.factors for seconds in (0.0, 1.0, 2.0)]
+    assert factors == [(1.0, 1.0, 1.0), (2.0, 1.0, 1.0), (3.0, 1.0, 1.0)]
 
 
 def test_legs_change_between_keys_and_return() -> None:
     instance, camera = shot()
-    bends = (None, Bend(-0.4, 0.0, 0.1, 0.4), Bend(-0.4, -0.1, 0.1, 0.2), None)
-    keys = tuple(Keyframe(float(time), View(instance.changed(bend=bend), camera)) for time, bend in enumerate(bends))
+    bends = (), (Bend(-0.4, 0.0, 0.1, 0.4),), (Bend(-0.4, -0.1, 0.1, 0.2),), ()
+    views = [View(instance.with_edits(Bend, *bend), camera) for bend in bends]
+    keys = tuple(Keyframe(float(time), view) for time, view in enumerate(views))
     video = Timeline(keys, 3.0, loop=False)
-    middle = Bend(-0.4, -0.05, 0.1, 0.3)
-    moments = {0.0: bends[0], 0.5: Bend(-0.4, 0.0, 0.05, 0.4), 1.0: bends[1], 1.5: middle, 2.0: bends[2], 3.0: None}
+    between = (Bend(-0.4, 0.0, 0.05, 0.4),), (Bend(-0.4, -0.05, 0.1, 0.3),)
+    moments = {0.0: bends[0], 0.5: between[0], 1.0: bends[1], 1.5: between[1], 2.0: bends[2], 3.0: ()}
     for seconds, bend in moments.items():
-        interpolated = video.at(seconds).instance.codes.bend
-        assert (interpolated is None) == (bend is None)
-        assert bend is None or astuple(interpolated) == pytest.approx(astuple(bend))
+        interpolated = video.at(seconds).instance.codes.edits
+        assert [*map(astuple, interpolated)] == [pytest.approx(astuple(one)) for one in bend]
 
 
 @pytest.mark.parametrize("film", [swing, turntable])
@@ -205,11 +203,14 @@ def test_sizes_and_edits_are_interpolated_in_plain_numbers() -> None:
     """Cameras and fields take their number format from them."""
     warp = Warp((1.0,), (1.0, 1.0, 1.0), ((0.0, 0.1, 0.0),) * len(TERMS), 0.2)
     view = shot()
-    edited = view._replace(instance=view.instance.changed(stretch=(1.0, 1.2, 1.0), warp=warp))
+    edited = view._replace(instance=view.instance.changed(edits=(warp, Stretch((1.0, 1.2, 1.0)))))
     for between in timeline(view, edited).views(8):
         codes = between.instance.codes
         assert all(type(factor) is float for factor in codes.factors)
-        assert codes.warp is None or all(type(number) is float for number in codes.warp.numbers)
+        numbers = [
+            number for warp in codes.of_kind(Warp) for number in (*warp.steps, *warp.coefficients[0], warp.strain)
+        ]
+        assert all(type(number) is float for number in numbers)
     halfway = timeline(view, edited, loop=False).at(0.5).instance.codes
-    assert halfway.factors == pytest.approx((1.0, 1.1, 1.0)) and halfway.warp is not None
-    assert halfway.warp.steps == pytest.approx((0.5,))
+    assert halfway.factors == pytest.approx((1.0, 1.1, 1.0))
+    assert halfway.of_kind(Warp)[0].steps == pytest.approx((0.5,))

@@ -13,6 +13,9 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from core.detail.progressive import render_frame
+from core.editing.bounds import natural_bounds
+from core.editing.size import sized
+from core.edits.stretch import Stretch
 from core.export import mesh as module
 from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh
@@ -20,8 +23,6 @@ from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.rendering import fast
-from core.rendering.bounds import natural_bounds
-from core.rendering.size import portion_sized, sized
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import unchecked_shapes
@@ -261,7 +262,7 @@ def test_a_mesh_in_metres_stands_on_the_ground(name: str, tiny: Model, tmp_path:
 def test_a_sized_object_measures_its_size(name: str, texture: int, tiny: Model, tmp_path: Path):
     if texture and name != "stool.glb":
         return
-    stool = sized(tiny[0], (60.0, 58.0, 92.0))
+    stool = sized(tiny[0], width=60.0, depth=58.0, height=92.0)
     list(export_mesh(stool, tmp_path / name, MeshSettings(32, texture=texture)))
     low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
     expected = (0.60, 0.58, 0.92) if name.endswith(".ply") else (0.60, 0.92, 0.58)
@@ -274,7 +275,7 @@ def test_a_sized_object_measures_its_size(name: str, texture: int, tiny: Model, 
 
 def test_legs_of_a_mesh_are_as_long_as_they_were_sized(tmp_path: Path):
     chair = load_model("chairs")[999]
-    split = portion_sized(sized(chair, (60.0, 58.0, 92.0)), "legs", 45.0, keeps_height=True)
+    split = sized(chair, width=60.0, depth=58.0, height=92.0, legs=45.0)
     with use_dtype(torch.float32):
         list(export_mesh(split, tmp_path / "chair.glb", MeshSettings(64)))
         natural = run_to_end(extract_mesh(chair, 64)).vertices
@@ -298,7 +299,7 @@ def test_legs_of_a_mesh_are_as_long_as_they_were_sized(tmp_path: Path):
 
 
 def test_normals_are_those_of_the_stretched_surface(tiny: Model, tmp_path: Path):
-    list(export_mesh(tiny[0].changed(stretch=(2.0, 1.0, 0.5)), tmp_path / "stool.ply", MeshSettings(48)))
+    list(export_mesh(tiny[0].with_edits(Stretch, Stretch((2.0, 1.0, 0.5))), tmp_path / "stool.ply", MeshSettings(48)))
     read = trimesh.load_mesh(tmp_path / "stool.ply", process=False)
     written = np.array(read.vertex_normals)
     np.testing.assert_allclose(np.linalg.norm(written, axis=1), 1, atol=1e-4)
@@ -308,7 +309,7 @@ def test_normals_are_those_of_the_stretched_surface(tiny: Model, tmp_path: Path)
 
 def test_the_camera_of_a_sized_glb_sees_the_object_where_pictures_do(tiny: Model, tmp_path: Path):
     path = tmp_path / "stool.glb"
-    stool = sized(tiny[0], (60.0, 40.0, 92.0))
+    stool = sized(tiny[0], width=60.0, depth=40.0, height=92.0)
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     list(export_mesh(stool, path, MeshSettings(32), camera))
     written = path.read_bytes()

@@ -14,10 +14,12 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from core.detail.lookup import DetailMaps
+from core.edits.bend import Bend
+from core.edits.edit import Edit
+from core.edits.stretch import Stretch
 from core.export.page import MAX_BYTES, write_page
 from core.export.page import page as page_text
-from core.geometry.bend import Bend
-from core.geometry.camera import Camera, Factors
+from core.geometry.camera import Camera
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
@@ -56,17 +58,16 @@ def drawn(browser: Chromium, azimuth: float, elevation: float) -> Float[np.ndarr
     return on_white(browser.picture(f"view.azimuth = {azimuth}; view.elevation = {elevation}; draw(1)"))
 
 
-STRETCH = 1.0, 1.5, 0.7
-BEND = Bend(-0.35, -0.02, 0.1, 0.35)
+SIZE_EDITS = Bend(-0.35, -0.02, 0.1, 0.35), Stretch((1.0, 1.5, 0.7))
 
 
 @pytest.mark.parametrize(
-    "side, views, stretch, bend",
+    "side, views, edits",
     [
-        ("mirrored", CAMERAS, None, None),
-        ("soft", CAMERAS[:2], None, None),
-        (None, CAMERAS[:2], None, None),
-        ("mirrored", CAMERAS[:3], STRETCH, BEND),
+        ("mirrored", CAMERAS, ()),
+        ("soft", CAMERAS[:2], ()),
+        (None, CAMERAS[:2], ()),
+        ("mirrored", CAMERAS[:3], SIZE_EDITS),
     ],
 )
 def test_pages_show_the_programs_own_render(
@@ -76,11 +77,10 @@ def test_pages_show_the_programs_own_render(
     tmp_path: Path,
     side: OtherSide | None,
     views: list[tuple[float, float]],
-    stretch: Factors | None,
-    bend: Bend | None,
+    edits: tuple[Edit, ...],
 ) -> None:
     instance = tiny[0] if side is None else striped(tiny, camera.resized(192, 192))
-    instance = instance.changed(stretch=stretch, bend=bend)
+    instance = instance.changed(edits=edits)
     if instance.detail and side:
         instance = instance.with_detail(replace(instance.detail, other_side=side))
     path = tmp_path / "object.html"

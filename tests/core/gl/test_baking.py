@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.stretch import Stretch
 from core.geometry.camera import Camera, Factors
 from core.gl.baked_field import BakedField
 from core.gl.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
@@ -46,7 +47,7 @@ def test_renders_of_baked_fields_approach_the_exact_one_with_more_cells(tiny: Mo
 
 @pytest.mark.parametrize("stretch", [(2.0, 1.0, 0.5), (0.6, 1.1, 1.5)])
 def test_a_stretched_object_has_the_same_texels_and_another_picture(tiny: Model, stretch: Factors) -> None:
-    stool = tiny[0].changed(stretch=stretch)
+    stool = tiny[0].with_edits(Stretch, Stretch(stretch))
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     exact = render_exact(stool, camera)
     *_, fine = filter(None, bake(stool))
@@ -68,13 +69,13 @@ def test_a_stretched_object_has_the_same_texels_and_another_picture(tiny: Model,
 
 def test_a_bent_object_is_baked_as_it_is_rendered(tiny: Model) -> None:
     bend = Bend(-0.35, -0.05, 0.1, 0.35)
-    stool = tiny[0].changed(bend=bend, stretch=(1.0, 1.0, 1.3))
+    stool = tiny[0].changed(edits=(bend, Stretch((1.0, 1.0, 1.3))))
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     *_, fine = filter(None, bake(stool))
     *_, natural = filter(None, bake(tiny[0]))
     assert psnr(render_baked(fine, camera).colour, render_exact(stool, camera).colour) > 40
     assert psnr(render_baked(natural, camera).colour, render_exact(stool, camera).colour) < 35
-    ground = float(bend.bent(torch.tensor([0.0, 0.0, natural.shadow.height]))[2])
+    ground = float(bend.destinations(torch.tensor([0.0, 0.0, natural.shadow.height]))[2])
     assert fine.shadow.height == pytest.approx(ground * stool.codes.proportions[2], abs=0.005)
 
 

@@ -3,11 +3,10 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry.bend import Bend
-from core.models.codes import MAX_DISTORTION, CodeBook, Codes, CodeSpace, Entry, farthest_first
-from core.rendering.size import with_side
-
-_STRETCHES = st.tuples(*[st.floats(0.5, 4.0)] * 3)
+from core.edits.bend import Bend
+from core.edits.edit import Edit
+from core.edits.stretch import Stretch
+from core.models.codes import CodeBook, Codes, CodeSpace, Entry, farthest_first
 
 
 def cloud(seed: int = 0, count: int = 40, latent: int = 6) -> torch.Tensor:
@@ -45,49 +44,42 @@ def test_shape_and_texture_are_mixed_separately_and_must_be_finite():
         Codes(torch.tensor([torch.nan]), torch.zeros(1))
 
 
-def test_a_stretch_goes_with_the_shape():
+@pytest.mark.parametrize(
+    ("edit", "half"),
+    [
+        (Stretch((3.0, 1.0, 1.0)), Stretch((2.0, 1.0, 1.0))),
+        (Bend(-0.4, 0.0, 0.1, 0.4), Bend(-0.4, 0.0, 0.05, 0.4)),
+    ],
+)
+def test_an_edit_of_the_size_goes_with_the_shape(edit: Edit, half: Edit):
     natural = Codes(torch.zeros(3), torch.zeros(2))
-    wide = Codes(torch.ones(3), torch.ones(2), stretch=(3.0, 1.0, 1.0))
-    assert natural.taking("shape", wide).stretch == wide.stretch == wide.taking("texture", natural).stretch
-    assert natural.taking("texture", wide).stretch is None
-    assert natural.mixed(wide, 0.5, 0.0).stretch == (2.0, 1.0, 1.0)
-    assert natural.mixed(wide, 1.0, 1.0) == wide
-    assert wide.mixed(natural, 1.0, 1.0) == natural
-    assert natural == Codes(torch.zeros(3), torch.zeros(2), stretch=(1.0, 1.0, 1.0))
-    assert wide != Codes(torch.ones(3), torch.ones(2))
+    sized = Codes(torch.ones(3), torch.ones(2), edits=(edit,))
+    assert natural.taking("shape", sized).edits == (edit,) == sized.taking("texture", natural).edits
+    assert natural.taking("texture", sized).edits == ()
+    assert natural.mixed(sized, 0.5, 0.0).edits == (half,)
+    assert natural.mixed(sized, 1.0, 1.0) == sized
+    assert sized.mixed(natural, 1.0, 1.0) == natural
+    assert sized != Codes(torch.ones(3), torch.ones(2))
+
+
+def test_edits_are_ordered_and_those_that_change_nothing_are_left_out():
+    stretch, bend = Stretch((3.0, 1.0, 1.0)), Bend(-0.4, 0.0, 0.1, 0.4)
+    codes = Codes(torch.ones(3), torch.ones(2), edits=(stretch, bend))
+    assert codes.edits == (bend, stretch) and codes.space_edits == codes.field_edits == (bend,)
+    assert codes.with_edits(Stretch, Stretch((1.0, 1.0, 1.0))).edits == (bend,)
+    assert codes.with_edits(Bend, Bend(-0.4, 0.0, 0.0, 0.4)).edits == (stretch,)
+    with pytest.raises(ValueError, match="at most 1 bend, got 2"):
+        codes.with_edits(Bend, bend, bend)
+
+
+def test_only_edits_of_the_field_belong_to_the_shape():
+    plain = Codes(torch.ones(3), torch.ones(2))
+    bent = plain.with_edits(Bend, Bend(-0.4, 0.0, 0.1, 0.4))
+    assert bent != plain and bent.shape_key != plain.shape_key and bent.texture_key == plain.texture_key
+    wide = plain.with_edits(Stretch, Stretch((3.0, 1.0, 1.0)))
+    assert wide != plain and wide.shape_key == plain.shape_key
     x, y, z = wide.proportions
     assert x == pytest.approx(3 * y) and y == z and x**2 + y**2 + z**2 == pytest.approx(3)
-
-
-def test_a_bend_goes_with_the_shape_and_belongs_to_it():
-    natural = Codes(torch.zeros(3), torch.zeros(2))
-    bend = Bend(-0.4, 0.0, 0.1, 0.4)
-    tall = Codes(torch.ones(3), torch.ones(2), bend=bend)
-    assert natural.taking("shape", tall).bend == bend == tall.taking("texture", natural).bend
-    assert natural.taking("texture", tall).bend is None
-    assert natural.mixed(tall, 0.5, 0.0).bend == Bend(-0.4, 0.0, 0.05, 0.4)
-    assert natural.mixed(tall, 1.0, 1.0) == tall
-    assert tall.mixed(natural, 1.0, 1.0) == natural
-    unbent = Codes(torch.ones(3), torch.ones(2))
-    assert tall != unbent and tall.shape_key != unbent.shape_key and tall.texture_key == unbent.texture_key
-    assert unbent == Codes(torch.ones(3), torch.ones(2), bend=Bend(-0.4, 0.0, 0.0, 0.4))
-    assert tall.is_sized and not unbent.is_sized
-
-
-@pytest.mark.parametrize("stretch", [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (torch.nan,) * 3, (1e3,) * 3, (1.0, 20.0, 1.0)])
-def test_other_stretches_are_refused(stretch: tuple[float, float, float]):
-    with pytest.raises(ValueError, match="times"):
-        Codes(torch.zeros(3), torch.zeros(2), stretch=stretch)
-
-
-@given(_STRETCHES, _STRETCHES, st.integers(0, 2), st.floats(0, 1), st.sampled_from((1e-9, 1e9)))
-def test_stretches_made_from_others_at_their_limits_are_valid(
-    first: tuple[float, float, float], second: tuple[float, float, float], axis: int, amount: float, factor: float
-) -> None:
-    stretches = (with_side(stretch, axis, factor) for stretch in (first, second))
-    ends = [Codes(torch.zeros(1), torch.zeros(1), stretch=stretch) for stretch in stretches]
-    mixed = ends[0].mixed(ends[1], amount, 0.0).stretch
-    assert mixed is not None and max(mixed) <= 1.00001 * MAX_DISTORTION * min(mixed)
 
 
 def test_a_code_book_shares_shapes_and_samples_by_seed():

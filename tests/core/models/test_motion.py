@@ -6,9 +6,11 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from core.edits import kinds
+from core.edits.warp import Warp
 from core.models.library import load_model
 from core.models.model import Instance, Model
-from core.models.motion import DIRECTIONS, LIMIT, motion, moved_along, moved_by, position, reach, warp_to_fitted
+from core.models.motion import DIRECTIONS, LIMIT, edits_to_fitted, motion, moved_along, moved_by, position, reach
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.folded_field import FoldedField
 from core.rendering.images import render_image
@@ -39,7 +41,7 @@ def test_edits_keep_codes_and_go_back_exactly(fitted: Instance) -> None:
     assert moved.codes.shape is fitted.codes.shape and moved.detail is fitted.detail
     assert moved != fitted and hash(moved) != hash(fitted)
     again = moved_along(moved, 0, start)
-    assert again == fitted and again.codes.warp is None
+    assert again == fitted and not again.codes.edits
 
 
 def test_edits_end_at_the_same_place_after_other_edits(fitted: Instance) -> None:
@@ -55,11 +57,10 @@ def test_edits_end_at_the_same_place_after_other_edits(fitted: Instance) -> None
 def test_the_edited_field_is_the_field_where_places_came_from(car: Instance, moves: list[float]) -> None:
     edited = moved_by(car, tuple(moves))
     points = car.model.extent_tensor * (2 * torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) - 1)
-    warp = edited.codes.warp
-    origins = warp.origins(points) if warp else points
+    origins = kinds.origins(points, edited.codes.edits)
     assert bool((origins.abs() <= car.model.extent_tensor + 1e-6).all())
     density, features = FoldedField.of(car).density(origins)
-    expected = warp.firmed(density) if warp else density, features
+    expected = kinds.densities(density, edited.codes.edits), features
     torch.testing.assert_close(FoldedField.of(edited).density(points), expected)
 
 
@@ -67,10 +68,9 @@ def test_the_edited_field_is_the_field_where_places_came_from(car: Instance, mov
 @settings(max_examples=20, deadline=None)
 def test_space_never_folds(car: Instance, moves: list[float]) -> None:
     """Where the object is, a place of the edited object comes from a neighbourhood of the same orientation."""
-    if (warp := moved_by(car, tuple(moves)).codes.warp) is None:
-        return
+    edits = moved_by(car, tuple(moves)).codes.edits
     points = (0.98 * motion(car.model, car.codes).surface).detach().requires_grad_(True)
-    origins = warp.origins(points)
+    origins = kinds.origins(points, edits)
     rows = [torch.autograd.grad(origins[:, axis].sum(), points, retain_graph=True)[0] for axis in range(3)]
     inside = (origins.abs() < car.model.extent_tensor).all(1)
     assert float(torch.linalg.det(torch.stack(rows, 1))[inside].min()) > 0.1
@@ -97,24 +97,24 @@ def test_the_fast_renderer_agrees_with_the_exact_one(car: Instance) -> None:
 
 
 def test_photos_follow_edits_as_the_field_does(fitted: Instance) -> None:
-    assert warp_to_fitted(fitted) is None
+    assert edits_to_fitted(fitted) == ()
     edited = moved_along(fitted, 0, position(fitted, 0) + 1.0)
-    assert warp_to_fitted(edited) == edited.codes.warp is not None
+    assert edits_to_fitted(edited) == edited.codes.edits != ()
 
 
 def test_photos_follow_a_code_that_moved_along_the_first_directions(tiny: Model, fitted: Instance) -> None:
     """As in mixes with another shape, and in files of former versions."""
     mixed = fitted.moved("shape", 0.4 * tiny.codes.shape_space.basis[0])
-    assert mixed.codes.warp is None and warp_to_fitted(mixed) is not None
+    assert mixed.codes.edits == () and len(edits_to_fitted(mixed)) == 1
 
 
 def test_edits_mix_and_follow_the_shape(car: Instance) -> None:
     edited = moved_by(car, (1.0, 0.0, 0.0, 0.0, 0.0, -2.0))
-    mixed = car.mixed(edited, 0.25, 1.0).codes.warp
-    assert mixed is not None and mixed.steps == (0.25, 0.0, 0.0, 0.0, 0.0, -0.5)
+    (mixed,) = car.mixed(edited, 0.25, 1.0).codes.of_kind(Warp)
+    assert mixed.steps == (0.25, 0.0, 0.0, 0.0, 0.0, -0.5)
     other = car.model[5]
-    assert other.with_shape(edited).codes.warp == edited.codes.warp
-    assert other.with_texture(edited).codes.warp is None
+    assert other.with_shape(edited).codes.edits == edited.codes.edits
+    assert other.with_texture(edited).codes.edits == ()
     assert moved_by(edited, (0.0,) * 6) == car
 
 
@@ -123,7 +123,7 @@ def test_an_edited_object_becomes_another_one_evenly(car: Instance) -> None:
     edited = moved_by(car, (2.0, 0.0, 0.0, -2.0, 0.0, 1.0))
     points = motion(car.model, car.codes).surface
     places = torch.stack(
-        [edited.mixed(car.model[9], share, 0.0).codes.warp.origins(points) for share in (0.0, 0.1, 0.2)]
+        [kinds.origins(points, edited.mixed(car.model[9], share, 0.0).codes.edits) for share in (0.0, 0.1, 0.2)]
     )
     first, second = places.diff(dim=0)
     assert float(first.norm(dim=-1).mean()) > 1e-4
@@ -135,7 +135,7 @@ def test_a_warp_of_other_directions_is_refused(car: Instance, steps: tuple[float
     edited = moved_by(car, (1.0,) * 6)
     assert car.model.fits(edited.codes)
     with pytest.raises(ValueError, match="a warp"):
-        if car.model.fits(edited.changed(warp=replace(edited.codes.warp, steps=steps)).codes):
+        if car.model.fits(edited.with_edits(Warp, replace(edited.codes.of_kind(Warp)[0], steps=steps)).codes):
             return
         raise ValueError("a warp of another model")
     assert not random_model(white_from_network=True).fits(edited.codes)
@@ -147,4 +147,4 @@ def test_objects_of_the_authors_networks_move_by_their_codes_alone() -> None:
     moved = moved_along(instance, 0, position(instance, 0) + 0.5)
     step = model.codes.shape_space.basis[0]
     assert torch.allclose(moved.codes.shape, instance.codes.shape + 0.5 * step, atol=1e-5)
-    assert moved.codes.warp is None
+    assert moved.codes.edits == ()

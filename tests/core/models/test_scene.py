@@ -8,6 +8,7 @@ import pytest
 import torch
 from PIL import Image
 
+from core.edits.stretch import Stretch
 from core.models.codes import Codes
 from core.models.model import Instance, Model
 from core.models.scene import Scene, embedded_scene, open_scene, save_image
@@ -27,7 +28,7 @@ def test_a_scene_comes_back_exactly_or_is_not_written(model: Model, tmp_path):
     again = Scene.load(tmp_path / "s.json", model)
     assert again == open_scene(tmp_path / "s.json", model) == scene
     assert torch.equal(again.instance.codes.shape, scene.instance.codes.shape)
-    sized = replace(scene, instance=scene.instance.changed(stretch=(1.1, 0.9, 2 / 3)))
+    sized = replace(scene, instance=scene.instance.with_edits(Stretch, Stretch((1.1, 0.9, 2 / 3))))
     sized.save(tmp_path / "s.json")
     assert Scene.load(tmp_path / "s.json", model) == sized != scene
     for path in (tmp_path / "gone" / "s.json", tmp_path):

@@ -73,7 +73,7 @@ def test_tables_approximate_a_linear_layer_of_an_encoding():
 def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_depth_range(seed, spread, azimuth, elevation):
     instance = drawn(seed, spread)
     camera = MODEL.camera(azimuth, elevation)
-    occupancy = Occupancy(MODEL, FoldedField(instance))
+    occupancy = Occupancy.of(MODEL, FoldedField(instance))
     rays = camera_rays(camera, MODEL.extent_tensor)
     depths = midpoints(uniform_edges(rays, 40))
     points = ray_points(rays, depths)
@@ -178,10 +178,10 @@ def test_rays_pass_pixel_corners_if_the_network_paints_the_background():
 def test_the_occupancy_of_a_changing_shape_follows_the_previous_one():
     model = tiny_model()
     steps = [model[0].mixed(model[2], number / 20, 0.0) for number in range(9)]
-    occupancy = Occupancy(model, FoldedField(steps[0]))
+    occupancy = Occupancy.of(model, FoldedField(steps[0]))
     for instance in steps[1:]:
-        occupancy = Occupancy(model, FoldedField(instance), occupancy)
-        complete = Occupancy(model, FoldedField(instance))
+        occupancy = Occupancy.of(model, FoldedField(instance), occupancy)
+        complete = Occupancy.of(model, FoldedField(instance))
         assert not occupancy.complete
         assert not bool((occupancy.cells & ~complete.cells).any())
         assert float((complete.cells & ~occupancy.cells).sum()) <= 0.001 * float(complete.cells.sum())
@@ -196,8 +196,8 @@ def test_the_occupancy_by_stored_cells_misses_no_cell_of_an_unusual_shape(name: 
     size = len(space.std)
     direction = torch.randn(size, generator=generator) * (torch.rand(size, generator=generator) < 0.1)
     instance = start.moved("shape", space.code(deviations * direction) - space.mean)
-    complete = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
-    missed = complete.cells & ~Occupancy(model, FoldedField(instance)).cells
+    complete = Occupancy.of(replace(model, stored_cells=None), FoldedField(instance))
+    missed = complete.cells & ~Occupancy.of(model, FoldedField(instance)).cells
     assert float(missed.sum()) < 1e-3 * float(complete.cells.sum())
 
 
@@ -205,9 +205,9 @@ def test_the_occupancy_outside_all_stored_cells_is_complete():
     model = tiny_model()
     instance = model[0]
     without_cells = replace(model, stored_cells=torch.zeros(32, 32, 32, dtype=torch.bool))
-    complete = Occupancy(replace(model, stored_cells=None), FoldedField(instance))
+    complete = Occupancy.of(replace(model, stored_cells=None), FoldedField(instance))
     assert bool(complete.cells.any())
-    assert torch.equal(Occupancy(without_cells, FoldedField(instance)).cells, complete.cells)
+    assert torch.equal(Occupancy.of(without_cells, FoldedField(instance)).cells, complete.cells)
 
 
 def test_a_cached_preview_of_a_changing_shape_does_not_replace_the_finished_render():

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 
+from core.edits.stretch import Stretch
 from tests.viewer.driver import finish
 from tests.viewer.test_editor import fitted
 from viewer.editor import Editor
@@ -64,7 +65,7 @@ def test_a_stretched_object_moves_away_once_it_is_too_large(session: Session, ed
     session.jobs.backend = replace(session.jobs.backend, distance=lambda *inputs: 1.5)
     before = editor.scene.camera
     assert before.distance < 1.4
-    editor.edit(editor.scene.instance.changed(stretch=(1.0, 1.0, 1.5)), gesture="size box")
+    editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((1.0, 1.0, 1.5))), gesture="size box")
     finish(session)
     held = editor.scene.camera.distance
     assert held < 1.4  # the side stays under the mouse that drags it
@@ -75,7 +76,7 @@ def test_a_stretched_object_moves_away_once_it_is_too_large(session: Session, ed
     finish(session)
     assert editor.scene.camera == before
     session.jobs.backend = replace(session.jobs.backend, distance=lambda *inputs: 0.9)
-    editor.edit(editor.scene.instance.changed(stretch=(1.0, 1.0, 0.9)))
+    editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((1.0, 1.0, 0.9))))
     finish(session)
     assert editor.scene.camera.distance > 1.0  # an object that fits stays where it is
 

@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from core.detail.progressive import Frame
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.stretch import Stretch
 from core.models.codes import Entry
 from core.models.model import Instance, Model, Words
 from tests.conftest import open_models, random_model
@@ -77,8 +78,8 @@ def test_versions_are_named_by_what_differs_and_a_persons_name_wins(names: Names
     assert names.version(name, red) == "red"
     assert names.version(name, low) == "red, lower"
     assert names.version(name, fitted.changed(texture=fitted.codes.texture + 0.2)) == "repainted"
-    assert names.version(name, fitted.changed(stretch=(1.2, 1.0, 1.0))) == "resized"
-    assert names.version(name, fitted.changed(bend=Bend(-0.4, 0.0, 0.1, 0.4))) == "resized"
+    assert names.version(name, fitted.with_edits(Stretch, Stretch((1.2, 1.0, 1.0)))) == "resized"
+    assert names.version(name, fitted.with_edits(Bend, Bend(-0.4, 0.0, 0.1, 0.4))) == "resized"
     version = objects.version(name, low)
     assert names.label(version) == "Car, red, lower"
     objects.rename(version, "My own")

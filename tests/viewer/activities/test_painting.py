@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.paint import CoarsePaint, Paint
+from core.editing.paint import CoarsePaint, Paint
+from core.edits.paint import PartPaint
 from core.models.model import Instance
-from core.models.paints import PartPaint
 from tests.viewer.driver import finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted
@@ -26,7 +26,7 @@ def painted(session: Session) -> Session:
 
 def colour_of(editor: Editor) -> tuple[float, float, float]:
     """The colour of the last paint."""
-    return editor.scene.instance.codes.paints[-1].colour
+    return editor.scene.instance.codes.of_kind(PartPaint)[-1].colour
 
 
 def test_a_drag_over_colours_shows_in_the_frame_and_is_one_step_with_the_last(painted: Session, editor: Editor) -> None:
@@ -61,7 +61,7 @@ def test_a_paint_that_fails_is_reported(painted: Session, editor: Editor) -> Non
     painted.painting.paint((0.9, 0.0, 0.0))
     painted.painting.release()
     finish(painted)
-    assert painted.painting.colour is None and editor.scene.instance.codes.paints == ()
+    assert painted.painting.colour is None and editor.scene.instance.codes.of_kind(PartPaint) == ()
     assert painted.messages.errors == ["Cannot paint: no surface"]
 
 
@@ -141,7 +141,7 @@ def test_two_parts_painted_in_a_row_are_both_painted(
     def paint(instance: Instance, chosen: Paint) -> Generator[None, None, Instance]:
         yield None
         added = PartPaint(chosen.part, chosen.colour, (0.5, 0.5, 0.5))
-        return instance.changed(paints=(*instance.codes.paints, added))
+        return instance.changed(edits=(*instance.codes.edits, added))
 
     painted.jobs.backend = replace(painted.jobs.backend, paint=paint)
     painting = painted.painting
@@ -154,11 +154,11 @@ def test_two_parts_painted_in_a_row_are_both_painted(
         painting.paint((red, 0.0, 0.0))
     painting.release()
     finish(painted)
-    paints = editor.scene.instance.codes.paints
+    paints = editor.scene.instance.codes.of_kind(PartPaint)
     assert [(added.part, added.colour[0]) for added in paints] == [("seat", 0.1), ("legs", 0.6)]
     assert len(editor.history.past) == past + 2
     painting.paint((0.9, 0.0, 0.0))
     painting.release()
     painting.restore()
     finish(painted)
-    assert painting.is_original and editor.scene.instance.codes.paints == ()
+    assert painting.is_original and editor.scene.instance.codes.of_kind(PartPaint) == ()

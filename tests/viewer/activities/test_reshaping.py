@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 
 from core.detail.progressive import Frame
-from core.directions.part_map import Box, Handle, PartMap
+from core.editing.bounds import Bounds
+from core.editing.parts import Box, Handle, PartMap
+from core.editing.size import lengths
 from core.geometry.camera import Camera
 from core.models.model import Instance
-from core.models.motion import LIMIT
 from tests.viewer.driver import finish
 from tests.viewer.stand_ins import two_parts
 from viewer.editor import Editor
@@ -17,7 +18,6 @@ from viewer.values import orbit
 from viewer.values.direction import Direction
 
 _TOP = Handle("back", (0.5, 0.4), (0.0, 0.0, 0.3))
-_WORDS = ("wider", "", "taller")
 
 
 @pytest.fixture
@@ -83,29 +83,39 @@ def test_nothing_has_parts_while_a_fit_is_followed(session: Session, searched: l
     assert session.reshaping.parts is not None
 
 
-def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor) -> None:
+@pytest.fixture
+def measured(session: Session) -> Bounds:
+    """The natural bounds of the object on screen."""
+    assert session.sizing.bounds is None
+    finish(session)
+    assert session.sizing.bounds is not None
+    return session.sizing.bounds
+
+
+def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor, measured: Bounds) -> None:
     reshaping = session.reshaping
-    direction = Direction.principal(editor.model.codes, "shape", 2)
+    before = editor.scene.instance
     past = len(editor.history.past)
-    start = editor.strength(direction)
-    low, high = direction.reach(editor.scene.instance)
-    assert reshaping.drag is None
-    reshaping.drag_handle(_TOP, (0.0, -0.001), _WORDS)  # too short to know where it goes
-    assert reshaping.drag is None
+
+    def height() -> float:
+        return lengths(editor.scene.instance, measured)["height"]
+
+    start = height()
+    reshaping.drag_handle(_TOP, (0.0, -0.001))  # too short to know where it goes
+    assert reshaping.pull is None
     for up in (0.02, 0.05):
-        reshaping.drag_handle(_TOP, (0.0, -up), _WORDS)
-    assert start < editor.strength(direction) < high
-    assert reshaping.drag is not None and reshaping.drag.direction.index == 2
-    reshaping.drag_handle(_TOP, (0.0, -9.0), _WORDS)
-    assert reshaping.drag is not None and reshaping.drag.is_past_end
+        reshaping.drag_handle(_TOP, (0.0, -up))
+    assert reshaping.pull is not None and reshaping.pull.name == "height"
+    assert 1.02 * start < height() < 2 * start and not reshaping.is_past_end
+    reshaping.drag_handle(_TOP, (0.0, -99.0))
+    assert reshaping.is_past_end
     reshaping.release()
-    assert reshaping.drag is None
-    assert editor.strength(direction) == pytest.approx(high, abs=1e-3)  # no further than a slider
-    assert high - low <= 2 * LIMIT + 1e-3
+    assert reshaping.pull is None and not reshaping.is_past_end
+    assert height() == pytest.approx(10 * start)  # no further than in the fields
     assert len(editor.history.past) == past + 1
     assert not editor.history.gesture
     editor.undo()
-    assert editor.strength(direction) == pytest.approx(start)
+    assert editor.scene.instance == before
 
 
 def test_a_drag_back_to_its_start_leaves_no_edit(session: Session, editor: Editor) -> None:
@@ -113,30 +123,44 @@ def test_a_drag_back_to_its_start_leaves_no_edit(session: Session, editor: Edito
     direction = Direction.principal(editor.model.codes, "shape", 0)
     start = editor.strength(direction)
     for by in (0.1, 0.7, -0.3, 0.0):
-        session.reshaping.move_along(direction, start + by, "slider")
+        session.reshaping.follow("slider", direction.moved, start + by)
     session.reshaping.release()
     assert editor.scene.instance == before
 
 
-def test_a_held_handle_leaves_another_shape_alone(session: Session, editor: Editor) -> None:
+def test_lengths_are_resized_from_the_object_that_the_drag_began_with(
+    session: Session, editor: Editor, measured: Bounds
+) -> None:
+    before = lengths(editor.scene.instance, measured)
+    for factor in (1.3, 1e9, 1.1):  # on the way beyond the limit
+        session.reshaping.resize("width", factor * before["width"])
+    session.reshaping.release()
+    after = lengths(editor.scene.instance, measured)
+    assert after == pytest.approx(before | {"width": 1.1 * before["width"]})
+    session.reshaping.resize("width", before["width"])
+    session.reshaping.release()
+    assert not editor.scene.instance.is_sized and len(editor.history.past) == 2
+
+
+def test_a_held_handle_leaves_another_shape_alone(session: Session, editor: Editor, measured: Bounds) -> None:
     for interrupt in (editor.undo, lambda: editor.show_object(editor.state.mix.b)):
         for up in (0.02, 0.05):
-            session.reshaping.drag_handle(_TOP, (0.0, -up), _WORDS)
+            session.reshaping.drag_handle(_TOP, (0.0, -up))
             finish(session)
         interrupt()
         before = editor.scene
-        session.reshaping.drag_handle(_TOP, (0.0, -0.09), _WORDS)
+        session.reshaping.drag_handle(_TOP, (0.0, -0.09))
         session.reshaping.release()
         finish(session)
         assert editor.scene is before
 
 
-def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, editor: Editor) -> None:
-    session.reshaping.drag_handle(_TOP, (0.0, -0.02), _WORDS)
+def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, editor: Editor, measured: Bounds) -> None:
+    session.reshaping.drag_handle(_TOP, (0.0, -0.02))
     finish(session)
     texture = editor.model[2].codes.texture
     editor.edit(editor.scene.instance.changed(texture=texture))
-    warp = editor.scene.instance.codes.warp
-    session.reshaping.drag_handle(_TOP, (0.0, -0.05), _WORDS)
+    edits = editor.scene.instance.codes.edits
+    session.reshaping.drag_handle(_TOP, (0.0, -0.05))
     session.reshaping.release()
-    assert editor.scene.instance.codes.warp != warp and editor.code("texture") is texture
+    assert editor.scene.instance.codes.edits != edits and editor.code("texture") is texture

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from core.edits.paint import PartPaint, Rgb
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Instance, Model
 from core.models.photo_detail import Erasure
@@ -26,12 +27,17 @@ from tests.viewer.stand_ins import (
     quick_photo,
 )
 from tests.viewer.test_editor import fitted
+from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.fit_history import PhotoSource
 from viewer.values.paints import paints_of, rgb
 from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
+
+
+def newest_paint(editor: Editor) -> Rgb:
+    return editor.scene.instance.codes.of_kind(PartPaint)[-1].colour
 
 
 @in_window(fit=detailed_fit)
@@ -252,12 +258,12 @@ def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model
     for red in (0.2, 0.5, 0.9):  # a drag over colours
         session.painting.paint((red, 0.0, 0.0))
     window.wait()
-    assert editor.scene.instance.codes.paints[-1].colour[0] == pytest.approx(0.9)
+    assert newest_paint(editor)[0] == pytest.approx(0.9)
     assert len(editor.history.past) == past + 1
     window.click("Photo/###pick colour")
     window.click("Photo/photo")
     window.wait()
-    assert editor.scene.instance.codes.paints[-1].colour == pytest.approx([1.0, 0.0, 0.0], abs=0.05)  # the photo's red
+    assert newest_paint(editor) == pytest.approx([1.0, 0.0, 0.0], abs=0.05)  # the photo's red
     window.click("Photo/###pick colour")
     window.click("View/orbit")
     window.wait()
@@ -296,7 +302,7 @@ def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: D
     name, paint = next(iter(paints_of(window.session.painting.part).items()))
     window.click("Photo/###swatch 1")
     window.wait()
-    assert editor.scene.instance.codes.paints[-1].colour == pytest.approx(rgb(paint)), name
+    assert newest_paint(editor) == pytest.approx(rgb(paint)), name
     assert len(editor.history.past) == past + 1
     assert not window.context.preferences.paints
     window.click("Photo/###paint")
@@ -305,11 +311,11 @@ def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: D
     window.wait()
     assert len(editor.history.past) == past + 2
     (chosen,) = window.context.preferences.paints
-    assert editor.scene.instance.codes.paints[-1].colour == pytest.approx(rgb(chosen), abs=0.01)
+    assert newest_paint(editor) == pytest.approx(rgb(chosen), abs=0.01)
     window.undo()
     window.click("Photo/###swatch 13")
     window.wait()
-    assert editor.scene.instance.codes.paints[-1].colour == pytest.approx(rgb(chosen), abs=0.01)
+    assert newest_paint(editor) == pytest.approx(rgb(chosen), abs=0.01)
     window.undo()
     window.undo()
     assert len(editor.history.past) == past

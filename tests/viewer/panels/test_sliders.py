@@ -5,9 +5,11 @@ import pytest
 import torch
 from imgui_bundle import imgui
 
+from core.editing.bounds import Bounds, portion_of
+from core.edits.bend import Bend
+from core.edits.stretch import Stretch
 from core.models.codes import CODE_KINDS
 from core.models.part_head import PartHead
-from core.rendering.bounds import Bounds, portion_of
 from tests.viewer.driver import Driver, in_window
 from viewer.panels.sliders import SlidersPanel
 from viewer.services.backend import Backend
@@ -60,12 +62,12 @@ def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
     for name, side in (("Width", 72.0), ("Depth", 45.0), ("Height", 99.0)):
         window.set(f"Sliders/**/##{name}", side)
         window.ctx.yield_(2)
-    assert editor.scene.instance.codes.stretch == pytest.approx((1.2, 1.0, 1.1))
+    assert editor.scene.instance.codes.factors == pytest.approx((1.2, 1.0, 1.1))
     window.click("Sliders/**/###natural size")
     assert editor.scene.instance == before.scene.instance
     past = len(editor.history.past)
     window.drag("Sliders/**/##Width", 40)
-    assert editor.scene.instance.codes.stretch[0] > 1.1
+    assert editor.scene.instance.codes.factors[0] > 1.1
     assert len(editor.history.past) == past + 1  # a drag is one step
     window.undo()
     assert editor.scene.instance == before.scene.instance
@@ -80,7 +82,7 @@ def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
     window.ctx.key_chars_replace("72")
     window.ctx.key_press(imgui.Key.enter)
     window.ctx.yield_(2)
-    assert editor.scene.instance.codes.stretch == pytest.approx((1.2, 1.0, 1.0))
+    assert editor.scene.instance.codes.factors == pytest.approx((1.2, 1.0, 1.0))
 
 
 @in_window()
@@ -93,8 +95,8 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     window.click("Sliders/**/###size handles")
     window.ctx.yield_(2)
     window.drag("View/**/##size 2 1", 0, -40)
-    assert editor.scene.instance.codes.stretch[2] > 1.1
-    assert editor.scene.instance.codes.stretch[:2] == (1.0, 1.0)
+    assert editor.scene.instance.codes.factors[2] > 1.1
+    assert editor.scene.instance.codes.factors[:2] == (1.0, 1.0)
     window.undo()
     assert editor.state == before
     editor.set_camera(replace(editor.scene.camera, elevation=0.0))
@@ -106,7 +108,7 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     editor.lock("shape", True)
     window.ctx.yield_(2)
     assert not window.exists("View/**/##size 2 1")  # nothing resizes a locked shape
-    editor.edit(before.scene.instance.changed(stretch=(1.5, 1.0, 1.0)))
+    editor.edit(before.scene.instance.with_edits(Stretch, Stretch((1.5, 1.0, 1.0))))
     assert editor.scene.instance == before.scene.instance
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"
@@ -132,7 +134,7 @@ def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
     def lengths() -> tuple[float, float]:
         """The legs and the height in cm."""
         codes = editor.scene.instance.codes
-        bounds = sizing.bounds.bent(codes.bend).stretched(codes.factors)
+        bounds = sizing.bounds.after(codes.edits_of("size"))
         return bounds.length(legs), bounds.size[2]
 
     assert lengths() == pytest.approx((36, 90))
@@ -175,7 +177,8 @@ def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
     window.drag("View/**/##size legs", 0, -30)
     window.ctx.yield_(2)
     assert height() == pytest.approx(start - 30, abs=6)
-    assert editor.scene.instance.codes.bend.moved > editor.scene.instance.codes.bend.plane
+    (bend,) = editor.scene.instance.codes.of_kind(Bend)
+    assert bend.moved > bend.plane
     assert len(editor.history.past) == 2
     window.undo()
     assert editor.state == before

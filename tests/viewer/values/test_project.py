@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 import torch
 
-from core.geometry.bend import Bend
+from core.edits.bend import Bend
+from core.edits.paint import PartPaint
+from core.edits.stretch import Stretch
+from core.edits.warp import Warp
 from core.models import library
 from core.models.library import load_model
 from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.models.paints import PartPaint
 from core.models.photo_detail import compressed
 from core.photos.photo import Photo
 from core.photos.segmentation import Hints, Stroke
@@ -164,8 +166,7 @@ def test_files_name_objects_as_before_codes_with_the_fingerprint_of_their_model(
     with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
         project = json.loads(file.read("project.json"))["project"]
     (model,) = models
-    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "stretch", "warp", "bend"]
-    names += ["paints", "model"]
+    names = ["shape", "texture", "shape_offsets", "texture_offsets", "detail", "model"]
     scene = project["history"]["steps"][0]["state"]["scene"]
     for holder in (scene, *project["objects"], *project["fit"]["steps"]):
         assert "instance" not in holder and list(holder["codes"]) == names
@@ -422,12 +423,12 @@ def test_a_project_and_a_scene_with_a_size_open(worker: Worker, backend: Backend
     session.open_project(folder / "project.codenerf")
     editor = session.editor
     assert session.messages.errors == []
-    assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
+    assert editor.scene.instance.codes.factors == (1.5, 1.0, 0.75)
     editor.undo()
-    assert editor.scene.instance.codes.stretch is None
+    assert not editor.scene.instance.is_sized
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
-        assert editor.scene.instance.codes.stretch == (1.5, 1.0, 0.75)
+        assert editor.scene.instance.codes.factors == (1.5, 1.0, 0.75)
 
 
 def test_versions_that_name_their_object_stay_with_it(worker: Worker, backend: Backend, tmp_path: Path) -> None:
@@ -457,9 +458,9 @@ def test_a_project_and_a_scene_with_longer_legs_open(worker: Worker, backend: Ba
     assert session.messages.errors == []
     bend = Bend(-0.375, -0.0625, 0.0625, 0.375)
     sized = editor.scene.instance
-    assert (sized.codes.bend, sized.codes.stretch) == (bend, (1.0, 1.0, 1.25))
+    assert sized.codes.edits == (bend, Stretch((1.0, 1.0, 1.25)))
     editor.undo()
-    assert not editor.scene.instance.codes.is_sized
+    assert not editor.scene.instance.is_sized
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert editor.scene.instance == sized
@@ -475,10 +476,10 @@ def test_a_project_and_a_scene_with_an_edit_of_the_shape_open(worker: Worker, ba
     editor = session.editor
     assert session.messages.errors == []
     edited = editor.scene.instance
-    assert edited.codes.warp is not None
-    assert edited.codes.warp.steps == (1.0, -0.5, 0.25, 0.0, 0.0)
+    (warp,) = edited.codes.of_kind(Warp)
+    assert warp.steps == (1.0, -0.5, 0.25, 0.0, 0.0)
     editor.undo()
-    assert editor.scene.instance.codes.warp is None
+    assert editor.scene.instance.codes.edits == ()
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert editor.scene.instance == edited
@@ -496,9 +497,9 @@ def test_a_project_and_a_scene_with_paints_open(worker: Worker, backend: Backend
     red = PartPaint("seat", (0.75, 0.125, 0.125), (0.5, 0.5, 0.25))
     wood = PartPaint("wood", (0.25, 0.25, 0.25), (0.5, 0.25, 0.0), ((0.5, 0.25, 0.0), (1.0, 1.0, 0.75)), 0.5)
     painted = editor.scene.instance
-    assert painted.codes.paints == (red, wood)
+    assert painted.codes.of_kind(PartPaint) == (red, wood)
     editor.undo()
-    assert editor.scene.instance.codes.paints == ()
+    assert editor.scene.instance.codes.of_kind(PartPaint) == ()
     for name in ("look.json", "look.png"):
         session.open_scene(folder / name)
         assert editor.scene.instance == painted

@@ -9,16 +9,14 @@ import pytest
 import torch
 from imgui_bundle import imgui
 
-from core.directions.part_map import Handle
+from core.editing.parts import Handle
+from core.edits.paint import PartPaint
 from core.models.part_head import PartHead
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import endless_fit, two_parts
 from viewer.context import PanelContext
 from viewer.services.backend import Backend
-from viewer.values.direction import Direction
 from viewer.widgets.part_handle import PartHandle
-
-_WORDS = {"shape": ("wider", "", "taller"), "texture": ("redder",)}
 
 
 def _rest_on(window: Driver, across: float) -> None:
@@ -37,18 +35,17 @@ def _rest_until_lit(window: Driver, across: float) -> None:
     window.wait(lambda: window.exists("View/handle"))
 
 
-@in_window(part_map=two_parts, direction_words=lambda model: iter((_WORDS,)))
+@in_window(part_map=two_parts)
 def test_the_part_under_the_mouse_has_a_handle_that_reshapes_in_one_step(window: Driver) -> None:
     editor = window.session.editor
     before = editor.state
     past = len(editor.history.past)
-    direction = Direction.principal(editor.model.codes, "shape", 2)
     assert not window.exists("View/handle")
     _rest_until_lit(window, 0.05)
     assert window.exists("View/part name")
     window.drag("View/handle", 0, -60)
     window.wait()
-    assert editor.strength(direction) > direction.strength(before.scene.instance) + 0.2
+    assert editor.scene.instance.codes.factors[:2] == (1.0, 1.0) and editor.scene.instance.codes.factors[2] > 1.1
     camera = editor.scene.camera  # nearer by what the larger object is scaled down in images
     assert replace(camera, distance=before.scene.camera.distance) == before.scene.camera
     assert len(editor.history.past) == past + 1
@@ -56,7 +53,7 @@ def test_the_part_under_the_mouse_has_a_handle_that_reshapes_in_one_step(window:
     assert editor.state == before
 
 
-@in_window(part_map=two_parts, direction_words=lambda model: iter((_WORDS,)))
+@in_window(part_map=two_parts)
 def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     editor, reshaping = window.session.editor, window.session.reshaping
     labels = set[tuple[bool, str]]()
@@ -64,11 +61,10 @@ def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, mon
 
     def noted(self: PartHandle, context: PanelContext, handle: Handle) -> str:
         text = label(self, context, handle)
-        labels.add((reshaping.drag is not None and reshaping.drag.is_past_end, text.split(": ")[-1]))
+        labels.add((reshaping.is_past_end, text.split(": ")[-1]))
         return text
 
     monkeypatch.setattr(PartHandle, "_label", noted)
-    low, high = Direction.principal(editor.model.codes, "shape", 2).reach(editor.scene.instance)
     _rest_until_lit(window, 0.05)
     window.drag("View/handle", 0, -20)
     window.wait()
@@ -76,8 +72,8 @@ def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, mon
     _rest_until_lit(window, 0.05)
     window.drag("View/handle", 0, -4000)
     window.wait()
-    assert {text for past, text in labels if past} == {"taller, no further"}
-    assert low <= Direction.principal(editor.model.codes, "shape", 2).strength(editor.scene.instance) <= high + 1e-4
+    assert {text for past, text in labels if past} == {"height 900 cm, no further"}
+    assert editor.scene.instance.codes.factors[2] == pytest.approx(10.0)
 
 
 @in_window(part_map=two_parts)
@@ -111,7 +107,7 @@ def test_a_click_on_the_handle_opens_the_colours_of_its_part(drive: Drive, backe
         window.click("$FOCUSED/###swatch 3")
         window.wait()
         assert torch.equal(editor.code("shape"), before.codes.shape)
-        assert editor.scene.instance.codes.paints != before.codes.paints
+        assert editor.scene.instance.codes.of_kind(PartPaint) != before.codes.of_kind(PartPaint)
 
     drive(act, replace(backend, load_model=lambda name: headed, part_map=two_parts))
 

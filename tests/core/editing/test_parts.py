@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from core.detail.progressive import Frame
-from core.directions import part_map as module
-from core.directions.part_map import part_map
+from core.editing import parts as module
+from core.editing.parts import part_map
 from core.geometry.camera import Camera
 from core.models.model import Instance, Model
 from core.models.part_head import PartHead

@@ -5,7 +5,7 @@ import torch
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from core.geometry.bend import MAX_BEND, Bend, mixed_bend
+from core.edits.bend import MAX_BEND, Bend
 
 _SHARES = st.floats(0.05, 0.95)
 
@@ -26,7 +26,7 @@ def test_a_bend_is_increasing_keeps_its_ends_and_is_undone(plane: float, moved: 
     bend = bend_of(plane, moved)
     points = column(torch.linspace(-0.8, 0.8, 401, dtype=torch.double))
     origins = bend.origins(points)
-    torch.testing.assert_close(bend.bent(origins), points)
+    torch.testing.assert_close(bend.destinations(origins), points)
     assert torch.equal(origins[:, :2], points[:, :2])
     assert bool((origins[:, 2].diff() > 0.004 / MAX_BEND * 0.99).all())
     outside = points[:, 2].abs() >= 0.5
@@ -39,13 +39,11 @@ def test_a_bend_is_increasing_keeps_its_ends_and_is_undone(plane: float, moved: 
 def test_bends_are_mixed_within_their_limits(first: float, to: float, second: float, end: float, amount: float):
     ends = bend_of(first, to), bend_of(second, end)
     assume(ends[0] != ends[1])
-    mixed = mixed_bend(*ends, amount)
-    assert mixed is not None
+    (mixed,) = Bend.mixed(ends[:1], ends[1:], amount)
     assert mixed.moved == pytest.approx((1 - amount) * ends[0].moved + amount * ends[1].moved)
-    half = mixed_bend(None, ends[1], amount)
-    assert half is not None
+    half = Bend.between(None, ends[1], amount)
     assert half.moved - half.plane == pytest.approx(amount * (ends[1].moved - ends[1].plane))
-    assert mixed_bend(ends[0], None, 0.0) == ends[0]
+    assert Bend.mixed(ends[:1], (), 0.0) == ends[:1] and Bend.mixed((), (), amount) == ()
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,12 @@ from dataclasses import replace
 import pytest
 import torch
 
+from core.edits import kinds
+from core.edits.paint import PartPaint
+from core.edits.stretch import Stretch
 from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import Codes
 from core.models.model import Instance, Model
-from core.models.paints import MAX_PAINTS, PartPaint, mixed_paints, painted
 from core.models.part_head import PartHead
 from core.models.scene import Scene
 from core.rendering.images import render_steps
@@ -31,12 +33,12 @@ def chair(tiny: Model) -> Instance:
 
 def test_all_renderers_show_the_same_paints(chair: Instance) -> None:
     camera = chair.model.camera(0.7, 0.3).resized(24, 24)
-    red = chair.changed(paints=(RED, LEGS))
+    red = chair.with_edits(PartPaint, RED, LEGS)
     exact = render_exact(red, camera)
     fast = run_to_end(render_steps(red, camera, 256))
     assert (exact.colour - fast.colour).abs().mean() < 0.01
-    assert (exact.colour - render_exact(red.changed(paints=()), camera).colour).abs().max() > 0.2
-    assert torch.equal(exact.opacity, render_exact(red.changed(paints=()), camera).opacity)
+    assert (exact.colour - render_exact(red.unpainted, camera).colour).abs().max() > 0.2
+    assert torch.equal(exact.opacity, render_exact(red.unpainted, camera).opacity)
 
 
 def test_a_paint_leaves_places_of_other_parts_exactly_as_they_were(chair: Instance) -> None:
@@ -46,12 +48,13 @@ def test_a_paint_leaves_places_of_other_parts_exactly_as_they_were(chair: Instan
     head = chair.model.part_head
     assert head is not None
     head = replace(head, weight=1000 * head.weight)  # certain everywhere
-    membership = head.parts(activations)["seat"]
-    after = painted(colours, activations, head, (RED,))
+    parts = head.parts(activations)
+    membership = parts["seat"]
+    after = kinds.colours(colours, (RED,), lambda: parts)
     assert torch.equal(after[membership == 0], colours[membership == 0])
     assert not torch.isclose(after[membership == 1], colours[membership == 1]).all(-1).any()
-    assert torch.equal(painted(colours, activations, head, ()), colours)
-    assert torch.equal(painted(colours, activations, head, (replace(RED, part="door"),)), colours)
+    assert torch.equal(kinds.colours(colours, (), lambda: parts), colours)
+    assert torch.equal(kinds.colours(colours, (replace(RED, part="door"),), lambda: parts), colours)
 
 
 def test_a_material_is_where_colours_are_nearer_to_its_own() -> None:
@@ -61,36 +64,36 @@ def test_a_material_is_where_colours_are_nearer_to_its_own() -> None:
 
 
 def test_paints_belong_to_the_texture_and_stay_with_edits_of_the_shape(chair: Instance, tiny: Model) -> None:
-    red = chair.changed(paints=(RED,))
+    red = chair.with_edits(PartPaint, RED)
     second = chair.model[1]
     assert red != chair and red.codes.texture_key != chair.codes.texture_key
     assert red.codes.shape_key == chair.codes.shape_key
-    assert second.with_texture(red).codes.paints == (RED,) == red.with_shape(second).codes.paints
+    assert second.with_texture(red).codes.edits == (RED,) == red.with_shape(second).codes.edits
     assert red.with_texture(chair) == chair
-    assert red.changed(stretch=(1.0, 1.0, 1.2)).moved("shape", torch.ones_like(chair.codes.shape)).codes.paints == (
-        RED,
-    )
+    tall = red.with_edits(Stretch, Stretch((1.0, 1.0, 1.2))).moved("shape", torch.ones_like(chair.codes.shape))
+    assert tall.codes.of_kind(PartPaint) == (RED,)
 
 
 def test_a_mix_passes_from_paint_to_paint() -> None:
-    assert mixed_paints((RED,), (BLUE,), 0.0) == (RED,) and mixed_paints((RED,), (BLUE,), 1.0) == (BLUE,)
-    assert mixed_paints((RED,), (RED,), 0.3) == (RED,)
-    assert [paint.share for paint in mixed_paints((RED, LEGS), (BLUE,), 0.25)] == [1.0, 0.75, 0.25]
-    faint = mixed_paints((RED,), (replace(BLUE, share=0.5),), 0.999)
+    assert PartPaint.mixed((RED,), (BLUE,), 0.0) == (RED,) and PartPaint.mixed((RED,), (BLUE,), 1.0) == (BLUE,)
+    assert PartPaint.mixed((RED,), (RED,), 0.3) == (RED,)
+    assert [paint.share for paint in PartPaint.mixed((RED, LEGS), (BLUE,), 0.25)] == [1.0, 0.75, 0.25]
+    faint = PartPaint.mixed((RED,), (replace(BLUE, share=0.5),), 0.999)
     assert faint[0].share < 0.01 and faint[1].share == pytest.approx(0.5, abs=1e-3)
-    assert len(mixed_paints((RED,) * MAX_PAINTS, (BLUE,) * MAX_PAINTS, 0.5)) == MAX_PAINTS
+    assert len(PartPaint.mixed((RED,) * PartPaint.most, (BLUE,) * PartPaint.most, 0.5)) == PartPaint.most
 
 
 def test_a_film_shows_paints_between_keys(chair: Instance) -> None:
     camera = chair.model.camera(0.0, 0.0)
-    keys = Keyframe(0.0, View(chair, camera)), Keyframe(1.0, View(chair.changed(paints=(RED,)), camera))
+    keys = Keyframe(0.0, View(chair, camera)), Keyframe(1.0, View(chair.with_edits(PartPaint, RED), camera))
     film = Timeline(keys, 2.0, loop=False)
-    assert film.at(0.0).instance.codes.paints == () and film.at(1.0).instance.codes.paints == (RED,)
-    assert film.at(0.25).instance.codes.paints == (replace(RED, share=0.25),)
+    shown = [film.at(seconds).instance.codes.edits for seconds in (0.0, 0.25, 1.0)]
+    assert shown == [(), (replace(RED, share=0.25),), (RED,)]
 
 
 def test_a_scene_file_holds_paints_and_one_without_them_opens(chair: Instance) -> None:
-    painted_chair = chair.changed(paints=(RED, replace(LEGS, materials=(RED.before, LEGS.before), share=0.5)))
+    legs = replace(LEGS, materials=(RED.before, LEGS.before), share=0.5)
+    painted_chair = chair.with_edits(PartPaint, RED, legs)
     text = Scene(painted_chair, chair.model.camera(0.0, 0.0)).to_json()
     assert Scene.from_json(text, chair.model).instance == painted_chair
     record = json.loads(text)
@@ -114,4 +117,4 @@ def test_a_paint_out_of_range_is_refused(harm: dict) -> None:
 
 def test_an_object_has_a_limited_number_of_paints(chair: Instance) -> None:
     with pytest.raises(ValueError, match="at most"):
-        Codes(chair.codes.shape, chair.codes.texture, paints=(RED,) * (MAX_PAINTS + 1))
+        Codes(chair.codes.shape, chair.codes.texture, edits=(RED,) * (PartPaint.most + 1))

@@ -16,11 +16,9 @@ from torch import Tensor
 from core.models.codes import CodeKind
 from core.models.model import Instance, Model, Words
 from core.models.motion import moved_along, position, reach
-from core.rendering.size import with_side
 from core.rendering.surface import surface_points
 
 _COUNT = 6  # directions of shape and of texture
-_GROWTH = 0.08  # natural logarithm of a side, per standard deviation along a direction named for its size
 _REACH = 1.5  # standard deviations to either side of the mean
 _EDGE = 0.01  # fraction of the points at either end of an axis that count as specks outside the object
 _CORNER = 0.2  # size of a silhouette's corner relative to its width and height
@@ -69,11 +67,8 @@ _TABLES: dict[CodeKind, dict[str, _Word]] = {
     "shape": {name: word for name, (word, _) in _SHAPE.items()},
     "texture": {name: word for name, (word, _) in _TEXTURE.items()},
 }
-AXES = {
-    word: (axis, sign)
-    for axis, name in enumerate(("width", "depth", "height"))
-    for word, sign in zip(_TABLES["shape"][name][:2], (1, -1), strict=True)
-}  # of words for sizes: world axis, and 1 for growth along it
+_SIZES = {word for name in ("width", "depth", "height") for word in _TABLES["shape"][name][:2]}
+"""Words of sizes. Objects whose size is set in centimetres have no directions of these names."""
 OPPOSITES = {
     word: opposite
     for table in _TABLES.values()
@@ -95,7 +90,7 @@ def direction_words(model: Model) -> Iterator[Words | None]:
         ('lighter', 'plainer')
     """
     if model.words:
-        yield {kind: tuple(word if word in OPPOSITES else "" for word in model.words.get(kind, ())) for kind in _TABLES}
+        yield _offered(model, model.words)
         return
     words = Words()
     for kind, table in _TABLES.items():
@@ -106,7 +101,13 @@ def direction_words(model: Model) -> Iterator[Words | None]:
             changes.append({name: more[name] - less[name] for name in more} if less and more else {})
             yield None
         words[kind] = name_changes(changes, table)
-    yield words
+    yield _offered(model, words)
+
+
+def _offered(model: Model, words: Words) -> Words:
+    """Return the words of directions that are no sizes; all known words if objects of the model have no size."""
+    offered = OPPOSITES.keys() - (_SIZES if model.supports_motion else set())
+    return {kind: tuple(word if word in offered else "" for word in words.get(kind, ())) for kind in _TABLES}
 
 
 def moved(instance: Instance, words: Words, name: str, amount: float) -> Instance:
@@ -121,22 +122,7 @@ def moved(instance: Instance, words: Words, name: str, amount: float) -> Instanc
     kind, number, sign = _direction(words, name)
     if kind == "texture":
         return instance.moved(kind, sign * amount * instance.model.codes.texture_space.basis[number])
-    return reshaped(instance, number, position(instance, number) + sign * amount, words[kind][number])
-
-
-def reshaped(instance: Instance, direction: int, to: float, word: str) -> Instance:
-    """Move an object along a shape direction, as :func:`core.models.motion.moved_along`.
-
-    The move keeps the bounds of the object; one along a direction that is named for a size also stretches that side.
-    """
-    moved = moved_along(instance, direction, to)
-    if word not in AXES or not instance.model.supports_motion:
-        return moved
-    axis, sign = AXES[word]
-    by = position(moved, direction) - position(instance, direction)
-    factors = moved.codes.factors
-    factor = round(factors[axis] * math.exp(sign * _GROWTH * by), 6)  # back at the start, it is 1 again
-    return moved.changed(stretch=with_side(factors, axis, factor))
+    return moved_along(instance, number, position(instance, number) + sign * amount)
 
 
 def most(instance: Instance, words: Words, name: str) -> float:
@@ -159,6 +145,8 @@ def _direction(words: Words, name: str) -> tuple[CodeKind, int, int]:
         for number, word in enumerate(words[kind]):
             if word:
                 directions |= {word: (kind, number, 1), OPPOSITES[word]: (kind, number, -1)}
+    if name in _SIZES - directions.keys():
+        raise ValueError(f"{name} is a size: set it in centimetres (--size-cm)")
     if name not in directions:
         raise ValueError(f"no direction {name!r}; choose one of {', '.join(directions)}")
     return directions[name]

@@ -1,24 +1,27 @@
 """A bend of the vertical axis: lengths below and above a plane change, those of the whole do not."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
+
+from core.edits.edit import Edit
 
 MAX_BEND = 4.0  # largest factor by which lengths below or above the plane grow or shrink
 _ROUNDING = 1 + 1e-6  # factor by which lengths computed from a bend at its limits may exceed them
 
 
 @dataclass(frozen=True)
-class Bend:
+class Bend(Edit):
     """A piecewise linear map of heights that moves a plane and keeps everything outside of two ends.
 
     Raises ``ValueError`` for a plane at or beyond an end, or too far from its place before.
 
     Example:
         >>> bend = Bend(-0.5, -0.1, 0.1, 0.5)
-        >>> bend.bent(torch.tensor([[0.0, 0.0, -0.1], [0.3, 0.0, 0.2]]))[:, 2]
+        >>> bend.destinations(torch.tensor([[0.0, 0.0, -0.1], [0.3, 0.0, 0.2]]))[:, 2]
         tensor([0.1000, 0.3000])
     """
 
@@ -26,6 +29,17 @@ class Bend:
     plane: float  # height of the plane before
     moved: float  # height of the plane after
     high: float  # the upper end
+
+    key = "bend"
+    subject = "size"
+    is_separable = True
+    glsl = """
+uniform float bend[4];  // heights: lower end, plane before, plane after, upper end
+vec3 bend_origins(vec3 point) {
+    float below = (point.z - bend[0]) / (bend[2] - bend[0]), above = (bend[3] - point.z) / (bend[3] - bend[2]);
+    return point + vec3(0.0, 0.0, (bend[1] - bend[2]) * max(min(below, above), 0.0));
+}
+"""
 
     def __post_init__(self) -> None:
         if not (self.low < min(self.plane, self.moved) and max(self.plane, self.moved) < self.high):  # also for NaN
@@ -35,7 +49,12 @@ class Bend:
         if not all(1 / limit <= factor <= limit for factor in factors):
             raise ValueError(f"a bend changes lengths by a factor of {MAX_BEND:g} at most, got {self}")
 
-    def bent(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+    @property
+    def is_none(self) -> bool:
+        """True for a plane that stays."""
+        return self.moved == self.plane
+
+    def destinations(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Return the places of points after the bend."""
         return self._shifted(points, self.plane, self.moved)
 
@@ -50,14 +69,17 @@ class Bend:
         )
         return torch.cat((points[..., :2], (heights + (end - start) * fractions.clamp_min(0))[..., None]), -1)
 
+    def uniforms(self) -> dict[str, Any]:
+        """Return the four heights."""
+        return {"bend": astuple(self)}
 
-def mixed_bend(first: Bend | None, second: Bend | None, amount: float) -> Bend | None:
-    """Interpolate linearly from the first bend (amount 0) to the second (1); None stands for a plane that stays."""
-    if first is None or second is None:
+    @classmethod
+    def between(cls, first: "Bend | None", second: "Bend | None", amount: float) -> "Bend":
+        """Interpolate linearly; None stands for a plane that stays."""
+        if first and second:
+            numbers = zip(astuple(first), astuple(second), strict=True)
+            return Bend(*((1 - amount) * start + amount * end for start, end in numbers))
         bend = first or second
-        if bend is None:
-            return None
-        fraction = amount if first is None else 1 - amount
+        assert bend is not None
+        fraction = 1 - amount if first else amount
         return Bend(bend.low, bend.plane, bend.plane + fraction * (bend.moved - bend.plane), bend.high)
-    numbers = zip(vars(first).values(), vars(second).values(), strict=True)
-    return Bend(*((1 - amount) * start + amount * end for start, end in numbers))

@@ -7,19 +7,18 @@ of the part.
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.edits.edit import Colour, Edit
 from core.geometry.pixels import lightness
-from core.models.part_head import PartHead
 
 Rgb = tuple[float, float, float]
 MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that surely has it; metal legs count as wood
-MAX_PAINTS = 16  # of an object
 _DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
 _ANOTHER = 0.25  # colour difference from which a part becomes evenly coloured; below, its pattern stays
 _LEAST_DISTANCE = 1e-3  # of the two materials' colours
@@ -27,7 +26,7 @@ _SHARP = 2.0  # change of a material's membership over the difference between th
 
 
 @dataclass(frozen=True)
-class PartPaint:
+class PartPaint(Edit):
     """A paint on a part. Raises ``ValueError`` for numbers out of range."""
 
     part: str  # a part's name or one of :data:`MATERIALS`; '' is the whole object
@@ -36,6 +35,10 @@ class PartPaint:
     materials: tuple[Rgb, Rgb] | None = None
     """the network's colours of a material and of the opposite one; None: the part alone tells where the paint is"""
     share: float = 1.0  # 0..1, of the paint in a mix of objects
+
+    key = "paints"
+    subject = "texture"
+    most = 16
 
     def __post_init__(self) -> None:
         channels = itertools.chain(self.colour, self.before, *(self.materials or ()))
@@ -69,12 +72,7 @@ class PartPaint:
         below: Float[Tensor, "*places 3"],
         membership: Float[Tensor, "*places"],
     ) -> Float[Tensor, "*places 3"]:
-        """Return colours with the paint.
-
-        Args:
-            colours: of the object itself, which tell light and pattern.
-            below: the same in earlier paints.
-        """
+        """Return colours with the paint; see :class:`core.edits.edit.Edit`."""
         colour, before = (colours.new_tensor(value) for value in (self.colour, self.before))
         light = lightness(colours.movedim(-1, 0)) / lightness(before).clamp_min(0.05)
         evenly = colour * light.clamp(_DARKEST, _LIGHTEST).sqrt()[..., None]
@@ -82,42 +80,31 @@ class PartPaint:
         painted = torch.lerp(colours + (colour - before), evenly, even).clamp(0, 1)
         return torch.lerp(below, painted, (self.share * membership)[..., None])
 
+    def in_photo(self, matched: Callable[[Colour, Colour], tuple[Colour, Colour]]) -> "PartPaint":
+        """Return the paint for the colours of a photo instead of the network's."""
+        before, colour = matched(torch.tensor(self.before), torch.tensor(self.colour))
+        return replace(self, before=as_rgb(before), colour=as_rgb(colour))
 
-def painted(
-    colours: Float[Tensor, "*places 3"],
-    activations: Float[Tensor, "*places width"],
-    head: PartHead | None,
-    paints: Sequence[PartPaint],
-) -> Float[Tensor, "*places 3"]:
-    """Return the network's colours in paints, the last one uppermost.
+    @classmethod
+    def mixed(
+        cls, first: tuple["PartPaint", ...], second: tuple["PartPaint", ...], amount: float
+    ) -> tuple["PartPaint", ...]:
+        """Return the paints between two objects: the second's cover the first's by ``amount``, 0..1.
 
-    Args:
-        activations: features of :meth:`core.rendering.folded_field.FoldedField.density`.
-    """
-    parts = head.parts(activations) if head and paints else {}
-    below = colours
-    for paint in paints:
-        below = paint.over(colours, below, paint.membership(colours, parts))
-    return below
+        A part painted in both objects passes from one paint to the other and shows no colour of the network between.
+        """
+        if amount <= 0 or amount >= 1 or first == second:
+            return second if amount >= 1 else first
+        above = [replace(paint, share=amount * paint.share) for paint in second]
+        covered = {paint.part: paint.share for paint in above}
+        below = (
+            replace(paint, share=min(1.0, (1 - amount) * paint.share / (1 - covered.get(paint.part, 0.0))))
+            for paint in first
+        )
+        return (*below, *above)[-PartPaint.most :]
 
 
 def as_rgb(colour: Float[Tensor, "3"]) -> Rgb:
     """Return a colour as numbers, limited to 0..1."""
     red, green, blue = (round(channel, 5) for channel in colour.clamp(0, 1).tolist())
     return red, green, blue
-
-
-def mixed_paints(first: tuple[PartPaint, ...], second: tuple[PartPaint, ...], amount: float) -> tuple[PartPaint, ...]:
-    """Return the paints between two objects: the second's cover the first's by ``amount``, 0..1.
-
-    A part painted in both objects passes from one paint to the other and shows no colour of the network between.
-    """
-    if amount <= 0 or amount >= 1 or first == second:
-        return second if amount >= 1 else first
-    above = [replace(paint, share=amount * paint.share) for paint in second]
-    covered = {paint.part: paint.share for paint in above}
-    below = (
-        replace(paint, share=min(1.0, (1 - amount) * paint.share / (1 - covered.get(paint.part, 0.0))))
-        for paint in first
-    )
-    return (*below, *above)[-MAX_PAINTS:]

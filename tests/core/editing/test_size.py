@@ -8,22 +8,22 @@ from hypothesis import strategies as st
 from torch.nn import functional
 
 from core.detail.progressive import render_frame
+from core.editing.bounds import natural_bounds, portion_of
+from core.editing.size import SIDES, bounds_of, size_of, sized, with_portion
+from core.edits.bend import MAX_BEND, Bend
+from core.edits.stretch import MAX_DISTORTION, Stretch
 from core.export.mesh import extract_mesh
-from core.geometry.bend import MAX_BEND, Bend
 from core.geometry.camera import Camera, Factors
 from core.geometry.rays import Rays, camera_rays, clip_to_box, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
-from core.models.codes import MAX_DISTORTION
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.motion import moved_along
 from core.rendering import fast
-from core.rendering.bounds import natural_bounds, portion_of
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import shape_occupancy
 from core.rendering.reference import render_exact, render_rays
-from core.rendering.size import bounds_of, described, portion_sized, size_of, sized, with_portion
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import random_model
@@ -50,7 +50,7 @@ def through_affine_camera(instance: Instance, camera: Camera, stretch: Factors) 
 def test_a_picture_is_one_of_the_natural_object_through_an_affine_camera(
     stretch: Factors, azimuth: float, elevation: float
 ):
-    instance = tiny_model()[1].changed(stretch=stretch)
+    instance = tiny_model()[1].with_edits(Stretch, Stretch(stretch))
     camera = instance.model.camera(azimuth, elevation).resized(36, 24)
     colours, depth = through_affine_camera(instance, camera, instance.codes.proportions or (1.0,) * 3)
     exact = render_exact(instance, camera)
@@ -64,7 +64,7 @@ def test_a_picture_is_one_of_the_natural_object_through_an_affine_camera(
 @pytest.mark.parametrize("factor", [0.3, 1.7, 20.0])
 def test_a_scale_changes_no_picture(tiny: Model, factor: float) -> None:
     camera = tiny.camera(0.5, 0.3)
-    larger = tiny[0].changed(stretch=(factor,) * 3)
+    larger = tiny[0].with_edits(Stretch, Stretch((factor,) * 3))
     assert torch.equal(render_exact(larger, camera).colour, render_exact(tiny[0], camera).colour)
     assert larger.local_camera(camera) is camera
     assert size_of(larger) == pytest.approx([factor * side for side in size_of(tiny[0].natural)])
@@ -80,35 +80,34 @@ def test_the_natural_size_is_that_of_the_surface(tiny: Model) -> None:
 
 
 def test_a_size_is_kept_until_the_natural_one_returns(tiny: Model) -> None:
-    stool = sized(tiny[0], (60.0, 58.0, 92.0))
+    stool = sized(tiny[0], width=60.0, depth=58.0, height=92.0)
     assert size_of(stool) == pytest.approx((60, 58, 92))
-    assert size_of(sized(stool, (30.0, 30.0, 30.0))) == pytest.approx((30, 30, 30))
+    assert size_of(sized(stool, width=30.0, depth=30.0, height=30.0)) == pytest.approx((30, 30, 30))
     assert size_of(stool.with_texture(tiny[1])) == pytest.approx((60, 58, 92))
-    assert sized(stool, None) == tiny[0] != stool
-    assert sized(tiny[0], size_of(tiny[0].natural)) == tiny[0]
-    assert described((60.0, 58.24, 1234.5)) == "60 x 58.2 x 1234.5 cm"
+    assert sized(stool) == tiny[0] != stool
+    assert sized(tiny[0], **dict(zip(SIDES, size_of(tiny[0].natural), strict=True))) == tiny[0]
 
 
 @pytest.mark.parametrize(
-    "size", [(0.0, 1.0, 1.0), (50.0, -1.0, 50.0), (math.nan,) * 3, (1.0,) * 5, (1e6, 1e6, 1e6), (1e5, 1e5, 1e5)]
+    "size", [(0.0, 1.0, 1.0), (50.0, -1.0, 50.0), (math.nan,) * 3, (1e6, 1e6, 1e6), (1e5, 1e5, 1e5)]
 )
 def test_other_sizes_are_refused_in_one_line(tiny: Model, size: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match=r"^[^\n]*cm[^\n]*$"):
-        sized(tiny[0], size)
+    with pytest.raises(ValueError, match=r"^[^\n]*(cm|times)[^\n]*$"):
+        sized(tiny[0], **dict(zip(SIDES, size, strict=True)))
 
 
 def test_a_distortion_is_limited(tiny: Model) -> None:
     width, depth, height = size_of(tiny[0].natural)
-    with pytest.raises(ValueError, match="too far from the natural"):
-        sized(tiny[0], (1.1 * MAX_DISTORTION * width, depth, height))
-    assert sized(tiny[0], (0.99 * MAX_DISTORTION * width, depth, height)).codes.stretch is not None
+    with pytest.raises(ValueError, match="at most 10 times as much"):
+        sized(tiny[0], width=1.1 * MAX_DISTORTION * width, depth=depth, height=height)
+    assert sized(tiny[0], width=0.99 * MAX_DISTORTION * width, depth=depth, height=height).is_sized
 
 
 def test_a_network_that_paints_the_background_has_no_sizes() -> None:
     with pytest.raises(ValueError, match="paints the background"):
-        sized(random_model(white_from_network=True)[0], (60.0, 60.0, 60.0))
+        sized(random_model(white_from_network=True)[0], width=60.0, depth=60.0, height=60.0)
     with pytest.raises(ValueError, match="paints the background"):
-        portion_sized(random_model(white_from_network=True)[0], "legs", 45.0)
+        sized(random_model(white_from_network=True)[0], legs=45.0)
 
 
 @pytest.mark.parametrize("stretch", [(1.6, 1.0, 1.0), (1.0, 1.0, 1.5), (1.0, 1.5, 0.8)])
@@ -116,7 +115,8 @@ def test_the_photos_camera_sees_its_photo_on_a_stretched_object_too(tiny: Model,
     camera = tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
     instance = striped(tiny, camera)
     natural, stretched = (
-        render_frame(sized, camera).photo_shares[0] for sized in (instance, instance.changed(stretch=stretch))
+        render_frame(sized, camera).photo_shares[0]
+        for sized in (instance, instance.with_edits(Stretch, Stretch(stretch)))
     )
     assert stretched > 0.93 * natural > 0.8
 
@@ -126,7 +126,7 @@ def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
     camera = Camera(1.1, 0.0, 40.0, 20 * far.focal * SIZE / far.height, SIZE, SIZE)
     instance = striped(tiny, camera)
     photo = torch.from_numpy(instance.detail.views[0].pixels()[..., :3] / 255).float()
-    stretched = instance.changed(stretch=(1.0, 1.0, 1.4))
+    stretched = instance.with_edits(Stretch, Stretch((1.0, 1.0, 1.4)))
     across, _, up = stretched.codes.proportions
     axis = (torch.arange(SIZE) + 0.5) / SIZE * 2 - 1
     place = torch.stack(torch.meshgrid(axis * up, axis * across, indexing="ij")[::-1], -1)
@@ -154,7 +154,7 @@ def through_bent_rays(instance: Instance, camera: Camera, bend: Bend) -> torch.T
 
 @pytest.mark.parametrize("bend", [Bend(-0.35, -0.05, 0.12, 0.35), Bend(-0.3, 0.0, -0.21, 0.4)])
 def test_a_picture_of_a_bent_object_shows_every_height_where_the_bend_puts_it(tiny: Model, bend: Bend) -> None:
-    instance = tiny[1].changed(bend=bend)
+    instance = tiny[1].with_edits(Bend, bend)
     camera = tiny.camera(0.7, 0.3).resized(48, 40)
     with torch.no_grad():
         colours = through_bent_rays(instance, camera, bend)
@@ -168,7 +168,7 @@ def test_a_picture_of_a_bent_object_shows_every_height_where_the_bend_puts_it(ti
 @given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.4, -0.31), st.floats(0.31, 0.4))
 def test_a_bent_objects_cells_hold_all_that_is_dense(plane: float, moved: float, low: float, high: float):
     bend = Bend(low, plane, moved, high)
-    instance = tiny_model()[2].changed(bend=bend)
+    instance = tiny_model()[2].with_edits(Bend, bend)
     points = (torch.rand(4000, 3, generator=torch.Generator().manual_seed(0)) * 2 - 1) * instance.model.extent_tensor
     natural = FoldedField.of(instance.natural).density(bend.origins(points))[0]
     density = FoldedField.of(instance).density(points)[0]
@@ -185,16 +185,16 @@ def test_legs_get_a_length_and_the_rest_keeps_its_own() -> None:
     assert legs is not None and legs.name == "legs"
     before = bounds_of(chair).length(legs)
     assert 35 < before < 45
-    tall = portion_sized(chair, "legs", before + 7)
+    tall = sized(chair, legs=before + 7)
     assert bounds_of(tall).length(legs) == pytest.approx(before + 7)
     width, depth, height = size_of(chair)
     assert size_of(tall) == pytest.approx((width, depth, height + 7))
-    split = portion_sized(sized(tall, (60.0, 58.0, 92.0)), "legs", 45.0, keeps_height=True)
+    split = sized(tall, width=60.0, depth=58.0, height=92.0, legs=45.0)
     assert size_of(split) == pytest.approx((60, 58, 92)) and bounds_of(split).length(legs) == pytest.approx(45)
-    assert size_of(sized(split, (30.0, 29.0, 46.0))) == pytest.approx((30, 29, 46))
-    assert bounds_of(sized(split, (30.0, 29.0, 46.0))).length(legs) == pytest.approx(22.5)
-    assert sized(split, None) == chair == split.natural
-    assert size_of(portion_sized(tall, "legs", before)) == pytest.approx(size_of(chair))
+    assert size_of(sized(split, width=30.0, depth=29.0, height=46.0)) == pytest.approx((30, 29, 46))
+    assert bounds_of(sized(split, width=30.0, depth=29.0, height=46.0)).length(legs) == pytest.approx(22.5)
+    assert sized(split) == chair == split.natural
+    assert size_of(sized(tall, legs=before)) == pytest.approx(size_of(chair))
 
 
 def test_a_roof_begins_at_the_windows() -> None:
@@ -202,17 +202,19 @@ def test_a_roof_begins_at_the_windows() -> None:
     roof = portion_of(cars)
     assert roof is not None and roof.name == "roof"
     before = bounds_of(cars[0])
-    high = portion_sized(cars[0], "roof", 1.3 * before.length(roof))
+    high = sized(cars[0], roof=1.3 * before.length(roof))
     assert bounds_of(high).length(roof) == pytest.approx(1.3 * before.length(roof))
     assert size_of(high)[2] - bounds_of(high).length(roof) == pytest.approx(before.size[2] - before.length(roof))
 
 
 def test_an_edit_of_the_shape_keeps_the_bend_and_sizes_stay_true() -> None:
-    chair = portion_sized(load_model("chairs")[999], "legs", 50.0)
+    chair = sized(load_model("chairs")[999], legs=50.0)
     edited = moved_along(chair, 0, 9.0)
-    assert edited.codes.bend == chair.codes.bend and edited.natural == moved_along(chair.natural, 0, 9.0)
+    assert edited.codes.edits_of("size") == chair.codes.edits_of("size") and edited.natural == moved_along(
+        chair.natural, 0, 9.0
+    )
     legs = portion_of(chair.model)
-    again = portion_sized(edited, "legs", 45.0)
+    again = sized(edited, legs=45.0)
     assert bounds_of(again).length(legs) == pytest.approx(45)
     rest = [size_of(instance)[2] - bounds_of(instance).length(legs) for instance in (edited, again)]
     assert rest[0] == pytest.approx(rest[1])
@@ -222,17 +224,17 @@ def test_an_edit_of_the_shape_keeps_the_bend_and_sizes_stay_true() -> None:
 def test_other_lengths_are_refused_in_one_line(length: float) -> None:
     chair = load_model("chairs")[999]
     with pytest.raises(ValueError, match=r"^[^\n]*cm[^\n]*$"):
-        portion_sized(chair, "legs", length)
+        sized(chair, legs=length)
     if length > 0:
         with_portion(chair, natural_bounds(chair), length)  # as near as limits allow
 
 
 def test_an_object_without_the_part_has_no_such_length(tiny: Model) -> None:
-    with pytest.raises(ValueError, match="only the whole of it"):
-        portion_sized(tiny[0], "legs", 45.0)
+    with pytest.raises(ValueError, match="only width, depth, height"):
+        sized(tiny[0], legs=45.0)
     chairs = load_model("chairs")
-    with pytest.raises(ValueError, match="only its legs"):
-        portion_sized(chairs[999], "roof", 45.0)
+    with pytest.raises(ValueError, match="only width, depth, height, legs"):
+        sized(chairs[999], roof=45.0)
     assert natural_bounds(load_model("cars")[702]).plane is None  # it has no windows
 
 
@@ -248,7 +250,7 @@ def test_photo_detail_is_bent_with_the_object(tiny: Model) -> None:
     expected = photo[rows.round().long().clamp(0, SIZE - 1)]
     shown, plain = (
         torch.from_numpy(render_frame(bent, camera).image / 255).float()
-        for bent in (instance.changed(bend=bend), instance.changed(bend=bend, detail=None))
+        for bent in (instance.with_edits(Bend, bend), instance.changed(edits=(bend,), detail=None))
     )
     stripe = ((origins * camera.focal / camera.distance).abs() < 0.06 * SIZE).nonzero()[:, 0]
     assert psnr(shown[stripe], expected[stripe]) > max(25, psnr(plain[stripe], expected[stripe]) + 5)

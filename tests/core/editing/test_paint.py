@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.paint import Paint, coarse_paint, paint, paint_colour, paint_parts
 from core.detail.progressive import render_frame
+from core.editing.paint import Paint, coarse_paint, paint, paint_colour, paint_parts
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.streams import run_to_end

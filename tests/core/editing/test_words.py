@@ -3,11 +3,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.directions.words import AXES, Words, direction_words, most, moved, name_changes
+from core.editing.words import Words, direction_words, most, moved, name_changes
+from core.edits.warp import Warp
 from core.models.library import load_model
-from core.models.model import Model
+from core.models.model import Instance, Model
 from core.models.motion import LIMIT
-from core.rendering.size import size_of
+from tests.conftest import random_model
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 
@@ -23,7 +24,7 @@ def test_words_are_distinct_and_say_how_renders_change(name: str) -> None:
     for kind in ("shape", "texture"):
         named = [word for word in words[kind] if word]
         assert len(words[kind]) == 6
-        assert len(named) >= 4
+        assert len(named) >= 3
         assert len(set(named)) == len(named)
     assert lightness_rises(name, words) in (None, True)
 
@@ -45,33 +46,38 @@ def lightness_rises(name: str, words: Words) -> bool | None:
     return light > dark
 
 
+def steps(instance: Instance) -> tuple[float, ...]:
+    """How far edits moved an object along the first shape directions."""
+    return instance.codes.of_kind(Warp)[0].steps
+
+
 def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
     instance = tiny[0]
-    words = Words(shape=("", "taller"), texture=("bluer",))
-    higher, lower = (moved(instance, words, name, 0.5) for name in ("taller", "lower"))
-    assert higher.codes.warp.steps == (0.0, 0.5) and lower.codes.warp.steps == (0.0, -0.5)
-    assert torch.equal(higher.codes.texture, instance.codes.texture)
-    assert most(instance, words, "taller") == pytest.approx(LIMIT)
-    farthest = moved(instance, words, "taller", 9.0)
-    assert farthest.codes.warp.steps == pytest.approx((0.0, LIMIT), abs=1e-3)
+    words = Words(shape=("", "rounder"), texture=("bluer",))
+    more, less = (moved(instance, words, name, 0.5) for name in ("rounder", "more angular"))
+    assert steps(more) == (0.0, 0.5) and steps(less) == (0.0, -0.5)
+    assert torch.equal(more.codes.texture, instance.codes.texture)
+    assert most(instance, words, "rounder") == pytest.approx(LIMIT)
+    farthest = moved(instance, words, "rounder", 9.0)
+    assert steps(farthest) == pytest.approx((0.0, LIMIT), abs=1e-3)
     assert most(instance, words, "bluer") == torch.inf
     assert not torch.equal(moved(instance, words, "more yellow", 1.0).codes.texture, instance.codes.texture)
-    with pytest.raises(ValueError, match="no direction 'roof'; choose one of taller, lower, bluer, more yellow"):
+    with pytest.raises(ValueError, match="no direction 'roof'; choose one of rounder, more angular, bluer"):
         moved(instance, words, "roof", 1.0)
 
 
 @pytest.mark.parametrize("stored", [True, False])
-def test_words_of_sizes_change_that_side_alone(stored: bool) -> None:
-    words = load_model("cars").words
-    assert words is not None
+def test_directions_of_sizes_have_no_word(stored: bool) -> None:
+    """Sizes are set in centimetres."""
     model = load_model("cars") if stored else replace(load_model("cars"), words=None)
-    car = model[3]
-    before = size_of(car)
-    for word in ("taller", "lower", "longer", "narrower"):
-        axis, sign = AXES[word]
-        edited = moved(car, words, word, 2.0)
-        ratios = [now / then for now, then in zip(size_of(edited), before, strict=True)]
-        assert sign * (ratios.pop(axis) - 1) > 0.08
-        assert ratios == pytest.approx([1.0, 1.0], abs=0.05)
-        assert moved(edited, words, word, -2.0) == car
-    assert moved(car, words, "rounder", 2.0).codes.stretch is None
+    *_, words = direction_words(model)
+    assert words is not None and words["shape"] == ("", "", "rounder", "heavier top", "", "longer top")
+    with pytest.raises(ValueError, match="taller is a size"):
+        moved(model[3], words, "taller", 1.0)
+    assert not moved(model[3], words, "rounder", 2.0).is_sized
+
+
+def test_models_without_sizes_have_words_for_them() -> None:
+    words = Words(shape=("taller", "rounder"), texture=())
+    *_, offered = direction_words(replace(random_model(white_from_network=True), words=words))
+    assert offered == words

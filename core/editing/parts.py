@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float, Float32, Int
 from scipy import ndimage
 from torch import Tensor
 
-from core.detail.paint import frame_points
 from core.detail.progressive import Frame
+from core.editing.paint import frame_points
 from core.geometry.camera import Camera
 from core.models.model import Instance
 from core.models.part_head import ABOVE_SEAT

@@ -1,7 +1,7 @@
 """Bounds of an object's surface, and the plane that divides its height: a chair's into legs and the rest."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable
 from functools import lru_cache, partial
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from core.geometry.bend import Bend
+from core.edits.edit import Edit
 from core.geometry.camera import Factors
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
@@ -35,9 +35,10 @@ class Portion(NamedTuple):
     is_below: bool
     edge_of: str  # the part whose lower edge is the plane
     row_axes: tuple[int, ...]  # axes that number the rows of a surface; the lowest point of a row is at the edge
+    pulled_parts: tuple[str, ...]  # parts whose handles change the portion
 
 
-_PORTIONS = Portion("legs", True, "seat", (0, 1)), Portion("roof", False, "glass", (1,))
+_PORTIONS = Portion("legs", True, "seat", (0, 1), ("legs",)), Portion("roof", False, "glass", (1,), ("glass",))
 
 
 class Bounds(NamedTuple):
@@ -60,17 +61,24 @@ class Bounds(NamedTuple):
             raise ValueError(f"the object has no {portion.name}")
         return self.cm * (self.plane - self.low[2] if portion.is_below else self.high[2] - self.plane)
 
-    def bent(self, bend: Bend | None) -> "Bounds":
-        """Return the box around the bent surface."""
-        return self if bend is None else self._mapped(bend.bent)
+    def in_units(self, unit: float) -> "Bounds":
+        """Return the same box in units that are ``unit`` scene units long."""
+        return self._with_ends(self._ends / unit)._replace(cm=self.cm * unit)
 
-    def stretched(self, stretch: Factors) -> "Bounds":
-        """Return the box around the stretched surface."""
-        return self._mapped(lambda points: points * torch.tensor(stretch, dtype=torch.double))
+    def after(self, edits: Iterable[Edit]) -> "Bounds":
+        """Return the box around the surface after edits of its size."""
+        ends = self._ends
+        for edit in edits:
+            ends = edit.destinations(ends)
+        return self._with_ends(ends)
 
-    def _mapped(self, change: Callable[[Tensor], Tensor]) -> "Bounds":
-        ends = (*self.low, *self.high, 0.0, 0.0, self.plane or 0.0)
-        low, high, (_, _, plane) = change(torch.tensor(ends, dtype=torch.double).view(3, 3)).tolist()
+    @property
+    def _ends(self) -> Float[Tensor, "3 3"]:
+        """Two corners, and a point of the plane."""
+        return torch.tensor((*self.low, *self.high, 0.0, 0.0, self.plane or 0.0), dtype=torch.double).view(3, 3)
+
+    def _with_ends(self, ends: Float[Tensor, "3 3"]) -> "Bounds":
+        low, high, (_, _, plane) = ends.tolist()
         return Bounds(tuple(low), tuple(high), self.cm, None if self.plane is None else plane)
 
 
@@ -78,6 +86,11 @@ def portion_of(model: Model) -> Portion | None:
     """Return the portion of the height of a model's objects that can be sized; None if their parts give none."""
     names = model.part_head.names if model.part_head else ()
     return next((portion for portion in _PORTIONS if portion.edge_of in names), None)
+
+
+def bounds_of(instance: Instance) -> Bounds:
+    """Return the bounds of an object's surface in its size; as :func:`natural_bounds`."""
+    return natural_bounds(instance).after(instance.codes.edits_of("size"))
 
 
 def natural_bounds(instance: Instance) -> Bounds:

@@ -1,6 +1,6 @@
 """Give a part of an object a chosen colour: a car's body, a chair's fabric or wood.
 
-The paint itself is exact (:mod:`core.models.paints`). Its constants are measured at points on the surface, so that
+The paint itself is exact (:mod:`core.edits.paint`). Its constants are measured at points on the surface, so that
 images with photo detail show the colour.
 """
 
@@ -17,10 +17,11 @@ from torch.nn import functional
 from core.detail.maps import UNPAINTED, compared_photos
 from core.detail.progressive import Frame
 from core.detail.repaint import lit_paint, replaced_share
+from core.edits import kinds
+from core.edits.paint import MATERIALS, PartPaint, Rgb, as_rgb
 from core.geometry.camera import Camera
 from core.geometry.pixels import lightness
 from core.models.model import Instance, Model
-from core.models.paints import MATERIALS, MAX_PAINTS, PartPaint, Rgb, as_rgb, painted
 from core.rendering.folded_field import FoldedField
 from core.rendering.outline import effective_strength
 from core.rendering.surface import surface_points
@@ -52,21 +53,21 @@ def paint(instance: Instance, request: Paint) -> Generator[None, None, Instance]
     """
     surface = yield from _surface(instance, request.part)
     goal = torch.tensor(request.colour)
-    paints = instance.codes.paints
+    paints = instance.codes.of_kind(PartPaint)
     if float((goal - surface.shown(paints)).abs().max()) < 0.5 / 255:
         return instance
-    below = tuple(paint for paint in paints if paint.part != surface.own.part)[1 - MAX_PAINTS :]
+    below = tuple(paint for paint in paints if paint.part != surface.own.part)[1 - PartPaint.most :]
     colour = goal
     for _ in range(_ROUNDS):
         paints = *below, replace(surface.own, colour=as_rgb(colour))
         colour = (colour + goal - surface.shown(paints)).clamp(0, 1)
-    return instance.changed(paints=paints)
+    return instance.with_edits(PartPaint, *paints)
 
 
 def paint_colour(instance: Instance, part: str = "") -> Generator[None, None, Rgb]:
     """Return the mean colour of a part in images, sRGB 0..1; yields None many times."""
     surface = yield from _surface(instance, part)
-    return as_rgb(surface.shown(instance.codes.paints))
+    return as_rgb(surface.shown(instance.codes.of_kind(PartPaint)))
 
 
 def paint_parts(model: Model) -> tuple[str, ...]:
@@ -139,7 +140,8 @@ class _Surface:
 
     def shown(self, paints: tuple[PartPaint, ...]) -> Float[Tensor, "3"]:
         """Return the mean colour of the part in images with paints (:func:`core.detail.repaint.repainted`)."""
-        colours = painted(self.colours, self.features, self.instance.model.part_head, paints)
+        head = self.instance.model.part_head
+        colours = kinds.colours(self.colours, paints, lambda: head.parts(self.features) if head else {})
         render = (self.weight @ colours).cpu()
         return (render + (1 - replaced_share(render - self.fitted)) * self.matched).clamp(0, 1)
 
@@ -148,7 +150,7 @@ class _Surface:
 def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
     """Sample points on an object's surface and find a part there."""
     part = _checked(instance.model, part)
-    network = instance.unmoved.changed(paints=())
+    network = instance.unmoved.unpainted
     points, _ = surface_points(network)
     yield None
     if not len(points):

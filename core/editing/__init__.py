@@ -1,0 +1,1 @@
+"""The making of edits: from centimetres, words, pulls on a part, and colours."""

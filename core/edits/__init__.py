@@ -1,0 +1,1 @@
+"""Edits of an object as values: what each does to space, density and colour."""
