@@ -24,8 +24,8 @@ class Pull(NamedTuple):
     """A length that a drag changes.
 
     Example:
-        >>> Pull("height", 90.0, (0.0, -0.01)).to((5.0, -10.0))
-        99.0
+        >>> Pull("height", 90.0, (0.0, -0.05)).to((5.0, -10.0))
+        135.0
     """
 
     name: str  # one of :func:`core.editing.size.lengths`
