@@ -76,7 +76,7 @@ def mesh(chosen: argparse.Namespace) -> None:
     from core.export.mesh_formats import LARGEST_PRINT, PRINTED
 
     instance, camera = _load_selection(chosen)
-    metres = chosen.metres or (None if instance.codes.is_sized else instance.model.metres)
+    metres = chosen.metres or (None if instance.is_sized else instance.model.metres)
     settings = MeshSettings(chosen.resolution, metres, chosen.texture or 0, chosen.triangles or 0)
     if chosen.out.suffix.lower() in PRINTED and (side := metres or max(size_of(instance)) / 100) > LARGEST_PRINT:
         say(f"{chosen.out}: {side:.1f} m long, larger than any printer builds; --metres makes it smaller")

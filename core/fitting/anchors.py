@@ -153,4 +153,8 @@ def _merge(
         losses[list(views)] = batch.loss
         for all_views, values in zip(merged, batch.parameters[:4], strict=True):
             all_views[:, list(views)] = values
-    return Assignment(number, replace(anchor, parameters=Parameters(*merged, *anchor.parameters[4:])), losses)
+    angles, distance, zoom, crop_transform = merged
+    cameras_of_all = anchor.parameters._replace(
+        angles=angles, distance=distance, zoom=zoom, crop_transform=crop_transform
+    )
+    return Assignment(number, replace(anchor, parameters=cameras_of_all), losses)
