@@ -140,7 +140,7 @@ def test_a_mesh_stands_on_the_ground_in_natural_size_and_may_be_too_large_to_pri
     low, high = trimesh.load_mesh("a.stl").bounds
     assert low[2] == pytest.approx(0, abs=1) and max(high - low) == pytest.approx(1500, abs=1)
     assert "a.stl: 1.5 m long, larger than any printer" in capsys.readouterr().err
-    run("mesh --model m.safetensors --object 1 --resolution 24 --size-cm 20x20x120 --out a.3mf")
+    run("mesh --model m.safetensors --object 1 --resolution 24 --size-cm 90x90x120 --out a.3mf")
     assert "a.3mf: 1.2 m long" in capsys.readouterr().err
     for options in ("--metres 0.2 --out a.stl", "--out a.glb"):
         run(f"mesh --model m.safetensors --object 1 --resolution 24 {options}")
@@ -455,7 +455,7 @@ def test_a_photo_of_another_object_is_left_out_by_name(file, model, capsys, fit_
     Path("b.png").write_bytes(Path("a.png").read_bytes())
     run(f"fit left:a.png b.png --model {file}")
     printed = capsys.readouterr()
-    assert printed.err == "b.png: this looks like another object, so it is left out\n"
+    assert printed.err == "python -m core: b.png: this looks like another object, so it is left out\n"
     photos = json.loads(printed.out)["photos"]
     assert photos[1] is None and photos[0]["confidence"] > 0.9
 

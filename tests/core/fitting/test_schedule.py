@@ -8,7 +8,7 @@ from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettin
 
 def test_hypotheses_are_pruned_to_one_for_refinement():
     settings = PRESETS["normal"]
-    coarse, local, final, rivals, free = build_schedule(settings, ALL_COMPONENTS, unknown=1)
+    coarse, local, final, rivals, free, _ = build_schedule(settings, ALL_COMPONENTS, unknown=1)
     for stages in (coarse, (*local, final), rivals):
         counts = [stage.hypotheses for stage in stages]
         assert counts == sorted(counts, reverse=True)
@@ -17,7 +17,15 @@ def test_hypotheses_are_pruned_to_one_for_refinement():
     assert free is not None
     assert (free.hypotheses, free.steps, free.rays) == (1, settings.free_steps, settings.rays)
     assert sum(stage.steps for stage in coarse) == pytest.approx(settings.steps / 2, abs=4)
-    assert not build_schedule(settings, ALL_COMPONENTS, unknown=2).rivals
+
+
+def test_photos_share_the_rays_of_a_step_and_place_each_other_if_several_cameras_are_unknown():
+    settings = PRESETS["normal"]
+    several = build_schedule(settings, ALL_COMPONENTS, unknown=2, photos=4)
+    assert not several.coarse and not several.rivals
+    assert several.final.rays == settings.rays // 4
+    assert several.placing and not any(stage.codes_move for stage in several.placing)
+    assert not build_schedule(settings, ALL_COMPONENTS, unknown=1).placing
 
 
 def test_known_cameras_and_resumed_fits_skip_the_coarse_search():

@@ -424,14 +424,14 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
 
 def test_a_photo_of_another_category_among_several_is_a_question(session: Session, photo: Path) -> None:
     second = photo.with_name("block other.png")
-    beside = photo.with_name("block.mov")
+    beside = photo.with_name("block.txt")
     shutil.copy(photo, second)
     beside.write_bytes(b"moving")
     guesses = iter(({"chairs": 0.9, "boats": 0.1}, {"chairs": 0.1, "boats": 0.9}))
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
     session.fitting.start(photo, beside, second)
     finish(session, lambda: not session.fitting.running)
-    assert [message.text for message in session.messages.shown] == ["Left out block.mov: no image"]
+    assert [message.text for message in session.messages.shown] == ["Left out block.txt: no image"]
     (question,) = session.fitting.questions
     assert question.source.path == second
     assert question.words.startswith("This looks like a boat, the first image like a chair")
