@@ -238,7 +238,8 @@ def is_typed(text: str) -> bool:
 
     A key alone counts by the sign that it types; with Ctrl, which types nothing, by the sign that it prints.
     """
-    held, sign = text[:-1], text[-1:]
+    held = text[:-1]
+    sign = text[-1:]
     if sign.isalnum() or not sign:
         return False
     if held:

@@ -40,10 +40,9 @@ SIDES: dict[Side, float] = {
     "back": FRONT_AZIMUTH + math.pi,
     "right": FRONT_AZIMUTH - math.pi / 2,
     "above": math.nan,
-}
-"""Azimuths (rad) of cameras that see a side of an object; from above, any."""
+}  # azimuth (rad) of a camera that sees this side; from above, any
 _SIDE_WIDTH = math.radians(30)
-_SIDE_WRONG = 0.05  # likelihood of a direction on no account of the named side, relative to its middle
+_SIDE_WRONG = 0.05  # likelihood of directions far from the named side, relative to its middle
 
 
 class ViewpointClassifier(nn.Module):

@@ -22,8 +22,9 @@ from core.fitting.steps import SearchState
 _CLEAR_MARGIN = 1.2  # of a photo alone, above which its runner-up places no photos
 _LARGEST_MARGIN = 5.0  # of a photo of which all rivals find the same camera
 _MISFIT = 1.0
-"""Log ratio of a photo's loss with the common codes to that with its own, above which it shows another object. Photos
-of one object have at most 0.5, of another object 0.9 to 2.3."""
+"""Log ratio of a photo's losses, with the common codes and with its own, from which it shows another object.
+
+Photos of one object have at most 0.5, of another object 0.9 to 2.3."""
 
 
 @dataclass(frozen=True, eq=False)

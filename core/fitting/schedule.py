@@ -97,8 +97,7 @@ LOCAL_OFFSETS = (
 
 Degrees of azimuth and elevation from that camera, and the number of shapes there. Thirteen degrees correct a coarse
 search that converged beside the best camera."""
-RIVAL_SECTORS = 8
-"""Sectors of azimuth, from each of which but the winner's two rivals start."""
+RIVAL_SECTORS = 8  # of azimuth; two rivals start from each but the winner's
 LOCAL_HYPOTHESES = sum(shapes for offsets in LOCAL_OFFSETS for *_, shapes in offsets)
 """Number of hypotheses in the local search, if the view bank has enough prototypes."""
 _SHAPES = 6  # hypotheses if every camera is known: initial shapes

@@ -40,8 +40,7 @@ class FitStep:
     restart: bool = False  # part of a later search, after an earlier one left its camera in doubt
     search_psnr: float | None = None
     """dB of the codes alone, in the free stage: by these, as free biases explain photos from any camera"""
-    runner_up: RunnerUp | None = None
-    """if a camera is unknown, at the end of a search; never in the paper's recipe"""
+    runner_up: RunnerUp | None = None  # at the end of a search for a camera; never in the paper's recipe
     margin: float | None = None
     """Log ratio of the runner-up's loss to the leader's on the same pixels; after two agreeing searches, the smaller
     of the two. None without runner-up, and in a resumed fit."""

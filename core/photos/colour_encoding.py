@@ -1,4 +1,4 @@
-"""Colours that a file encodes by numbers (ITU-T H.273), such as those of HDR, or by a gamma, converted to sRGB."""
+"""Colours of HDR and other encodings, converted to sRGB by the file's colour numbers (ITU-T H.273) or its gamma."""
 
 import struct
 from collections.abc import Callable, Mapping
@@ -141,5 +141,4 @@ _TO_SRGB = {
     1: np.eye(3),
     9: np.array([(1.6605, -0.5876, -0.0728), (-0.1246, 1.1329, -0.0083), (-0.0182, -0.1006, 1.1187)]),  # BT.2020
     12: np.array([(1.2249, -0.2247, 0.0), (-0.0421, 1.0421, 0.0), (-0.0196, -0.0786, 1.0983)]),  # Display P3
-}
-"""Matrices between linear colours, by the number of the primaries."""
+}  # matrices between linear colours, by the number of the primaries

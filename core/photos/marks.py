@@ -74,7 +74,7 @@ def _find_pieces(foreground: Bool[np.ndarray, "height width"]) -> _Pieces:
 
 
 def _has_other_object(pieces: _Pieces, detections: tuple[Detection, ...]) -> bool:
-    """True if a large piece apart is detected, or nothing is, so that it may be what a person wants."""
+    """True if a large piece apart may be the wanted object: the detector finds it, or nothing."""
     large = np.flatnonzero(pieces.apart & (pieces.areas > _OTHER * pieces.areas.max()))
     boxes = [mask_box(pieces.numbers == number) for number in large]
     seen = [box for box in boxes for detection in detections if box_overlap(box, detection.box) > _SAME]
