@@ -114,8 +114,11 @@ def _frame_inputs(path: Path, count: int, clock: "Stopwatch") -> Iterator[_Input
 def say_doubts(fitted: Fitted) -> None:
     """Print warnings about a result whose camera may be wrong or was not assessed."""
     last = fitted.last
-    if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
-        say(_doubt(last.confidence, last.runner_up))
+    if last.confidence is not None and last.confidence < DOUBTFUL:
+        if len(fitted.photos) > 1:
+            say(f"the cameras are doubtful (confidence {last.confidence:.2f}): look at renders from these sides")
+        elif last.runner_up:
+            say(_doubt(last.confidence, last.runner_up))
     for number in last.left_out:
         say(f"{fitted.names[number]}: this looks like another object, so it is left out")
 

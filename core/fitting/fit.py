@@ -74,7 +74,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         steps += unknown * (alone + 2 * (unknown - 1) * sum(stage.steps for stage in schedule.placing))
     cameras = list(problem.cameras)
     likelihood = category_likelihood(model.category, job.photos)
-    masks = math.prod(photo.mask_confidence for photo in job.photos)
+    masks = math.prod(photo.mask_confidence for photo in job.photos) ** (1 / len(job.photos))
     for step, state in enumerate(_search(problem, schedule, job, generator), 1):
         steps = steps if state.remaining is None else step + state.remaining
         fit_step = state.to_step(step, steps, time.perf_counter() - began)

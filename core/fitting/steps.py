@@ -50,7 +50,7 @@ class FitStep:
     its own, they are for the photos of that search."""
 
     category_likelihood: float = 1.0  # probability that the photos show the model's category
-    mask_confidence: float = 1.0  # probability that all masks are right
+    mask_confidence: float = 1.0  # probability that a mask is right, geometric mean over the photos
     view_margins: tuple[float | None, ...] = ()  # of the cameras of several photos, for constant codes
     left_out: tuple[int, ...] = ()  # numbers of photos that show another object; their cameras mean nothing
     witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box (:func:`witness_odds`)
