@@ -25,6 +25,9 @@ _MISFIT = 1.0
 """Log ratio of a photo's losses, with the common codes and with its own, from which it shows another object.
 
 Photos of one object have at most 0.5, of another object 0.9 to 2.3."""
+_DISAGREEMENT = 0.45
+"""Mean of this log ratio over the photos from which some show another object: common codes can explain two similar cars
+about equally badly. Photos of one object have at most 0.26."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +106,7 @@ def find_misfit(problem: Problem, singles: Sequence[SingleFit], winner: Hypothes
             codes = [one_view(winner.parameters, view), one_view(single.result.winner.parameters, -1)]
             common, own = (score(single.alone, HypothesisBatch.of(parameters), math.inf).loss for parameters in codes)
             excess[view] = log_ratio(common, own)
-    if max(excess.values()) < _MISFIT:
+    if max(excess.values()) < _MISFIT and sum(excess.values()) < _DISAGREEMENT * len(excess):
         return None
     return max(excess) if int(problem.included.sum()) == 2 else max(excess, key=lambda number: excess[number])
 
