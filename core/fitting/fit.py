@@ -224,7 +224,8 @@ def _search_set(
             alone = build_schedule(job.settings, job.components, 1)
             return (yield from _search_codes(problem, alone, job, generator))
     margins = yield from view_margins(problem, singles, result.winner, schedule, generator)
-    result = result._replace(view_margins=margins, margin=min(result.margin, *filter(None, margins)))
+    known = [margin for margin in margins if margin is not None]  # a margin of 0 counts
+    result = result._replace(view_margins=margins, margin=min(result.margin, *known))
     searched = state(result.winner, result, remaining=schedule.free_steps, finished=schedule.free is None)
     yield searched
     return searched

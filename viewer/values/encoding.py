@@ -170,8 +170,7 @@ def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
 _BESIDE_IMAGE = (
     *("camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur", "mask_confidence"),
     "side",
-)
-"""Fields of a photo that a PNG cannot store."""
+)  # fields of a photo that a PNG cannot store
 
 
 def _decode_photo(record: Any, store: BlobStore) -> Photo:

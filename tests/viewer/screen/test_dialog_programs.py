@@ -64,10 +64,10 @@ def test_a_failed_program_raises(lines: str, install: Install) -> None:
 
 
 def test_an_answer_is_read_in_spite_of_warnings_and_odd_names(install: Install) -> None:
-    lines = "printf '/tmp/ein st\\374hl \\n.png\\n'; echo '(zenity:7): Gtk-WARNING **: no theme' >&2"
+    lines = "printf '/photos/ein st\\374hl \\n.png\\n'; echo '(zenity:7): Gtk-WARNING **: no theme' >&2"
     dialog = ProgramDialog([str(install(lines))])
     assert dialog.ready(60_000)
-    assert os.fsencode(dialog.result()) == b"/tmp/ein st\374hl \n.png"
+    assert os.fsencode(dialog.result()) == b"/photos/ein st\374hl \n.png"
 
 
 def test_a_program_and_its_children_can_be_ended(install: Install, tmp_path: Path) -> None:

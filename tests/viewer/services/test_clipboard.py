@@ -98,9 +98,9 @@ def test_a_data_address_is_the_picture_in_it(address: str, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("text", "path"),
     [
-        ("file://localhost/tmp/ein%20stuhl.png", "/tmp/ein stuhl.png"),
-        ("file:///tmp/a%23b.png", "/tmp/a#b.png"),
-        ("/tmp/a%20b.png", "/tmp/a%20b.png"),
+        ("file://localhost/photos/ein%20stuhl.png", "/photos/ein stuhl.png"),
+        ("file:///photos/a%23b.png", "/photos/a#b.png"),
+        ("/photos/a%20b.png", "/photos/a%20b.png"),
     ],
 )
 def test_only_addresses_are_decoded(text: str, path: str) -> None:
