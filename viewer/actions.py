@@ -120,7 +120,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Files": (
         Gesture("Drop a photo", "fit the object in it"),
         Gesture("Drop a video", "fit the object that it walks around"),
-        Gesture("Drop several", "up to four photos of one object, or more of an object each"),
+        Gesture("Drop several", "up to twelve photos of one object; a button makes them an object each"),
         Gesture("Drop an image saved here", "a png restores its shape, texture and camera"),
         Gesture("Drop a project", "open everything that it holds"),
         Action("new_project", "New", "Ctrl+N", "start afresh; fitted objects stay in Mine"),

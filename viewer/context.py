@@ -54,6 +54,7 @@ class PanelContext:
     covered: float = 0.0  # px of the view's lower edge that the history covers
     shows_size: bool = False  # draw a box around the object in the next frame
     overlay: np.ndarray | None = None  # square RGBA pixels to draw over the object in the next frame
+    ring: tuple[float, ...] = ()  # azimuths (rad) of photos, for the ring around the object in the next frame
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     fold_panels: Callable[[], None] = lambda: None

@@ -6,6 +6,7 @@ codes: its output is a prior on the camera's direction, on a grid.
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import Literal
@@ -41,6 +42,7 @@ SIDES: dict[Side, float] = {
     "right": FRONT_AZIMUTH - math.pi / 2,
     "above": math.nan,
 }  # azimuth (rad) of a camera that sees this side; from above, any
+SEEN_ANGLE = math.radians(60)  # a photo shows the sides of an object that are turned away from it by less
 _SIDE_WIDTH = math.radians(30)
 _SIDE_WRONG = 0.05  # likelihood of directions far from the named side, relative to its middle
 
@@ -135,6 +137,26 @@ def with_witness(
     elevation_likelihood = (1 - _WITNESS_WRONG) * kernel + _WITNESS_WRONG
     posterior = probability.reshape(-1, AZIMUTHS) * elevation_likelihood * azimuth_likelihood
     return (posterior / posterior.sum()).flatten()
+
+
+def unseen_side(azimuths: Sequence[float]) -> Side | None:
+    """Return a side of the object that neither photos nor their mirror images show, the back before the front.
+
+    Args:
+        azimuths: of the photos' cameras, rad.
+
+    None if there is no such side, or no photo.
+
+    Example:
+        >>> [unseen_side(azimuths) for azimuths in ((math.pi / 2,), (math.pi / 4,), (math.pi / 4, -math.pi / 4), ())]
+        ['back', 'back', None, None]
+    """
+    if not azimuths:
+        return None
+    both = [*azimuths, *(2 * FRONT_AZIMUTH - azimuth for azimuth in azimuths)]
+    sides: tuple[Side, ...] = "back", "front", "left"
+    unseen = (side for side in sides if all(math.cos(SIDES[side] - angle) < math.cos(SEEN_ANGLE) for angle in both))
+    return next(unseen, None)
 
 
 def with_side(probability: Float[Tensor, "directions"], side: Side) -> Float[Tensor, "directions"]:

@@ -1,10 +1,18 @@
-"""OpenGL drawing of the ground shadow (:mod:`core.rendering.ground_shadow`) over a background."""
+"""OpenGL drawing of the ground over a background: the shadow (:mod:`core.rendering.ground_shadow`), and a ring.
+
+The ring around the object is green on the sides that photos show, and grey on the others.
+"""
+
+import math
+from collections.abc import Sequence
 
 import moderngl
 import numpy as np
 
+from core.classifiers.viewpoint import SEEN_ANGLE
 from core.geometry.camera import Camera
 from core.gl.camera_uniforms import camera_uniforms
+from core.models.photo_detail import MAX_PHOTOS
 from core.rendering.ground_shadow import GroundShadow
 
 VERTEX = """
@@ -23,11 +31,24 @@ void main() {
 """
 FRAGMENT = """
 #version 330
+const float RADIUS = 0.62, WIDTH = 0.012;  // fractions of the map's reach
+const vec3 SEEN = vec3(0.25, 0.72, 0.38), GUESSED = vec3(0.55);
 uniform sampler2D darkness;
+uniform vec2 reach, directions[PHOTOS];  // of the photos' cameras on the ground, of length 1
+uniform int photos;
 in vec2 place;
 out vec4 colour;
-void main() { colour = vec4(0.0, 0.0, 0.0, texture(darkness, place).r); }
-"""
+void main() {
+    colour = vec4(0.0, 0.0, 0.0, texture(darkness, place).r);
+    if (photos == 0) return;
+    vec2 away = 2.0 * place - 1.0;
+    bool seen = false;
+    for (int i = 0; i < photos; ++i) seen = seen || dot(normalize(away * reach), directions[i]) > SEES;
+    float soft = fwidth(length(away));
+    float ring = 0.9 * (1.0 - smoothstep(WIDTH - soft, WIDTH + soft, abs(length(away) - RADIUS)));
+    colour = vec4(0.0, 0.0, 0.0, colour.a) * (1.0 - ring) + vec4(seen ? SEEN : GUESSED, 1.0) * ring;
+}
+""".replace("PHOTOS", str(MAX_PHOTOS)).replace("SEES", f"{math.cos(SEEN_ANGLE):.4f}")
 
 
 class GroundShader:
@@ -41,13 +62,19 @@ class GroundShader:
         self._shadow: GroundShadow | None = None
 
     def draw(
-        self, shadow: GroundShadow, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)
+        self,
+        shadow: GroundShadow,
+        camera: Camera,
+        size: tuple[int, int],
+        corner: tuple[int, int] = (0, 0),
+        azimuths: Sequence[float] = (),
     ) -> None:
-        """Darken the current framebuffer, first row topmost, where the camera sees the shadow.
+        """Darken the current framebuffer, first row topmost, where the camera sees the shadow, and draw the ring.
 
         Args:
             size: width and height of the framebuffer, px.
             corner: left and top of the framebuffer in the camera's image, px.
+            azimuths: of the object's photos, rad, at most :data:`MAX_PHOTOS`; without photos there is no ring.
         """
         view = camera_uniforms(camera)
         if view["origin"][2] <= shadow.height:
@@ -55,7 +82,9 @@ class GroundShader:
         self._upload(shadow)
         middle = camera.width / 2 - corner[0], camera.height / 2 - corner[1]
         image = {"focal": camera.focal, "size": size, "middle": middle}
-        for name, value in (view | image | {"reach": shadow.reach, "height": shadow.height}).items():
+        directions = [(math.cos(azimuth), math.sin(azimuth)) for azimuth in azimuths]
+        ring = {"photos": len(directions), "directions": directions + [(0.0, 0.0)] * (MAX_PHOTOS - len(directions))}
+        for name, value in (view | image | ring | {"reach": shadow.reach, "height": shadow.height}).items():
             self._program[name] = value
         assert self._map is not None
         self._map.use(0)

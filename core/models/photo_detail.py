@@ -19,6 +19,7 @@ from core.runtime.reading import open_image, reading
 SIDE = 1024  # px of the longer side at most; keeps lettering on a door legible
 MAX_BYTES = 200_000  # of a photo's file in scenes, projects and images
 MAX_PHOTOS = 4  # photos kept with an object: graphics cards support at least 16 textures, a photo takes three
+_OVERHEAD = math.radians(65)  # elevation from which a photo shows no side
 BACKGROUND = 0.1  # opacity below which a pixel certainly shows background, so that the object ends there
 OtherSide = Literal["model", "soft", "mirrored"]
 OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
@@ -114,6 +115,11 @@ class PhotoDetail:
             shape_offsets=kept.shape_offsets,
             texture_offsets=kept.texture_offsets,
         )
+
+    @property
+    def azimuths(self) -> tuple[float, ...]:
+        """The azimuths (rad) of photos that show a side of the object."""
+        return tuple(view.camera.azimuth for view in self.views if abs(view.camera.elevation) < _OVERHEAD)
 
     @property
     def fitted(self) -> Latents:

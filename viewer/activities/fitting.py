@@ -1,13 +1,15 @@
 """The running fit, the queue of fits, and the questions about photos."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from core.classifiers.viewpoint import Side
 from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_views import with_photo_detail
+from core.fitting.problem import MOST_PHOTOS
 from core.models.model import Model
-from core.models.photo_detail import MAX_PHOTOS
 from core.photos.clip import is_clip
 from core.photos.segmentation import Hints
 from viewer.activities.clip_frames import ClipRequest, ReadFraction, is_of_clip, read_frames
@@ -18,7 +20,7 @@ from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_WEIGHT, Jobs
-from viewer.services.messages import MessageKind, error_text
+from viewer.services.messages import Button, MessageKind, error_text
 from viewer.services.photo_copies import PhotoCopies
 from viewer.services.worker import Job
 from viewer.values.cut_out_preview import CutOutPreview
@@ -155,10 +157,36 @@ class Fitting:
             names += ", …" * (len(no_images) > _NAMED)
             self._jobs.messages.notify(f"Left out {names}: no image", MessageKind.NOTE)
         sources = tuple(map(self._copies.keep, sources))
-        if len(sources) > MAX_PHOTOS:
-            self._fit_each(*sources)
+        if len(sources) > MOST_PHOTOS:
+            self.fit_each(sources)
+            return
+        shown = self.shown
+        self.fit(*sources)
+        self._offer(sources, shown)
+
+    def _offer(self, sources: tuple[PhotoSource, ...], shown: FitHistory) -> None:
+        """Offer the other meaning of dropped photos: an object each, or another photo of the object on screen."""
+        name = shown.name
+        if len(sources) > 1:
+            text = f"{len(sources)} photos are fitted as one object"
+            button = Button("An object each", partial(self._instead, sources, partial(self.fit_each, sources)))
+        elif shown.photos:
+            text = f"{sources[0].name} is fitted as a new object"
+            add = partial(self._fit_more, shown, sources[0])
+            button = Button("Another photo of", partial(self._instead, sources, add), name)
         else:
-            self.fit(*sources)
+            return
+        self._jobs.messages.notify(text, MessageKind.NOTE, buttons=(button,), relevant=partial(self._awaits, sources))
+
+    def _instead(self, sources: tuple[PhotoSource, ...], fit: Callable[[], None]) -> None:
+        """Withdraw the fit of photos, and run another."""
+        for request in self.pending:
+            if request.history.sources == sources:
+                self.withdraw(request.history.sources)
+        fit()
+
+    def _awaits(self, sources: tuple[PhotoSource, ...]) -> bool:
+        return any(request.history.sources == sources for request in self.pending)
 
     def ask_first(self, request: FitRequest) -> None:
         """Show a request's question before the others, and in place of a followed fit."""
@@ -175,17 +203,34 @@ class Fitting:
         if sources:
             self._begin(FitRequest(FitHistory(sources, model=model)), confirmed)
 
-    def _fit_each(self, first: PhotoSource, *later: PhotoSource) -> None:
-        """Begin or queue a fit of each photo."""
+    def fit_each(self, sources: tuple[PhotoSource, ...]) -> None:
+        """Fit an object to each photo, one after the other."""
+        first, *later = sources
         self.fit(first)
         requests = tuple(FitRequest(FitHistory((source,))) for source in later)
-        self._waiting = self._waiting.without_questions(later).joined(FitQueue(requests))
-        text = f"{len(later) + 1} photos show an object each: they are fitted one after the other"
-        self._jobs.messages.notify(text, MessageKind.NOTE)
+        self._waiting = self._waiting.without_questions(tuple(later)).joined(FitQueue(requests))
+        if later:
+            text = f"{len(sources)} photos show an object each: they are fitted one after the other"
+            self._jobs.messages.notify(text, MessageKind.NOTE)
 
-    def add_photo(self, history: FitHistory, path: Path) -> None:
-        """Fit an object again with another photo."""
-        self.fit(*history.sources, self._copies.keep(PhotoSource(path)), model=history.model)
+    def add_photo(self, history: FitHistory, path: Path, side: Side | None = None) -> None:
+        """Fit an object again with another photo, and the side that it shows, if known."""
+        self._fit_more(history, self._copies.keep(PhotoSource(path, side=side)))
+
+    def _fit_more(self, history: FitHistory, source: PhotoSource) -> None:
+        self.fit(*history.sources, source, model=history.model)
+
+    def fit_again(self, history: FitHistory) -> None:
+        """Fit the photos of a history from the beginning, without questions about those it has read."""
+        self._begin(FitRequest(replace(history, steps=()), answered=len(history.photos)))
+
+    def withdraw(self, sources: tuple[PhotoSource, ...]) -> None:
+        """Cancel the fit of exactly these photos, waiting or running, without a result."""
+        self.forget(sources)
+        if self.request and self.history.sources is sources:
+            self._drop()
+            self.view.show(self._before)
+            self._next()
 
     def refit(self, model: Model | None = None) -> None:
         """Fit the photos of the object in the view again, from the beginning.
@@ -193,10 +238,8 @@ class Fitting:
         Args:
             model: None keeps the model of the last fit.
         """
-        history = replace(self.shown, steps=())
-        if model:
-            history = replace(history, photos=(), model=model.fingerprint)
-        self._begin(FitRequest(history, answered=len(history.sources)))
+        history = replace(self.shown, photos=(), model=model.fingerprint) if model else self.shown
+        self._begin(FitRequest(replace(history, steps=()), answered=len(history.sources)))
 
     def choose(self, sources: tuple[PhotoSource, ...], index: int, number: int, model: str = "") -> None:
         """Fit another detected object of a photo, by its number; the most prominent one is 0."""
@@ -407,11 +450,17 @@ class Fitting:
             self.results.notify(f"{checking.name} was checked from other sides: {verdict}", checking)
         else:
             ready = self._add(last)
-            left_out = ", ".join(self.history.photos[number].source.name for number in last.left_out)
-            note = f"; {left_out} looks like another object and was left out" if left_out else ""
-            self.results.notify(f"{how} {last.seconds:.0f} s: {ready.name}{note}", ready)
+            self.results.notify(f"{how} {last.seconds:.0f} s: {ready.name}", ready)
+            self._offer_left_out(tuple(self.history.sources[number] for number in last.left_out))
         self.request = self.results.checking = None
         self._viewport.unfollow()
+
+    def _offer_left_out(self, sources: tuple[PhotoSource, ...]) -> None:
+        """Name the photos that a fit left out, with a button to fit an object to each."""
+        if sources:
+            text = f"Left out, as another object: {', '.join(source.name for source in sources)}"
+            button = Button("Fit by itself" if len(sources) == 1 else "Fit each", partial(self.fit_each, sources))
+            self._jobs.messages.notify(text, MessageKind.NOTE, buttons=(button,))
 
     def _hand_over(self, first: FitStep) -> None:
         """Add the first search's result while a second search checks it."""

@@ -9,10 +9,8 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.fitting.category_check import describe_difference
 from core.fitting.confidence import RIGHT_DEGREES, explained, in_words
 from core.models.photo_detail import OtherSide, PhotoDetail
-from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.fitting import Fitting
 from viewer.context import Panel, PanelContext
-from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import packed
 from viewer.values.fit_history import FitHistory
 from viewer.values.printable import as_label
@@ -27,6 +25,7 @@ from viewer.widgets.controls import (
 )
 from viewer.widgets.cut_out import draw_cut_out
 from viewer.widgets.paint import draw_paint
+from viewer.widgets.photo_strip import ask_for_photo, draw_strip, draw_unseen_side
 from viewer.widgets.question import POINT_HELP, draw_question
 from viewer.widgets.text import heading
 from viewer.widgets.welcome import draw_samples, nouns
@@ -73,7 +72,7 @@ class PhotoPanel(Panel):
         else:
             heading(context, "Photo")
             imgui.text_wrapped(
-                f"Drop a photo of {nouns(context)} anywhere on this window, or up to four of the same one. It is cut"
+                f"Drop a photo of {nouns(context)} anywhere on this window, or several of the same one. It is cut"
                 " out, then camera, shape and texture are found."
             )
             draw_samples(context)
@@ -86,7 +85,7 @@ def _draw_object(context: PanelContext, history: FitHistory) -> None:
     fitting = context.session.fitting
     photo = history.photo
     heading(context, history.name or session.editor.state.mix.a.shape)
-    _draw_photos(fitting, history)
+    draw_strip(context, history)
     preview = photo.preview if photo else fitting.view.preview if history is fitting.history else None
     fits = fitting.running and session.viewport.following
     view = None if fits else session.photo_view  # that of the object on screen
@@ -109,21 +108,9 @@ def _draw_object(context: PanelContext, history: FitHistory) -> None:
         _draw_tools(context, detail)
     draw_paint(context)
     if detail:
+        context.ring = detail.azimuths
+        draw_unseen_side(context, history, detail)
         _draw_detail(context, detail)
-
-
-def _draw_photos(fitting: Fitting, history: FitHistory) -> None:
-    """Draw the choice among several photos, if there are several."""
-    if len(history.sources) < 2:
-        return
-    for number, source in enumerate(history.sources):
-        if number:
-            imgui.same_line()
-        imgui.begin_disabled(number >= len(history.photos) or history is not fitting.history)
-        if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
-            fitting.view.show_photo(number)
-        imgui.end_disabled()
-        tooltip(source.name)
 
 
 def _draw_progress(context: PanelContext) -> None:
@@ -149,12 +136,11 @@ def _draw_again(context: PanelContext, fitting: Fitting, history: FitHistory) ->
         imgui.open_popup("again")
     if not imgui.begin_popup("again"):
         return
-    more = FileRequest("Another photo of the same object", partial(fitting.add_photo, history), IMAGE_SUFFIXES)
     can_resume = history is fitting.history and not fitting.running and fitting.history.resume_point is not None
     ways: list[tuple[str, str, Callable[[], None], bool]] = [
         ("From the beginning###restart", "The whole search once more", fitting.refit, True),
         ("From the camera in the view###resume from view", _VIEW_HELP, fitting.resume_from_view, can_resume),
-        ("With another photo…###add photo", "One of the same object", lambda: context.files.ask(more), True),
+        ("With another photo…###add photo", "One of the same object", partial(ask_for_photo, context, history), True),
     ]
     ways += [
         (f"As a {as_label(model.noun)}###as {model.category}", "", partial(fitting.refit, model), True)

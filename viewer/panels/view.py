@@ -96,10 +96,13 @@ class ViewPanel(Panel):
         """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""
         viewport = context.session.viewport
         assert context.canvas and context.baked_canvas and viewport.full_frame
+        ring = context.ring
+        context.ring = ()
         if viewport.baked_frame and viewport.baked:
-            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette)
+            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette, ring)
         shadow = viewport.settings.mode == "colour"
-        return context.canvas.draw(self._in_mode(viewport), viewport.full_frame[1], pixels, context.palette, shadow)
+        frame = self._in_mode(viewport)
+        return context.canvas.draw(frame, viewport.full_frame[1], pixels, context.palette, shadow, ring)
 
     def _in_mode(self, viewport: Viewport) -> Frame:
         """Return the newest frame in the view's mode and the paint being chosen; cached."""

@@ -33,15 +33,17 @@ class BakedCanvas:
         self._shader = BakedShader(context)
         self._inputs: tuple[Any, ...] = ()  # of the drawn texture
 
-    def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette) -> imgui.ImTextureRef:
-        """Return a texture of the crop's size, redrawn only after a change."""
-        if (baked, crop, palette) != self._inputs:
+    def draw(
+        self, baked: BakedField, crop: PanelCrop, palette: Palette, ring: tuple[float, ...] = ()
+    ) -> imgui.ImTextureRef:
+        """Return a texture of the crop's size, with the ring of photos, redrawn only after a change."""
+        if (baked, crop, palette, ring) != self._inputs:
             size = crop.width, crop.height
             with self._target.of_size(size):
-                self._backdrop.draw(palette, baked.shadow, crop)
+                self._backdrop.draw(palette, baked.shadow, crop, ring)
                 self._shader.upload(baked)
                 self._shader.draw(crop.camera, size, (crop.left, crop.top))
-            self._inputs = baked, crop, palette
+            self._inputs = baked, crop, palette, ring
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:

@@ -93,16 +93,18 @@ class Backdrop:
         self._pass = context.vertex_array(self._program, [])
         self._ground = GroundShader(context)
 
-    def draw(self, palette: Palette, shadow: GroundShadow | None, crop: PanelCrop) -> None:
-        """Fill the current framebuffer, of any resolution, with the background and the shadow in a crop."""
+    def draw(
+        self, palette: Palette, shadow: GroundShadow | None, crop: PanelCrop, ring: tuple[float, ...] = ()
+    ) -> None:
+        """Fill the current framebuffer, of any resolution, with the background, shadow and ring in a crop."""
         self._program["top"], self._program["bottom"] = palette.background
         self._pass.render(moderngl.TRIANGLES, vertices=3)
         if shadow:
-            self.cast(shadow, crop)
+            self.cast(shadow, crop, ring)
 
-    def cast(self, shadow: GroundShadow, crop: PanelCrop) -> None:
-        """Darken the ground by the shadow of a crop within the current viewport."""
-        self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top))
+    def cast(self, shadow: GroundShadow, crop: PanelCrop, ring: tuple[float, ...]) -> None:
+        """Draw the shadow of a crop, and the ring of photos, on the ground within the current viewport."""
+        self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top), ring)
 
     def release(self) -> None:
         """Release the GL objects."""
@@ -124,22 +126,29 @@ class Canvas:
         self._inputs: tuple[Any, ...] = ()  # of the drawn texture
 
     def draw(
-        self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, shadow: bool
+        self,
+        frame: Frame,
+        crop: PanelCrop,
+        size: tuple[int, int],
+        palette: Palette,
+        shadow: bool,
+        ring: tuple[float, ...] = (),
     ) -> imgui.ImTextureRef:
         """Return a texture with a frame in its crop's proportions, redrawn only after a change.
 
         Args:
             size: width and height of the texture, px.
             shadow: draw the frame's shadow on the ground, if the frame has one.
+            ring: azimuths of photos, see :class:`core.gl.ground_shader.GroundShader`.
         """
-        inputs = (frame, crop, size, palette, shadow)
+        inputs = (frame, crop, size, palette, shadow, ring)
         if inputs != self._inputs:
             self._upload(frame)
             with self._target.of_size(size):
                 self._backdrop.draw(palette, None, crop)
                 self._context.viewport = within(size, (crop.width, crop.height))
                 if shadow and frame.shadow:
-                    self._backdrop.cast(frame.shadow, crop)
+                    self._backdrop.cast(frame.shadow, crop, ring)
                 self._fill()
             self._inputs = inputs
         return imgui.ImTextureRef(self._target.texture.glo)

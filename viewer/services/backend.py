@@ -1,7 +1,7 @@
 """The functions of core that the window calls, replaceable in tests."""
 
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from core.detail.progressive import Frame, RenderJob, render_progressively
@@ -30,9 +30,9 @@ from viewer.values.fit_history import PhotoSource
 
 
 def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-    """Prepare a photo's cut-out object for a fit with a model. Raises ``ValueError`` naming the photo."""
+    """Prepare a photo's cut-out object, with its side, for a fit. Raises ``ValueError`` naming the photo."""
     with naming(source.path):
-        return prepare_photo(cut, model)
+        return replace(prepare_photo(cut, model), side=source.side)
 
 
 @dataclass(frozen=True)

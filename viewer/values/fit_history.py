@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import UInt8
 
+from core.classifiers.viewpoint import Side
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -30,6 +31,7 @@ class PhotoSource(NamedTuple):
     path: Path
     hints: Hints | None = None  # clicks, box and strokes that point out the object
     copy: Path | None = None  # copy of the file on this machine, which is read if it is there
+    side: Side | None = None  # of the object that it shows, as a person says
 
     @property
     def file(self) -> Path:
@@ -96,6 +98,20 @@ class FitHistory:
     def can_resume(self, hypothesis: Hypothesis) -> bool:
         """Return whether the fit can continue from a hypothesis, which needs a camera per photo."""
         return len(hypothesis.cameras) == len(self.photos)
+
+    def without_photo(self, number: int) -> FitHistory:
+        """Return a history of the other photos, without steps."""
+        sources = (*self.sources[:number], *self.sources[number + 1 :])
+        return FitHistory(sources, (*self.photos[:number], *self.photos[number + 1 :]), model=self.model)
+
+    def with_side(self, number: int, side: Side | None) -> FitHistory:
+        """Return a history, without steps, in which a photo shows a named side of the object."""
+        source = self.sources[number]._replace(side=side)
+        fitted = self.photos[number]
+        fitted = replace(fitted, source=source, photo=replace(fitted.photo, side=side))
+        sources = (*self.sources[:number], source, *self.sources[number + 1 :])
+        photos = (*self.photos[:number], fitted, *self.photos[number + 1 :])
+        return FitHistory(sources, photos, photo_index=number, model=self.model)
 
     def converted(self, change: Callable[[Instance], Instance]) -> FitHistory:
         """Return the history with changed objects; the same one if none is missing its model."""
