@@ -109,7 +109,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Photo detail", "a slider: how much of the photo's outline and lettering the object shows"),
         Gesture("Other side", "the colours of the side that the photo does not show"),
         Gesture("Click a candidate", "in Developer: continue the search from this one alone"),
-        Gesture("Try again", "fit again: from the beginning, from this view, with another photo, as another category"),
+        Gesture("Try again", "fit again: from the beginning, from this view, as another category"),
     ),
     "Cut out": (
         Gesture("Click", "choose the object there; with Shift, add another part of it"),

@@ -186,7 +186,7 @@ class Fitting:
         fit()
 
     def _awaits(self, sources: tuple[PhotoSource, ...]) -> bool:
-        return any(request.history.sources == sources for request in self.pending)
+        return any(request.history.sources == sources and not request.problem for request in self.pending)
 
     def ask_first(self, request: FitRequest) -> None:
         """Show a request's question before the others, and in place of a followed fit."""

@@ -25,7 +25,7 @@ from viewer.widgets.controls import (
 )
 from viewer.widgets.cut_out import draw_cut_out
 from viewer.widgets.paint import draw_paint
-from viewer.widgets.photo_strip import ask_for_photo, draw_strip, draw_unseen_side
+from viewer.widgets.photo_strip import draw_strip, draw_unseen_side
 from viewer.widgets.question import POINT_HELP, draw_question
 from viewer.widgets.text import heading
 from viewer.widgets.welcome import draw_samples, nouns
@@ -140,7 +140,6 @@ def _draw_again(context: PanelContext, fitting: Fitting, history: FitHistory) ->
     ways: list[tuple[str, str, Callable[[], None], bool]] = [
         ("From the beginning###restart", "The whole search once more", fitting.refit, True),
         ("From the camera in the view###resume from view", _VIEW_HELP, fitting.resume_from_view, can_resume),
-        ("With another photo…###add photo", "One of the same object", partial(ask_for_photo, context, history), True),
     ]
     ways += [
         (f"As a {as_label(model.noun)}###as {model.category}", "", partial(fitting.refit, model), True)

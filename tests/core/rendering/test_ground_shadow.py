@@ -124,6 +124,23 @@ def test_opengl_draws_the_computed_shadow(gl: moderngl.Context, shadow: GroundSh
         resource.release()
 
 
+def test_a_ring_is_green_where_a_photo_saw_the_object(shadow: GroundShadow, gl: moderngl.Context) -> None:
+    texture = gl.texture((200, 200), 4)
+    target = gl.framebuffer([texture])
+    shader = GroundShader(gl)
+    target.use()
+    target.clear(1.0, 1.0, 1.0, 1.0)
+    overhead = Camera(0.0, math.pi / 2 - 1e-3, 3.0, 300.0, 200, 200)
+    shader.draw(shadow, overhead, (200, 200), azimuths=(math.pi / 2,))
+    pixels = np.frombuffer(texture.read(), np.uint8).reshape(200, 200, 4).astype(int)
+    green = pixels[..., 1] - pixels[..., 0] > 60
+    grey = (np.ptp(pixels[..., :3], axis=-1) < 8) & (np.abs(pixels[..., 0] - 150) < 25)
+    between = np.nonzero(green)[1].mean() - np.nonzero(grey)[1].mean()
+    assert between > 25  # px: y points to the right, seen from above at azimuth 0
+    for resource in (shader, target, texture):
+        resource.release()
+
+
 def test_the_shadow_lies_between_object_and_background() -> None:
     model = tiny_model()
     camera = model.camera(0.3, 0.5).resized(48, 48)

@@ -139,7 +139,7 @@ def test_files_that_are_no_images_are_reported_and_change_nothing(
         finish(session, lambda: not session.fitting.running)
         assert editor.history is before
         assert session.fitting.history is history
-        assert [message.kind for message in session.messages.all] == [MessageKind.PROBLEM], path.name
+        assert [message.kind for message in session.messages.shown] == [MessageKind.PROBLEM], path.name
         assert "Traceback" not in session.messages.errors[0]
 
 
@@ -153,6 +153,39 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, phot
     finish(session, lambda: not session.fitting.pending)
     session.fitting.results.show("block (3)")
     assert len(session.fitting.shown.sources) == 2
+
+
+def press(session: Session, label: str) -> None:
+    """Press a button of the newest message."""
+    button = next(button for button in session.messages.shown[-1].buttons if button.label == label)
+    button.press()
+
+
+def test_dropped_photos_can_become_an_object_each_or_join_the_shown_object(session: Session, photo: Path) -> None:
+    fitting = session.fitting
+    fitting.start(block(photo, "a"), block(photo, "b"))
+    press(session, "An object each")
+    assert [len(request.history.sources) for request in fitting.pending] == [1, 1]
+    finish(session, lambda: not fitting.pending)
+    fitting.start(block(photo, "c"))
+    press(session, "Another photo of")
+    finish(session, lambda: not fitting.pending)
+    assert [source.path.stem for source in fitting.history.sources] == ["block a", "block c"]
+
+
+def test_a_photo_that_was_left_out_can_be_fitted_by_itself(session: Session, photo: Path) -> None:
+    def leaving_out(model: Model, job: FitJob) -> Iterator[FitStep]:
+        steps = quick_fit(model, job)
+        return (replace(step, left_out=(1,) if len(job.photos) > 1 else ()) for step in steps)
+
+    fitting = session.fitting
+    session.jobs.backend = replace(session.jobs.backend, fit=leaving_out)
+    fitting.start(block(photo, "a"), block(photo, "b"))
+    finish(session, lambda: not fitting.pending)
+    assert session.messages.shown[-1].text == "Left out, as another object: block b.png"
+    press(session, "Fit by itself")
+    finish(session, lambda: not fitting.pending)
+    assert [source.path.stem for source in fitting.history.sources] == ["block b"]
 
 
 def block(photo: Path, name: str) -> Path:
@@ -431,7 +464,8 @@ def test_a_photo_of_another_category_among_several_is_a_question(session: Sessio
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
     session.fitting.start(photo, beside, second)
     finish(session, lambda: not session.fitting.running)
-    assert [message.text for message in session.messages.shown] == ["Left out block.txt: no image"]
+    texts = [message.text for message in session.messages.shown]
+    assert texts == ["Left out block.txt: no image", "2 photos are fitted as one object"]
     (question,) = session.fitting.questions
     assert question.source.path == second
     assert question.words.startswith("This looks like a boat, the first image like a chair")

@@ -349,17 +349,24 @@ def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path:
         fitting = session.fitting
         window.context.drop([str(photo), str(tmp_path / "block b.png")])
         window.wait(lambda: bool(fitting.history.steps) and not fitting.running)
-        window.click("Photo/###photo 2")
+        window.click("Photo/photo 2")
         window.wait()
         assert fitting.history.photo_index == 1
-        window.click("Photo/###again")
-        window.click("**/###add photo")
+        window.click("Photo/###add photo")
         window.type(str(tmp_path / "block c.png"))
         window.wait(lambda: len(fitting.history.photos) == 3 and not fitting.running)
-        window.click("Photo/###photo 3")
+        window.click("Photo/photo 3")
         assert fitting.history.photo_index == 2
+        window.click("Photo/photo 3", 1)
+        window.click("**/###side back")
+        window.wait(lambda: fitting.history.sources[2].side == "back" and not fitting.running)
+        assert [fitted.photo.side for fitted in fitting.history.photos] == [None, None, "back"]
+        window.click("Photo/photo 1", 1)
+        window.click("**/###remove photo")
+        window.wait(lambda: len(fitting.history.photos) == 2 and not fitting.running)
+        assert [source.side for source in fitting.history.sources] == [None, "back"]
         window.context.drop([str(photo), str(tmp_path / "other.txt")])
-        assert session.messages.shown[-1].text == "Left out other.txt: no image"
+        assert "Left out other.txt: no image" in [message.text for message in session.messages.shown]
 
     drive(act)
 
