@@ -31,7 +31,7 @@ void main() {
 """
 FRAGMENT = """
 #version 330
-const float RADIUS = 0.62, WIDTH = 0.012;  // fractions of the map's reach
+const float RADIUS = 0.55, WIDTH = 0.008;  // fractions of the map's reach
 const vec3 SEEN = vec3(0.25, 0.72, 0.38), GUESSED = vec3(0.55);
 uniform sampler2D darkness;
 uniform vec2 reach, directions[PHOTOS];  // of the photos' cameras on the ground, of length 1
