@@ -6,18 +6,19 @@ tells right anchors from wrong ones.
 """
 
 import math
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.fitting.descent import log_ratio, optimise, score
 from core.fitting.hypotheses import HypothesisBatch, Parameters, concatenate, one_view, other_basins
+from core.fitting.initial import initial_hypotheses
 from core.fitting.problem import Problem
-from core.fitting.schedule import Schedule
-from core.fitting.search import SearchResult, log_ratio, optimise, score, with_runner_up
-from core.fitting.steps import SearchState
+from core.fitting.schedule import build_schedule
+from core.fitting.search import Search, Searching, SearchResult, SearchState, with_runner_up
 
 _CLEAR_MARGIN = 1.2  # of a photo alone, above which its runner-up places no photos
 _LARGEST_MARGIN = 5.0  # of a photo of which all rivals find the same camera
@@ -35,9 +36,14 @@ class SingleFit:
     """The fit of one photo with an unknown camera, together with all photos of known cameras."""
 
     views: tuple[int, ...]  # photos of the fit, the unknown one last
-    alone: Problem  # of the unknown photo
+    alone: Search  # of the unknown photo
     starts: HypothesisBatch  # initial hypotheses of the unknown photo
     result: SearchResult
+
+    @property
+    def view(self) -> int:
+        """Number of the unknown photo."""
+        return self.views[-1]
 
     @property
     def anchors(self) -> list[HypothesisBatch]:
@@ -55,25 +61,97 @@ class Assignment:
     losses: Float[Tensor, "photos"]  # of each photo with these codes
 
 
-def find_assignments(
-    problem: Problem, singles: Sequence[SingleFit], schedule: Schedule, generator: torch.Generator
-) -> Generator[SearchState, None, list[Assignment]]:
-    """Return an assignment for every anchor; yield the state after each step.
+@dataclass(frozen=True, eq=False)
+class SetSearch(Search):
+    """The search for several unknown cameras. Photos that show another object are left out."""
 
-    Args:
-        problem: of all photos.
-        singles: one fit of each photo with an unknown camera.
-    """
-    assignments = []
-    for single in singles:
-        for anchor in single.anchors:
-            cameras = {tuple(single.views): anchor}
-            for other in singles:
-                if other is not single:
-                    placed = yield from _place(other, anchor.parameters, schedule, generator)
-                    cameras[other.views[-1:]] = placed.best
-            assignments.append(_merge(single.views[-1], anchor, cameras, len(problem.photos)))
-    return assignments
+    def find(self) -> Searching[SearchState]:
+        """Fit each photo alone, then the best assignments, without misfits; return the last state."""
+        singles = list[SingleFit]()
+        for view in self.problem.unknown.nonzero()[:, 0].tolist():
+            single = yield from self.fit_alone(view)
+            singles.append(single)
+        assignments = yield from self.assign(singles)
+        search = self
+        while True:
+            initial = best_assignments(search.problem, assignments, self.schedule.local[0].hypotheses)
+            result = yield from search.once(initial)
+            misfit = find_misfit(search.problem, singles, result.winner)
+            if misfit is None:
+                break
+            problem = search.problem.without(misfit)
+            if problem.has_one_unknown:
+                schedule = build_schedule(self.job.settings, self.job.components, 1)
+                return (yield from Search(problem, schedule, self.job, self.generator, self.views).find())
+            search = replace(search, problem=problem)
+        margins = yield from search.view_margins(singles, result.winner)
+        least = min(result.margin, *(margin for margin in margins if margin is not None))  # a margin of 0 counts
+        return (yield from search.end(result._replace(view_margins=margins, margin=least)))
+
+    def fit_alone(self, view: int) -> Searching[SingleFit]:
+        """Fit a photo with an unknown camera, and all photos of known cameras."""
+        views = (*(~self.problem.unknown).nonzero()[:, 0].tolist(), view)
+        search = self._of_views(views, torch.Generator().manual_seed(self.job.seed))
+        starts = search.rank()
+        result = yield from search.once(starts)
+        if len(views) == 1:
+            return SingleFit(views, search, starts, result)
+        alone = self._of_views((view,), search.generator)
+        starts = initial_hypotheses(alone.problem, len(starts), search.generator)
+        return SingleFit(views, alone, starts, result)
+
+    def _of_views(self, views: tuple[int, ...], generator: torch.Generator) -> Search:
+        """Return the search of some photos, the last with an unknown camera."""
+        job = replace(self.job, photos=tuple(self.job.photos[view] for view in views))
+        problem = Problem.of(self.problem.shown_model, job, generator)
+        schedule = build_schedule(job.settings.for_anchor(), job.components, 1, len(views))
+        return Search(problem, schedule, job, generator, views)
+
+    def assign(self, singles: Sequence[SingleFit]) -> Searching[list[Assignment]]:
+        """Return an assignment for every anchor.
+
+        Args:
+            singles: one fit of each photo with an unknown camera.
+        """
+        assignments = []
+        for single in singles:
+            for anchor in single.anchors:
+                cameras = {single.views: anchor}
+                for further in singles:
+                    if further is not single:
+                        placed = yield from self.place(further, anchor.parameters)
+                        cameras[further.view,] = placed.best
+                assignments.append(_merge(single.view, anchor, cameras, len(self.views)))
+        return assignments
+
+    def place(self, single: SingleFit, codes: Parameters) -> Searching[HypothesisBatch]:
+        """Return the best cameras of a photo for the codes of a single hypothesis, with their losses."""
+        count = len(single.starts)
+        shape = codes.shape.expand(count, -1)
+        texture = codes.texture.expand(count, -1)
+        starts = replace(single.starts, parameters=single.starts.parameters._replace(shape=shape, texture=texture))
+        problem = single.alone.problem
+        batch = starts
+        for batch in optimise(problem, starts, self.schedule.placing, self.generator):
+            yield SearchState(single.alone, batch)
+        return score(problem, batch, self.schedule.final.robust_scale)
+
+    def view_margins(
+        self, singles: Sequence[SingleFit], winner: HypothesisBatch
+    ) -> Searching[tuple[float | None, ...]]:
+        """Return the margin of each photo's camera for the codes of the winner.
+
+        None for known cameras and photos that are left out.
+        """
+        margins: list[float | None] = [None] * len(self.views)
+        for single in singles:
+            if self.problem.included[single.view]:
+                rivals = yield from self.place(single, winner.parameters)
+                problem = single.alone.problem
+                camera = HypothesisBatch.of(one_view(winner.parameters, single.view))
+                camera = score(problem, camera, self.schedule.final.robust_scale)
+                margins[single.view] = min(with_runner_up(problem, camera, rivals).margin, _LARGEST_MARGIN)
+        return tuple(margins)
 
 
 def best_assignments(problem: Problem, assignments: Sequence[Assignment], count: int) -> HypothesisBatch:
@@ -101,50 +179,14 @@ def find_misfit(problem: Problem, singles: Sequence[SingleFit], winner: Hypothes
     """
     excess = {}
     for single in singles:
-        view = single.views[-1]
-        if problem.unknown[view]:
-            codes = [one_view(winner.parameters, view), one_view(single.result.winner.parameters, -1)]
-            common, own = (score(single.alone, HypothesisBatch.of(parameters), math.inf).loss for parameters in codes)
-            excess[view] = log_ratio(common, own)
+        if problem.unknown[single.view]:
+            codes = one_view(winner.parameters, single.view), one_view(single.result.winner.parameters, -1)
+            batches = map(HypothesisBatch.of, codes)
+            common, separate = (score(single.alone.problem, batch, math.inf).loss for batch in batches)
+            excess[single.view] = log_ratio(common, separate)
     if max(excess.values()) < _MISFIT and sum(excess.values()) < _DISAGREEMENT * len(excess):
         return None
     return max(excess) if int(problem.included.sum()) == 2 else max(excess, key=lambda number: excess[number])
-
-
-def view_margins(
-    problem: Problem,
-    singles: Sequence[SingleFit],
-    winner: HypothesisBatch,
-    schedule: Schedule,
-    generator: torch.Generator,
-) -> Generator[SearchState, None, tuple[float | None, ...]]:
-    """Return the margin of each photo's camera for the codes of the winner; yield the state after each step.
-
-    None for known cameras and photos that are left out.
-    """
-    margins: list[float | None] = [None] * len(problem.photos)
-    for single in singles:
-        view = single.views[-1]
-        if problem.included[view]:
-            rivals = yield from _place(single, winner.parameters, schedule, generator)
-            camera = HypothesisBatch.of(one_view(winner.parameters, view))
-            camera = score(single.alone, camera, schedule.final.robust_scale)
-            margins[view] = min(with_runner_up(single.alone, camera, rivals).margin, _LARGEST_MARGIN)
-    return tuple(margins)
-
-
-def _place(
-    single: SingleFit, codes: Parameters, schedule: Schedule, generator: torch.Generator
-) -> Generator[SearchState, None, HypothesisBatch]:
-    """Return the best cameras of a photo for the codes of a single hypothesis, with their losses."""
-    count = len(single.starts)
-    shape = codes.shape.expand(count, -1)
-    texture = codes.texture.expand(count, -1)
-    starts = replace(single.starts, parameters=single.starts.parameters._replace(shape=shape, texture=texture))
-    batch = starts
-    for batch in optimise(single.alone, starts, schedule.placing, generator):
-        yield SearchState(single.alone, single.views[-1:], batch)
-    return score(single.alone, batch, schedule.final.robust_scale)
 
 
 def _merge(
@@ -157,8 +199,6 @@ def _merge(
         losses[list(views)] = batch.loss
         for all_views, values in zip(merged, batch.parameters[:4], strict=True):
             all_views[:, list(views)] = values
-    angles, distance, zoom, crop_transform = merged
-    cameras_of_all = anchor.parameters._replace(
-        angles=angles, distance=distance, zoom=zoom, crop_transform=crop_transform
-    )
-    return Assignment(number, replace(anchor, parameters=cameras_of_all), losses)
+    fields = dict(zip(anchor.parameters._fields, merged, strict=False))
+    parameters = anchor.parameters._replace(**fields)
+    return Assignment(number, replace(anchor, parameters=parameters), losses)

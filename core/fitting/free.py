@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import torch
 
+from core.fitting.descent import refine, score
 from core.fitting.hypotheses import HypothesisBatch, one_view
 from core.fitting.objective import render_pixels
 from core.fitting.observations import Observation, sample_pixels
 from core.fitting.problem import SCORING_RAYS, Problem
 from core.fitting.schedule import Stage
-from core.fitting.search import refine, score
 from core.models.latents import Latents
 
 _CAUTION = 10.0  # times the prior's weight where the object was cut out of a photograph

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
+from core.fitting.hypotheses import Hypothesis
 from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
@@ -26,22 +27,25 @@ _DEEP_BACKGROUND = 6 / 128  # image heights from the mask; nearer background is 
 
 
 def with_photo_detail(photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """Return a step with photo detail from the first :data:`MAX_PHOTOS` photos; a completed search has it already.
+    """Return a step with photo detail; a completed search has it already."""
+    hypothesis = replace(step.hypotheses[0], instance=step.instance)
+    return replace(step, instance=detailed_instance(photos, hypothesis, step.left_out))
 
-    Photos that are left out are skipped.
+
+def detailed_instance(photos: Sequence[Photo], hypothesis: Hypothesis, left_out: Sequence[int] = ()) -> Instance:
+    """Return the instance of a hypothesis with photo detail from the first :data:`MAX_PHOTOS` photos.
+
+    Args:
+        left_out: numbers of photos that are skipped.
     """
-    transforms = [
-        None if photo.camera else transform
-        for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
-    ]
-    plain = step.instance.with_detail(None)
-    fitted = [
-        photo_and_camera
-        for number, photo_and_camera in enumerate(zip(photos, step.cameras, transforms, strict=True))
-        if number not in step.left_out
-    ]
-    views = tuple(photo_view(plain.model, *photo_and_camera, plain) for photo_and_camera in fitted[:MAX_PHOTOS])
-    return replace(step, instance=plain.with_detail(PhotoDetail.of(views, plain.codes)))
+    plain = hypothesis.instance.with_detail(None)
+    fitted = zip(photos, hypothesis.cameras, hypothesis.crop_transform, strict=True)
+    included = [photo_and_camera for number, photo_and_camera in enumerate(fitted) if number not in left_out]
+    views = tuple(
+        photo_view(plain.model, photo, camera, None if photo.camera else transform, plain)
+        for photo, camera, transform in included[:MAX_PHOTOS]
+    )
+    return plain.with_detail(PhotoDetail.of(views, plain.codes))
 
 
 def photo_view(

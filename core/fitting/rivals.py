@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import torch
 
+from core.fitting.descent import log_ratio, optimise, score
 from core.fitting.hypotheses import HypothesisBatch, concatenate, other_basins, turn_azimuth
 from core.fitting.problem import Problem
 from core.fitting.schedule import RIVAL_SECTORS, Schedule
-from core.fitting.search import log_ratio, optimise, score
 
 _SCORED = 2  # rivals whose losses are compared with the winner's
 _CLEAR_MARGIN = 2.0  # over all rivals after a stage; later stages lower it by 0.5 on average, which changes no answer
@@ -41,7 +41,7 @@ def optimise_rivals(
     Each stage begins with the best rivals of different basins. The stages end early if the margin is clear.
 
     Args:
-        winner: a single hypothesis, with the loss of :func:`core.fitting.search.score`.
+        winner: a single hypothesis, with the loss of :func:`core.fitting.descent.score`.
     """
     rivals = rival_hypotheses(problem, winner)
     scored = turn_azimuth(winner, math.pi, problem.unknown)  # if all rivals find the winner's camera

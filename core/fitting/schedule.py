@@ -29,6 +29,7 @@ class Schedule(NamedTuple):
     rivals: tuple[Stage, ...] = ()  # of the only unknown camera (:mod:`core.fitting.rivals`)
     free: Stage | None = None  # frees its biases (:mod:`core.fitting.free`)
     placing: tuple[Stage, ...] = ()  # of one photo by another's object (:mod:`core.fitting.anchors`)
+    single_steps: int = 0  # of fits of single photos, and of placing by their winners and runners-up
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -38,7 +39,7 @@ class Schedule(NamedTuple):
     @property
     def steps(self) -> int:
         """Number of steps in all stages, as most fits have them."""
-        return sum(stage.steps for stage in (*self.stages, *self.rivals)) + self.free_steps
+        return sum(stage.steps for stage in (*self.stages, *self.rivals)) + self.free_steps + self.single_steps
 
     @property
     def free_steps(self) -> int:
@@ -124,7 +125,10 @@ def build_schedule(
         return Schedule((), (), final._replace(steps=settings.steps), free=free)
     if unknown > 1:
         placing = _stages(_PLACING, starts, settings, components, codes_move=False)
-        return Schedule((), _stages(_JOINT, _ASSIGNMENTS, shared, components), final, free=free, placing=placing)
+        joint = _stages(_JOINT, _ASSIGNMENTS, shared, components)
+        alone = build_schedule(settings.for_anchor(), components, 1).steps
+        single_steps = unknown * (alone + 2 * (unknown - 1) * sum(stage.steps for stage in placing))
+        return Schedule((), joint, final, free=free, placing=placing, single_steps=single_steps)
     count = min(settings.hypotheses, LOCAL_HYPOTHESES if unknown else _SHAPES)
     *local, final = _stages((*_LOCAL, _FINAL), count, shared, components)
     if not unknown:

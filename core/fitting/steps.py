@@ -1,18 +1,11 @@
 """The output of a fit: a stream of steps."""
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from core.fitting.biases import hypothesis_codes
 from core.fitting.confidence import confidence, plausible
-from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras, to_hypotheses
-from core.fitting.problem import Problem
-from core.fitting.search import SearchResult
+from core.fitting.hypotheses import Hypothesis
 from core.geometry.camera import Camera
-from core.metrics import psnr_from_mse
-from core.models.latents import Latents
 from core.models.model import Instance
 
 
@@ -81,76 +74,3 @@ class FitStep:
         psnr = self.psnr if self.search_psnr is None else self.search_psnr
         plausibility = plausible(self.category_likelihood, self.mask_confidence, psnr)
         return plausibility * confidence(margin, uncertainty, witness=self.witness)
-
-
-class SearchState(NamedTuple):
-    """The state of a search after a step."""
-
-    problem: Problem
-    views: Sequence[int]  # photos of the job in this search
-    batch: HypothesisBatch  # the optimised hypotheses
-    result: SearchResult | None = None  # its winner leads, once it exists
-    restart: bool = False  # see FitStep
-    remaining: int | None = None  # steps that follow, if they may differ from the schedule
-    finished: bool = False  # the result is complete; another search may follow
-    freed: HypothesisBatch | None = None  # the result with free biases, in the free stage
-    origin: Latents | None = None  # the codes whose biases are free
-
-    @property
-    def left_out(self) -> tuple[int, ...]:
-        """Numbers of the job's photos that show another object."""
-        included = self.problem.included.tolist()
-        return tuple(view for view, used in zip(self.views, included, strict=True) if not used)
-
-    def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
-        """Return this state as a step of the stream.
-
-        Args:
-            step, steps, seconds: see :class:`FitStep`.
-        """
-        searched = self.result.winner if self.result else self.batch.best
-        leading = searched if self.freed is None else self.freed
-        hypotheses = self._ranked()
-        leader = hypotheses[0]
-        runner_up = self.result and self.result.runner_up
-        fit_step = FitStep(
-            step,
-            steps,
-            leader.origin,
-            leader.loss,
-            psnr_from_mse(float(leading.squared_error)),
-            seconds,
-            leader.cameras,
-            leader.instance,
-            len(self.batch),
-            self.restart,
-            hypotheses=hypotheses,
-            left_out=self.left_out,
-            view_margins=self.result.view_margins if self.result else (),
-        )
-        if self.freed is not None:
-            fit_step = replace(fit_step, search_psnr=psnr_from_mse(float(searched.squared_error)))
-        if not (self.result and math.isfinite(self.result.margin)):
-            return fit_step
-        if runner_up:
-            cameras = to_cameras(self.problem.model, runner_up.parameters, 0, self.problem.cameras)
-            fit_step = replace(fit_step, runner_up=RunnerUp(cameras, float(runner_up.loss)))
-        return replace(fit_step, margin=self.result.margin, uncertainty=self.result.uncertainty)
-
-    def _ranked(self) -> tuple[Hypothesis, ...]:
-        """Return the leader, then the others, as :attr:`FitStep.hypotheses`."""
-        problem = self.problem
-        result = self.result
-
-        def to_all(batch: HypothesisBatch, origin: Latents | None = None) -> tuple[Hypothesis, ...]:
-            codes = hypothesis_codes(problem.model, batch.parameters, problem.spaces, origin)
-            return to_hypotheses(problem.shown_model, batch, problem.cameras, codes)
-
-        freed = () if self.freed is None else to_all(self.freed, self.origin)
-        batches = [self.batch]
-        if result and self.batch is result.winner:
-            batches = [] if freed else [self.batch]
-            batches += [] if result.runner_up is None else [result.runner_up]
-        elif result:
-            batches = [result.winner, self.batch]
-        return *freed, *(hypothesis for batch in batches for hypothesis in to_all(batch))

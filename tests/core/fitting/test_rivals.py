@@ -6,14 +6,14 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.fitting import fit as fits
+from core.fitting import search
+from core.fitting.descent import score
 from core.fitting.fit import FitJob, fit
 from core.fitting.hypotheses import HypothesisBatch
 from core.fitting.initial import resume_from
 from core.fitting.problem import Problem
 from core.fitting.rivals import optimise_rivals, rival_hypotheses
 from core.fitting.schedule import RIVAL_SECTORS, build_schedule
-from core.fitting.search import score
 from core.fitting.settings import ALL_COMPONENTS
 from core.fitting.steps import FitStep
 from core.metrics import rotation_error
@@ -87,7 +87,7 @@ def test_a_search_that_ends_behind_the_object_is_turned_round(
     def behind(problem: Problem, *_: object) -> HypothesisBatch:
         return scored_winner(problem, fitted, math.pi)
 
-    monkeypatch.setattr(fits, "select", behind)
+    monkeypatch.setattr(search, "select", behind)
     *_, turned = fit(tiny, FitJob((photo,), replace(QUICK, free_steps=0)))
     assert rotation_error(turned.cameras[0], tiny.camera(AZIMUTH, ELEVATION)) < 10
     assert turned.runner_up is not None and turned.margin is not None

@@ -8,7 +8,7 @@ from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettin
 
 def test_hypotheses_are_pruned_to_one_for_refinement():
     settings = PRESETS["normal"]
-    coarse, local, final, rivals, free, _ = build_schedule(settings, ALL_COMPONENTS, unknown=1)
+    coarse, local, final, rivals, free, *_ = build_schedule(settings, ALL_COMPONENTS, unknown=1)
     for stages in (coarse, (*local, final), rivals):
         counts = [stage.hypotheses for stage in stages]
         assert counts == sorted(counts, reverse=True)
