@@ -101,8 +101,7 @@ class BorrowedEnd:
         device = textured.model.device
         mirrored = levels(torch.cat((colour, packed(weight, (weight > 0).float()))).flip(-1), device)
         surface = (self.surface * torch.tensor([-1.0, 1, 1, 1])[:, None, None]).flip(-1).to(device)
-        nothing = torch.zeros(4, *self.weight.shape, device=device)
-        return PhotoMaps(self.camera, tuple(map(torch.zeros_like, mirrored)), mirrored, nothing, surface)
+        return PhotoMaps(self.camera, tuple(map(torch.zeros_like, mirrored)), mirrored, surface)
 
 
 def borrowed_ends(fitted: Instance, photos: Sequence[PhotoMaps]) -> Generator[None, None, tuple[BorrowedEnd, ...]]:

@@ -1,7 +1,7 @@
 """Photo detail: colours of surface points looked up in photos of the object.
 
-A photo provides maps over its camera's image: its colours with weights, colours or soft detail for the mirrored side,
-and the surface (:class:`PhotoMaps`). A point takes the colour of the pixel into which it projects if the photo shows
+A photo provides maps over its camera's image: its colours with weights, those of the mirrored side, and the
+surface (:class:`PhotoMaps`). A point takes the colour of the pixel into which it projects if the photo shows
 the same surface (a soft depth test) from the same side; near the photo's own camera it takes the colour fully. Points
 that no camera saw take the colour of their mirror image (-x, y, z) if a camera saw that. Other points take the model's
 colour matched to the photos, so that no edge shows where a photo ends. Opacity and depth do not change.
@@ -70,15 +70,13 @@ class PhotoMaps:
     """The photo's colours (sRGB) and :func:`packed` weights; each level halves the resolution of the previous one."""
     mirrored: tuple[Float[Tensor, "4 _ _"], ...]
     """:attr:`fine` for the mirror image: the same, or one with paint in place of lettering"""
-    soft: Float[Tensor, "4 rows columns"]
-    """Soft detail of the mirror image: low-passed difference of photo and render, and its weight."""
     surface: Float[Tensor, "4 rows columns"]  # unit normal (world) and distance from the camera (scene units)
 
     @property
     def size(self) -> int:
         """bytes"""
         mirrored = () if self.mirrored is self.fine else self.mirrored
-        return sum(image.nbytes for image in (*self.fine, *mirrored, self.soft, self.surface))
+        return sum(image.nbytes for image in (*self.fine, *mirrored, self.surface))
 
     def level(self, camera: Camera) -> int:
         """Return the level of the fine map whose pixels are as large on the object as a camera's."""
@@ -187,12 +185,9 @@ class DetailMaps:
             hidden = (direct < 0.99).nonzero()[:, 0]
             turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
             place, origin, along = (rows.index_select(0, hidden) * turn for rows in (points, origins, directions))
-            if self.other_side == "soft":
-                colour, weights = self._blended(place, origin, along, [photo.soft for photo in self.photos], soft=True)
-            else:
-                fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
-                colour, weights = self._blended(place, origin, along, fine)
-                colour = colour - colours.index_select(0, hidden)
+            fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
+            colour, weights = self._blended(place, origin, along, fine)
+            colour = colour - colours.index_select(0, hidden)
             weights = weights * (1 - direct.index_select(0, hidden))
             weight = weights.amax(0)
             change.index_add_(0, hidden, weight[:, None] * colour)
@@ -208,22 +203,19 @@ class DetailMaps:
         directions: Float[Tensor, "points 3"],
         maps: Sequence[Float[Tensor, "4 _ _"]],
         own: bool = False,
-        soft: bool = False,
     ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "photos points"]]:
         """Average the photos' colours of points by weight; return the mean and each photo's weight (0..1).
 
         Args:
             maps: one of each photo, or of the first ones.
             own: a photo also colours every surface that a viewer at its own camera sees.
-            soft: maps hold plain weights instead of packed ones.
         """
         colours = list[Float[Tensor, "points 3"]]()
         weights = list[Float[Tensor, "points"]]()  # 0..1
         factors = list[Float[Tensor, "points"]]()  # of the average
         for photo, map in zip(self.photos, maps, strict=False):
             values, visible, near = photo.look_up(points, origins, directions, map, self.proportions)
-            packed_weight = values[:, 3]
-            weight, reach = (packed_weight, packed_weight) if soft else unpacked(packed_weight)
+            weight, reach = unpacked(values[:, 3])
             near = reach * near
             weight = torch.maximum(visible * weight, near) if own else visible * weight
             colours.append(values[:, :3])

@@ -42,8 +42,6 @@ _REACH = 8.0  # px beyond the photo's mask up to which its colours are extrapola
 _DEEP = 200  # outlines are noisy: colours are extrapolated from side/200 inside, or from the middle of thin parts
 _LEAP = 0.02  # scene units of the second difference of depth at an edge of a nearer surface; slopes have none
 _DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
-MIRROR_SHARE = 0.9  # weight of the residual at places that only the mirror image shows
-_MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be mirrored
 UNPAINTED = "wheels", "glass"
 _PAINTED = 0.35, 0.6  # change of the render, relative to the main paint's: no paint below, only paint above
 _OTHER = 4.0, 2.0  # the same of another material, such as the wood of a chair, and of the main paint
@@ -142,7 +140,7 @@ class ComparedPhoto:
     def coverage(self) -> PhotoMaps:
         """Maps of the places that the photo shows, in the render's colours."""
         fine = (torch.cat((self.render, packed(self.weight, self.near)[None])),)
-        return PhotoMaps(self.camera, fine, fine, torch.zeros_like(fine[0]), self.surface)
+        return PhotoMaps(self.camera, fine, fine, self.surface)
 
     def change(self, textured: Instance) -> Float[Tensor, "3 h w"]:
         """Return the change of the surface's colours with the texture of another object."""
@@ -303,7 +301,7 @@ def _painted_maps(
         photo = compared.painted(textured)
         weight, near = enlarged(torch.stack((compared.weight, compared.near)), photo)
         fine = torch.cat((photo, packed(weight, near)[None]))
-        maps.append(_photo_maps(compared, fine, compared.render + change, textured.model.device))
+        maps.append(_photo_maps(compared, fine, textured.model.device))
         colours.append((compared.render + change).flatten(1))
         paints.append(resized(photo, compared.weight).flatten(1))
         weights.append(compared.weight.flatten())
@@ -311,25 +309,16 @@ def _painted_maps(
     return (*maps, *(end.maps(textured, match) for end in ends)), match
 
 
-def _photo_maps(
-    compared: ComparedPhoto, fine: Float[Tensor, "4 height width"], render: Float[Tensor, "3 h w"], device: torch.device
-) -> PhotoMaps:
-    """Return the photo at all sizes, and the images of the mirrored side: the photo, or its low-passed difference.
-
-    Both have paint in place of lettering.
-    """
-    small = resized(fine[:3], compared.weight)
+def _photo_maps(compared: ComparedPhoto, fine: Float[Tensor, "4 height width"], device: torch.device) -> PhotoMaps:
+    """Return the photo at all sizes, and its mirror image with paint in place of lettering."""
     direct = mirrored = levels(fine, device)
     if bool(compared.lettering.any()):
+        small = resized(fine[:3], compared.weight)
         paint = (compared.alike > _EVEN_PAINT) & (compared.weight > _TRUSTED)
         clean, replaced = without_lettering(small, compared.lettering, paint)
-        small = torch.lerp(small, clean, replaced)
         clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(replaced[None], fine[:3]))
         mirrored = levels(torch.cat((clean, fine[3:])), device)
-    soft = blurred(torch.cat(((small - render) * compared.weight, compared.weight[None])), _MIRROR_BLUR)
-    soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))
-    soft, surface = (image.to(device).contiguous() for image in (soft, compared.surface))
-    return PhotoMaps(compared.camera, direct, mirrored, soft, surface)
+    return PhotoMaps(compared.camera, direct, mirrored, compared.surface.to(device).contiguous())
 
 
 def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, "h w"]:

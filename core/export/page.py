@@ -28,8 +28,8 @@ from torch import Tensor
 from core.detail.lookup import DetailMaps, PhotoMaps
 from core.detail.progressive import render_frame
 from core.edits.edit import UNIT
+from core.export.films import turntable
 from core.export.framing import filling_frame
-from core.export.keyframes import turntable
 from core.export.video_frames import draw_still, over
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -47,7 +47,7 @@ _POSTER, _ICON = 512, 64  # px
 _LINK_QUALITY = 80  # of the JPEG for previews of links
 _AROUND = 12  # cameras around the object, all of which see all of it
 _QUALITIES = (92, 85, 75, 60, 40)  # of the photos' WebP, tried from the best
-_VECTOR, _DISTANCE = 127.0, 8192.0  # quantisation steps per unit: of normals and residuals, of distances in scene units
+_VECTOR, _DISTANCE = 127.0, 8192.0  # quantisation steps per unit: of normals, of distances in scene units
 _DIALECT = """#version 300 es
 precision highp float;
 precision highp int;
@@ -150,17 +150,15 @@ def _detail(maps: DetailMaps, camera: Camera, quality: int) -> dict[str, Any]:
     del uniforms["level"]  # depends on the page's camera
     return {
         "uniforms": {**uniforms, "strength": maps.strength},
-        "photos": [_photo(photo, maps.other_side == "soft", quality) for photo in maps.photos],
+        "photos": [_photo(photo, quality) for photo in maps.photos],
     }
 
 
-def _photo(photo: PhotoMaps, soft: bool, quality: int) -> dict[str, Any]:
+def _photo(photo: PhotoMaps, quality: int) -> dict[str, Any]:
     fine = photo.fine[0].cpu()
     _, height, width = fine.shape
     mirrored: dict[str, Any] | None = None  # the same as the photo
-    if soft:
-        mirrored = _planes(photo.soft, (_VECTOR,) * 4)
-    elif photo.mirrored is not photo.fine:
+    if photo.mirrored is not photo.fine:
         twin = photo.mirrored[0].cpu()
         mirrored = {"image": _colours(twin, quality), "weight": _packed(to_bytes(twin[3]))}
     return {

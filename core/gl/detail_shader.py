@@ -22,7 +22,7 @@ from core.detail.lookup import (
 from core.edits.edit import UNIT, Edit
 from core.geometry.camera import Camera
 from core.gl.camera_uniforms import camera_uniforms
-from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
+from core.models.photo_detail import MAX_PHOTOS
 
 _MAPS = "fine", "mirrored", "surface"
 _PHOTO = """
@@ -34,8 +34,8 @@ _PHOTO = """
         own += (weight * weight + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
         direct = max(direct, weight);
         visible = photo_weights(surfacePHOTO, PHOTO, point * turn, from * turn, along * turn, place, near);
-        value = textureLod(mirroredPHOTO, place, other_side == 2 ? level[PHOTO] : 0.0);
-        weight = visible * (other_side == 2 ? clamp(2.0 * value.a - 1.0, 0.0, 1.0) : other_side == 1 ? value.a : 0.0);
+        value = textureLod(mirroredPHOTO, place, level[PHOTO]);
+        weight = mirrors * visible * clamp(2.0 * value.a - 1.0, 0.0, 1.0);
         twin += weight * weight * vec4(value.rgb, 1.0);
         mirror = max(mirror, weight);
     }"""
@@ -45,7 +45,7 @@ _GLSL = f"""
 uniform float strength;
 uniform sampler2D {_SAMPLERS};
 uniform int photos;
-uniform int other_side;  // 0: from the model, 1: soft, 2: mirrored
+uniform float mirrors;  // 1: the other side has the colours of the mirror image; 0: the model's
 uniform vec3 gain, offset;
 uniform vec3 photo_origin[{MAX_PHOTOS}];
 uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
@@ -80,7 +80,7 @@ vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec4 own = vec4(0.0), twin = vec4(0.0);
     float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
     vec3 matched = model * (gain - 1.0) + offset;
-    vec3 reflected = twin.rgb / max(twin.a, 1e-6) - (other_side == 2 ? model : vec3(0.0));
+    vec3 reflected = twin.rgb / max(twin.a, 1e-6) - model;
     return strength * mix(mix(matched, reflected, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
 }}
 """
@@ -108,23 +108,20 @@ class DetailTextures:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._uploaded: tuple[tuple[PhotoMaps, ...], bool] | None = None
+        self._uploaded: tuple[PhotoMaps, ...] | None = None
         self._textures: list[moderngl.Texture] = []
 
     def upload(self, maps: DetailMaps | None) -> None:
         """Upload maps, which replace the previous ones; None keeps the previous ones."""
-        if maps is None or (maps.photos, maps.other_side == "soft") == self._uploaded:
+        if maps is None or maps.photos == self._uploaded:
             return
         self.release()
-        soft = maps.other_side == "soft"
         for photo in maps.photos:
             fine = mirrored = self._levels(photo.fine)
-            if soft:
-                mirrored = self._texture(photo.soft)
-            elif photo.mirrored is not photo.fine:
+            if photo.mirrored is not photo.fine:
                 mirrored = self._levels(photo.mirrored)
             self._textures += [fine, mirrored, self._texture(photo.surface)]
-        self._uploaded = maps.photos, soft
+        self._uploaded = maps.photos
 
     def _levels(self, levels: tuple[torch.Tensor, ...]) -> moderngl.Texture:
         texture = self._texture(levels[0])
@@ -167,7 +164,7 @@ def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
         levels.append(float(photo.level(camera)))
     return {
         "photos": len(maps.photos),
-        "other_side": OTHER_SIDES.index(maps.other_side),
+        "mirrors": float(maps.other_side == "mirrored"),
         "gain": maps.match.gain,
         "offset": maps.match.offset,
         "photo_origin": origins,

@@ -21,9 +21,9 @@ MAX_BYTES = 200_000  # of a photo's file in scenes, projects and images
 MAX_PHOTOS = 4  # photos kept with an object: graphics cards support at least 16 textures, a photo takes three
 _OVERHEAD = math.radians(65)  # elevation from which a photo shows no side
 BACKGROUND = 0.1  # opacity below which a pixel certainly shows background, so that the object ends there
-OtherSide = Literal["model", "soft", "mirrored"]
+OtherSide = Literal["model", "mirrored"]
 OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
-"""Colours of surfaces that only the mirror image shows: the model's, with blurred detail, or the photo's."""
+"""Colours of surfaces that only the mirror image shows: the model's, or the photo's."""
 _QUALITIES = (96, 92, 85, 75, 60, 40)  # of WebP, tried from the best
 
 

@@ -119,22 +119,19 @@ class _Detail(NamedTuple):
     views: tuple[_View, ...]
     shape: tuple[float, ...]
     texture: tuple[float, ...]
-    confidence: float = 1.0  # in older scenes
     strength: float = 1.0
-    other_side: OtherSide | None = None
-    both_sides: bool = False  # in older scenes, instead of other_side
+    other_side: OtherSide = "mirrored"
     shape_offsets: tuple[str, ...] | None = None
     texture_offsets: tuple[str, ...] | None = None
 
     def read(self) -> PhotoDetail:
         views = tuple(view.read() for view in self.views)
-        side = self.other_side or ("mirrored" if self.both_sides else "soft")
         return PhotoDetail(
             views,
             torch.tensor(self.shape),
             torch.tensor(self.texture),
             self.strength,
-            side,
+            self.other_side,
             read_offsets(self.shape_offsets),
             read_offsets(self.texture_offsets),
         )

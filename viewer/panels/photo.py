@@ -39,7 +39,7 @@ _TOOLS = {
         "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush",
     ),
 }  # labels and tooltips of tools over the view
-_SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "soft": "Soft", "model": "The model's"}
+_SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "model": "The model's"}
 _LOST_HELP = "Open the photo again to fit it anew"
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
 and from the first one again"""
@@ -47,7 +47,7 @@ _VIEW_HELP = "For a camera that was not found: turn the object in the view until
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as its outline and lettering, in files too.
 A doubtful camera shows none."""
 _SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, without its lettering,
-and a similar car's lamps at an end without photo; mirrored and blurred; or the model's own"""
+and a similar car's lamps at an end without photo; or the model's own"""
 _AGREE = 0.5  # least explained fraction (:func:`explained`) of photos that agree
 
 
@@ -143,7 +143,7 @@ def _draw_again(context: PanelContext, fitting: Fitting, history: FitHistory) ->
     ]
     ways += [
         (f"As a {as_label(model.noun)}###as {model.category}", "", partial(fitting.refit, model), True)
-        for model in context.session.listed_models
+        for model in context.session.models
         if model.fingerprint != history.model
     ]
     for label, text, act, enabled in ways:

@@ -33,7 +33,7 @@ from tests.core.baked_reference import render_baked
 
 SIZE = 192
 BEND = Bend(-0.35, -0.02, 0.1, 0.35)
-SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"
+SIDES: tuple[OtherSide, ...] = "mirrored", "model"
 
 
 def striped(model: Model, camera: Camera) -> Instance:
@@ -96,12 +96,12 @@ def test_photo_detail_changes_neither_opacity_nor_depth(tiny: Model, instance: I
     assert np.array_equal(plain.opacity, detailed.opacity) and np.array_equal(plain.depth, detailed.depth)
 
 
-def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, instance: Instance) -> None:
+def test_the_other_side_is_mirrored_or_the_models(tiny: Model, instance: Instance) -> None:
     assert instance.detail is not None
     behind = tiny.camera(np.pi - 1.1, 0.3).resized(SIZE, SIZE)
     frames = [render_frame(instance.with_detail(replace(instance.detail, other_side=side)), behind) for side in SIDES]
-    mirrored, soft, own = (frame.sources[..., 1].sum() for frame in frames if frame.sources is not None)
-    assert mirrored > 1.05 * soft > own == 0
+    mirrored, own = (frame.sources[..., 1].sum() for frame in frames if frame.sources is not None)
+    assert mirrored > own == 0
     assert (frames[0].image != frames[1].image).any()
 
 
@@ -275,9 +275,8 @@ def test_photo_detail_fades_out_without_a_visible_step() -> None:
     normals = surface_normals(rays.origins, rays.directions, rendered)
     weight = paint_weight(rendered.opacity, rendered)
     fine = torch.cat((torch.full((3, *weight.shape), 0.66), packed(weight, torch.ones_like(weight))[None]))
-    soft = torch.cat((fine[:3] - 0.5, 0.6 * weight[None]))
     surface = torch.cat((normals, rendered.depth[..., None]), -1).movedim(-1, 0)
-    maps = DetailMaps((PhotoMaps(source, (fine,), (fine,), soft, surface),), other_side="soft")
+    maps = DetailMaps((PhotoMaps(source, (fine,), (fine,), surface),))
     for turn in (0.0, 0.5, 1.2, 2.0):
         view = Camera(0.4 + turn, 0.5, 2.0, 600.0, 512, 512)
         rays, plain = ball(view)

@@ -65,7 +65,6 @@ SIZE_EDITS = Bend(-0.35, -0.02, 0.1, 0.35), Stretch((1.0, 1.5, 0.7))
     "side, views, edits",
     [
         ("mirrored", CAMERAS, ()),
-        ("soft", CAMERAS[:2], ()),
         (None, CAMERAS[:2], ()),
         ("mirrored", CAMERAS[:3], SIZE_EDITS),
     ],

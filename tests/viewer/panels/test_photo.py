@@ -322,19 +322,19 @@ def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: D
 
 
 @in_window()
-def test_the_other_side_is_one_choice_of_three_and_strength_a_slider(window: Driver, model: Model) -> None:
+def test_the_other_side_is_one_choice_of_two_and_strength_a_slider(window: Driver, model: Model) -> None:
     editor = window.session.editor
     editor.add_and_show(fitted(model), editor.scene.camera)
     window.show("Photo")
     before = editor.state
-    for side, label in (("soft", "Soft"), ("model", "The model's"), ("mirrored", "Mirrored")):
+    for side, label in (("model", "The model's"), ("mirrored", "Mirrored")):
         window.click("Photo/##other side")
         window.click(f"**/{label}")
         detail = editor.scene.instance.detail
         assert detail is not None and detail.other_side == side
     window.drag("Photo/##photo detail", -60)
     assert editor.scene.instance.detail.strength < 1
-    for _ in range(4):
+    for _ in range(3):
         window.undo()
     assert editor.state == before
 
