@@ -19,7 +19,6 @@ from viewer.values.printable import printable
 _TITLE = "Choose a file###ask"
 _WAITING = "Waiting for the file dialog###waiting"
 _PATIENCE = 3.0  # s after which a dialog of the system may be hidden or hang
-_LINES = 8  # of paths that complete the typed one
 
 
 @runtime_checkable
@@ -55,22 +54,6 @@ class FileRequest:
         """Return the path to begin with: of the proposed file, or of the folder with a separator."""
         return f"{folder / self.name}{'' if self.name else os.sep}"
 
-    def completions(self, typed: str) -> list[Path]:
-        """Return folders and files to choose from whose path begins with typed text, in any case; folders first."""
-        path = _expanded(typed)
-        folder, start = (path, "") if typed.endswith(("/", "\\")) else (path.parent, path.name.lower())
-        with suppress(OSError, ValueError):
-            listed = [entry for entry in folder.iterdir() if _begins(entry.name, start)]
-            kinds = {entry: entry.is_dir() for entry in listed}
-            usable = [entry for entry in listed if kinds[entry] or entry.suffix.lower() in self.suffixes]
-            return sorted(usable, key=lambda entry: (not kinds[entry], entry.name.lower()))
-        return []
-
-
-def _begins(name: str, start: str) -> bool:
-    """Return whether a name begins so, in lower case; hidden files are listed once their dot is typed."""
-    return name.lower().startswith(start) and (bool(start) or not name.startswith("."))
-
 
 def _expanded(typed: str) -> Path:
     """Return typed text as a path, with ~ as the home of a known user."""
@@ -78,14 +61,6 @@ def _expanded(typed: str) -> Path:
     with suppress(RuntimeError):
         return path.expanduser()
     return path
-
-
-def _within(typed: str) -> str:
-    """Return a folder's path with a separator, so that its files are listed; any other text as it is."""
-    with suppress(OSError, ValueError):
-        if _expanded(typed).is_dir() and not typed.endswith(("/", "\\")):
-            return typed + os.sep
-    return typed
 
 
 def is_there(path: Path) -> bool:
@@ -136,7 +111,6 @@ class FileDialog:
         self._dialog: NativeDialog | None = None
         self._opened = 0.0  # s on the monotonic clock, when the system's dialog was opened
         self._text = ""  # of the input line
-        self._listed: tuple[str, list[Path]] = ("", [])  # typed text and the paths that complete it
         self._fresh = False  # the input line opens in the next frame
         self._to_replace: Path | None = None  # existing file that "Replace" confirms
         self.folder = _downloads()  # of the last opened file
@@ -250,7 +224,6 @@ class FileDialog:
         imgui.set_next_item_width(-1)
         entered, self._text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
         imgui.text_disabled(self._verdict(request))
-        self._draw_completions(request)
         size = hello_imgui.em_to_vec2(6, 0)
         asked = self._to_replace == request.path(self._text)
         label = "Open" if not request.save else "Replace" if asked else "Save"
@@ -259,7 +232,6 @@ class FileDialog:
             self._to_replace = request.path(self._text)
             chosen = False
         elif chosen and not request.save and not is_there(request.path(self._text)):
-            self._text = _within(self._text)
             chosen = False
         imgui.same_line()
         cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)
@@ -268,19 +240,6 @@ class FileDialog:
         imgui.end_popup()
         if chosen or cancelled:
             self._close(self._text.strip() if chosen else "")
-
-    def _draw_completions(self, request: FileRequest) -> None:
-        """Draw the paths that complete the typed one, if any; a click takes one over."""
-        if self._listed[0] != self._text:
-            self._listed = self._text, request.completions(self._text)
-        lines = min(_LINES, len(self._listed[1]))
-        if lines and imgui.begin_child("completions", (0, lines * imgui.get_text_line_height_with_spacing())):
-            for path in self._listed[1]:
-                ending = os.sep if path.is_dir() else ""
-                if imgui.selectable(printable(f"{path.name}{ending}"), False)[0]:
-                    self._text = printable(f"{path}{ending}")
-        if lines:
-            imgui.end_child()
 
     def _verdict(self, request: FileRequest) -> str:
         path = request.path(self._text)
