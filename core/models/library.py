@@ -9,19 +9,12 @@ from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SHIPPED = _ASSETS / "models"
-FORMER = SHIPPED / "former"  # models of earlier versions, named by fingerprint: their scenes still open
 DEFAULT_MODEL = "chairs"
 
 
 def shipped_models() -> tuple[str, ...]:
     """Return the names of the shipped models, in alphabetical order."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
-
-
-def former_model(fingerprint: str) -> str | None:
-    """Return the name of a formerly shipped model that is, or extends, the model with a fingerprint."""
-    names = sorted(path.stem for path in FORMER.glob("*.safetensors"))
-    return next((name for name in names if name == fingerprint or _read(name).shares_codes_with(fingerprint)), None)
 
 
 @cache
@@ -31,10 +24,9 @@ def sample_images(category: str) -> tuple[Path, ...]:
 
 
 def load_model(name: str, device: str = "cpu") -> Model:
-    """Load a model by name, fingerprint or path.
+    """Load a shipped model by its name (``chairs``), or another one by its path.
 
-    Names are those of shipped models (``chairs``), fingerprints those of formerly shipped ones. A ``.pth`` or ``.pt``
-    file is a checkpoint of the authors' trainer.
+    A ``.pth`` or ``.pt`` file is a checkpoint of the authors' trainer.
 
     Args:
         device: "cpu" or "cuda", for the network; codes, cameras and images stay on the processor.
@@ -43,7 +35,7 @@ def load_model(name: str, device: str = "cpu") -> Model:
     """
     model = _read(name)
     model.field.to(require_device(device))
-    if _shipped_path(name):
+    if name in shipped_models():
         object.__setattr__(model, "origin", (_opened, (name, model.fingerprint, device)))
     return model
 
@@ -57,14 +49,9 @@ def _opened(name: str, fingerprint: str, device: str) -> Model:
     return model
 
 
-def _shipped_path(name: str) -> Path | None:
-    paths = [path for folder in (SHIPPED, FORMER) for path in folder.glob("*.safetensors")]
-    return next((path for path in paths if path.stem == name), None)
-
-
 def _read(name: str) -> Model:
-    if shipped := _shipped_path(name):
-        return Model.load(shipped)
+    if name in shipped_models():
+        return Model.load(SHIPPED / f"{name}.safetensors")
     path = Path(name)
     if path.suffix.lower() in (".pth", ".pt"):
         return load_authors(path)

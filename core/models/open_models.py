@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from core.models.library import former_model
 from core.models.missing import adopted
 from core.models.model import Instance, Model
 
@@ -53,10 +52,6 @@ class OpenModels:
             self._expected[fingerprint] = name
             self._missing.discard(fingerprint)
 
-    def is_former(self, model: Model) -> bool:
-        """True for a formerly shipped model, which opens when an object refers to it."""
-        return model.fingerprint in self._names  # its name in the library
-
     def adopt(self, instance: Instance) -> Instance:
         """Return an object as one of its model, or of an open one that extends it; as it is while there is none."""
         if not instance.is_missing:
@@ -67,7 +62,7 @@ class OpenModels:
     def find(self, fingerprint: str) -> Model | None:
         """Return the open model with a fingerprint, else an open model that extends it.
 
-        Otherwise opens the formerly shipped model, or the expected file. None if there is none.
+        Otherwise opens the expected file. None if there is none.
         """
         if model := self._models.get(fingerprint):
             return model
@@ -75,8 +70,6 @@ class OpenModels:
             return None
         if extending := next((model for model in self if model.shares_codes_with(fingerprint)), None):
             return extending
-        if former := former_model(fingerprint):
-            return self.open(former)
         if expected := self._load_expected(fingerprint):
             return expected
         self._missing.add(fingerprint)

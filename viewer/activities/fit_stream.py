@@ -72,7 +72,7 @@ def fit_stream(
         chosen = model or _choose(jobs.models, here, guess)
         if len(photos) >= request.answered:
             warning = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
-            categories = "" if model or is_sure(guess) else _categories(jobs.models, here)
+            categories = "" if model or is_sure(guess) else _categories(jobs.models)
             neither = source.hints is None and bool(guess) and likeliest_category(guess) is None
             if words := _doubt(source, cut, warning, categories, neither):
                 yield Doubt(words, None if categories else chosen, cut, preview, neither)
@@ -131,14 +131,12 @@ def _doubt(source: PhotoSource, cut: CutOut, warning: str, categories: str, neit
     return f"{warning[:1].upper()}{warning[1:]}"
 
 
-def _categories(models: OpenModels, here: Model) -> str:
-    """Return the categories of the listed models in words, "a chair or a car"; "" for a single one."""
-    listed = (model for model in models if model is here or not models.is_former(model))
-    nouns = dict.fromkeys(f"a {model.noun}" for model in listed if model.noun)
+def _categories(models: OpenModels) -> str:
+    """Return the categories of the models in words, "a chair or a car"; "" for a single one."""
+    nouns = dict.fromkeys(f"a {model.noun}" for model in models if model.noun)
     return " or ".join(nouns) if len(nouns) > 1 else ""
 
 
 def _choose(models: OpenModels, here: Model, guess: Mapping[str, float]) -> Model:
     category = likeliest_model(guess) if guess else here.category
-    stays = here.category == category and not models.is_former(here)
-    return here if stays else models.of_category(category) or here
+    return here if here.category == category else models.of_category(category) or here

@@ -100,7 +100,7 @@ def entries(context: PanelContext) -> Iterator[Entry]:
     for mode in MODES:
         yield Entry(mode.capitalize(), "view mode", partial(session.viewport.change, mode=mode))
     objects = session.editor.objects
-    families = (objects.families[model.fingerprint] for model in session.listed_models)
+    families = (objects.families[model.fingerprint] for model in session.models)
     own = (name for name in objects.own if not session.editor.is_missing(name))
     listed = [*own, *chain.from_iterable(families)]
     names = {session.names.label(name): name for name in reversed(listed)}

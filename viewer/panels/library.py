@@ -53,7 +53,7 @@ class LibraryPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """Draw the button, the filter and the tiles; thumbnails out of sight are not rendered."""
-        names = _headings(context.session.listed_models)
+        names = _headings(context.session.models)
         least = _STRIP * hello_imgui.em_size()
         if strip := imgui.get_content_region_avail().y < least:
             imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)

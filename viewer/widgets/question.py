@@ -75,7 +75,7 @@ def _answers(context: PanelContext, question: Question) -> list[_Answer]:
 def _categories(context: PanelContext, question: Question) -> list[Model]:
     """Return a listed model per category, the likely one first."""
     models = dict[str, Model]()
-    for model in sorted(context.session.listed_models, key=lambda listed: listed.fingerprint != question.model):
+    for model in sorted(context.session.models, key=lambda listed: listed.fingerprint != question.model):
         models.setdefault(model.category, model)
     return [*models.values()]
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from core.models import library
-from core.models.library import former_model, load_model, sample_images, shipped_models
+from core.models.library import load_model, sample_images, shipped_models
 from core.models.model import Model
 from tests.core.tiny import tiny_model
 
@@ -40,19 +40,7 @@ def test_a_model_in_the_folder_of_shipped_ones_is_a_category_with_its_own_sizes(
     assert (boats.noun, boats.metres) == ("boat", 6.0)
 
 
-def test_shipped_and_former_models_are_named_and_have_samples():
+def test_shipped_models_have_samples():
     assert sample_images("boats") == ()
     for category in shipped_models():
         assert len(sample_images(category)) >= 3
-    for path in library.FORMER.glob("*.safetensors"):
-        assert Model.load(path).fingerprint == path.stem
-
-
-def test_a_formerly_shipped_model_is_found_by_its_fingerprint_and_by_those_it_extends(tmp_path, monkeypatch):
-    former = replace(tiny_model(), extends=("fe068e27c9e82ace",))
-    former.save(tmp_path / f"{former.fingerprint}.safetensors")
-    monkeypatch.setattr(library, "FORMER", tmp_path)
-    for fingerprint in (former.fingerprint, "fe068e27c9e82ace"):
-        assert former_model(fingerprint) == former.fingerprint
-    assert load_model(former.fingerprint).fingerprint == former.fingerprint
-    assert former_model("0123456789abcdef") is None

@@ -103,7 +103,7 @@ def test_photos_follow_edits_as_the_field_does(fitted: Instance) -> None:
 
 
 def test_photos_follow_a_code_that_moved_along_the_first_directions(tiny: Model, fitted: Instance) -> None:
-    """As in mixes with another shape, and in files of former versions."""
+    """As in mixes with another shape."""
     mixed = fitted.moved("shape", 0.4 * tiny.codes.shape_space.basis[0])
     assert mixed.codes.edits == () and len(edits_to_fitted(mixed)) == 1
 

@@ -3,10 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.export.keyframes import View
+from core.export.films import View
 from core.export.video_frames import render_frames
-from core.models import library
-from core.models.library import load_model
 from core.models.missing import MissingInstance
 from core.models.model import Instance, Model
 from core.models.open_models import OpenModels
@@ -46,17 +44,6 @@ def test_a_model_is_loaded_once_under_any_of_its_names(model: Model) -> None:
     assert models.open("chairs") is models.open("chairs") is models.open("/home/chairs.safetensors")
     assert loaded == ["chairs", "/home/chairs.safetensors"] == list(models.names)
     assert len(list(models)) == 1
-
-
-def test_codes_of_a_formerly_shipped_model_open_it(model: Model, cars: Model, tmp_path, monkeypatch) -> None:
-    model.save(tmp_path / f"{model.fingerprint}.safetensors")
-    monkeypatch.setattr(library, "FORMER", tmp_path)
-    models = OpenModels(load_model)
-    models.add("shipped", cars)
-    former, again = (models.adopt(MissingInstance(model.fingerprint, model.codes[index])).model for index in (0, 1))
-    assert former is again
-    assert [opened.fingerprint for opened in models] == [cars.fingerprint, model.fingerprint]
-    assert models.is_former(former) and not models.is_former(cars)
 
 
 def test_objects_of_two_models_differ_and_are_not_mixed(model: Model, cars: Model) -> None:

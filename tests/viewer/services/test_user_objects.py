@@ -1,11 +1,9 @@
-import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.scene import open_scene
 from tests.conftest import open_models, random_model
@@ -133,19 +131,3 @@ def test_a_copied_file_is_another_object_once(tmp_path: Path, model: Model, fitt
         user_objects = UserObjects(tmp_path)
         user_objects.sync(open_models(model), user_objects.open(open_models(model)))
     assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_versions_of_older_files_stay_with_their_object_when_the_folder_is_copied(tmp_path: Path) -> None:
-    """Their files have no key: the time of the last change is one until they are written again."""
-    shutil.copytree("tests/files/745c46f1/mine", tmp_path / "mine")
-    models = open_models(load_model("tests/files/1bad02d/model.safetensors"))
-    library = ObjectLibrary(models)
-    user_objects = UserObjects(tmp_path / "mine")
-    library.match(user_objects.open(models))
-    versions = library.versions("block")
-    user_objects.sync(models, library.added)
-    for path in (tmp_path / "mine").iterdir():
-        os.utime(path, (1.0, 1.0))
-    again = ObjectLibrary(models)
-    again.match(UserObjects(tmp_path / "mine").open(models))
-    assert len(versions) == 3 and again.versions("block") == versions

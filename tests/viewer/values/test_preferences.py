@@ -43,12 +43,6 @@ def test_text_stays_readable_and_recent_files_are_few_and_each_once(tmp_path: Pa
     assert len(preferences.recent) == len(set(preferences.recent)) == 8
 
 
-@pytest.mark.parametrize("kind", ["turntable", "video", "picture", "mesh"])
-def test_kinds_of_files_chosen_before_there_were_pages_stay(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "preferences.json").write_text(f'{{"dark": false, "share": {{"kind": "{kind}"}}}}')
-    assert Preferences.load(tmp_path) == replace(Preferences(), dark=False, share=ShareSettings(kind))
-
-
 def test_a_value_of_a_newer_version_leaves_the_others(tmp_path: Path) -> None:
     (tmp_path / "preferences.json").write_text('{"dark": false, "text": 1.5, "share": {"kind": "hologram"}}')
     assert Preferences.load(tmp_path) == Preferences(dark=False, text=1.5)
